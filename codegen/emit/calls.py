@@ -31,7 +31,6 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
     """
     name = manifest["name"]
     functions = manifest["functions"].items()
-    matrices = manifest["functions"].get("jacobians", {"results": []})["results"][1:]
     along = [_along(name, n, f, sizes) for n, f in functions if f.get("seeds")]
     counted = ("coordinate_names", "speed_names", "parameter_names", "input_names", "output_names")
     return render(
@@ -44,10 +43,8 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "sizes": [*(sizes[n] for n in ARGUMENTS), *(sizes.get(s[1:], 0) for s in SEEDS)],
             "checked": [*(len(manifest[n]) for n in counted), manifest["workspace"]],
             "quaternions": manifest["quaternions"],
-            "matrices": matrices,
             "unfit_parts": ["c/calls_quaternions.c.jinja"] if manifest["quaternions"] else [],
             "lane_parts": ["c/calls_lanes.c.jinja"] if along else [],
-            "take_parts": ["c/calls_matrices.c.jinja"] if matrices else [],
             "values": [_value(name, n, f, sizes) for n, f in functions if not f.get("seeds")],
             "along": along,
             "few": _few([symbol for f in along for symbol in f["few"]]),

@@ -1,4 +1,4 @@
-"""How Python calls the C: both ways of cffi, the short way for plain arrays and the long one, results in `out=`."""
+"""How Python calls the C: both ways of cffi, and results in `out=`; `test_single_calls` has calls with one state."""
 
 import sysconfig
 
@@ -7,7 +7,7 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError, Jacobians
-from codegen.runtime.standalone import build, caller, short_calls
+from codegen.runtime.standalone import build, caller
 from codegen.runtime.standalone.jacobians import JACOBIANS
 
 SEEDS = ("dq", "du", "dp", "dinputs")
@@ -30,13 +30,6 @@ def draw(solver, k=None):
     return (q, u, p, inputs, 0.25), seeds
 
 
-def the_long_way(solver):
-    """The same solver without a short way."""
-    other = codegen.load(solver.folder)
-    other._desk = short_calls.NO_DESK
-    return other
-
-
 def same(a, b):
     if isinstance(a, tuple):
         assert len(a) == len(b)
@@ -49,65 +42,15 @@ def same(a, b):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("function", ["accelerations", "jacobians", "coordinate_rates", "energies", "outputs"])
-def test_the_short_way_gives_the_same_bits(satellite, function):
-    state, _ = draw(satellite)
-    long = the_long_way(satellite)
-    for given in (state[:2], state[:3], state, (*state[:2], None, state[3]), (*state[:4], np.float64(0.25))):
-        if function in vars(satellite._desk):
-            assert getattr(satellite._desk, function)(*given, *(None, None, 0.0)[len(given) - 2 :]) is not None
-        same(getattr(satellite, function)(*given), getattr(long, function)(*given))
-
-
-@pytest.mark.parametrize("k", [None, 1, 2, 3, 8, 11])
-@pytest.mark.parametrize(
-    "function", ["sensitivities", "coordinate_rate_sensitivities", "energy_sensitivities", "output_sensitivities"]
-)
-def test_the_short_way_gives_the_same_bits_along_seeds(satellite, function, k):
-    state, seeds = draw(satellite, k)
-    long = the_long_way(satellite)
-    for chosen in (seeds, {"dp": seeds["dp"]}, {"du": seeds["du"], "dinputs": seeds["dinputs"]}):
-        same(getattr(satellite, function)(*state, **chosen), getattr(long, function)(*state, **chosen))
-    along = tuple(seeds.get(s) for s in (*SEEDS, "dt"))
-    assert getattr(satellite._desk, function)(*state, along) is not None
-
-
-def test_the_short_way_takes_plain_arrays_of_one_state_only(satellite):
-    (q, u, p, inputs, t), seeds = draw(satellite, 2)
-    way, along = satellite._desk.accelerations, satellite._desk.sensitivities
-    assert way(q, u, p, inputs, t) is not None
-    wide = np.zeros(2 * satellite.nq)[::2]
-    wide[:] = q
-
-    class Own(np.ndarray):
-        pass
-
-    odd = [
-        wide, q[None], q[:-1], q.tolist(), q.astype(np.float32), q.astype(">f8"), q.view(Own), np.ma.masked_array(q), None,
-        np.where(np.arange(q.size) == 3, np.nan, q), np.where(np.arange(q.size) == 3, np.inf, q), 1.0, "q",
-    ]  # fmt: skip
-    for x in odd:
-        assert way(x, u, p, inputs, t) is None
-    for x in (1, np.float32(1.0), np.zeros(1), None, "t", np.nan):
-        assert way(q, u, p, inputs, x) is None
-    for x in (p[:-1], p[None], np.append(p, 1.0), {"x": 1.0}, np.nan * p):
-        assert way(q, u, x, inputs, t) is None
-    none = (None,) * 3
-    dq = seeds["dq"]
-    for x in (dq[:, :-1], dq.T, dq[None], dq.tolist(), np.asfortranarray(dq), np.nan * dq, 1.0, np.array(1.0)):
-        assert along(q, u, p, inputs, t, (x, None, *none)) is None
-    assert along(q, u, p, inputs, t, (dq, seeds["du"][:1], *none)) is None
-    assert along(q, u, p, inputs, t, (None,) * 5) is None
-
-
-def test_a_solver_serves_where_arrays_are_laid_out_otherwise(packages, monkeypatch):
-    plain = codegen.load(packages / "satellite")
-    monkeypatch.setattr(short_calls, "_head_of_objects", lambda: 0)
+@pytest.mark.parametrize("k", [None, 8])
+def test_both_ways_of_cffi_give_the_same_bits(satellite, packages, monkeypatch, k):
+    monkeypatch.setenv("ORDERNM_CFFI", "abi")
     other = codegen.load(packages / "satellite")
-    state, seeds = draw(plain)
-    assert other._desk.accelerations(*state) is None
-    same(other.accelerations(*state), plain.accelerations(*state))
-    same(other.sensitivities(*state, **seeds), plain.sensitivities(*state, **seeds))
+    state, seeds = draw(satellite, k)
+    for name in ("accelerations", "jacobians", "mass_matrix"):
+        given = state if name != "mass_matrix" else (state[0], *state[2:])
+        same(getattr(satellite, name)(*given), getattr(other, name)(*given))
+    same(satellite.sensitivities(*state, **seeds), other.sensitivities(*state, **seeds))
 
 
 # ---- cffi ------------------------------------------------------------------------------------------------------------
@@ -232,23 +175,3 @@ def test_wrong_places_are_told(either):
     J.u = J.u.T
     with pytest.raises(ValueError, match=r"out \(J\.u\) is read-only, not contiguous"):
         either.jacobians(q, u, *rest, out=J)
-
-
-@pytest.mark.parametrize("name", ["mass_matrix", "inverse_mass_matrix"])
-def test_matrices_of_coordinates_have_a_short_way_and_a_long_one(double_pendulum, name):
-    of, (q, _) = getattr(double_pendulum, name), double_pendulum.initial
-    p = np.array(double_pendulum.parameters)
-    M = of(q)
-    short = getattr(double_pendulum._desk, name)
-    for given in (None, p):
-        np.testing.assert_array_equal(short(q, None, given, None, 0.0), M)
-    assert all(short(x, None, None, None, 0.0) is None for x in (list(q), q[:1], q.astype(np.float32)))
-    assert short(q, None, None, None, np.array(0.0)) is None
-    for given in (list(q), np.repeat(q, 2)[::2], q[None][0]):
-        np.testing.assert_array_equal(of(given), M)
-    out = np.empty_like(M)
-    assert of(q, p, out=out) is out
-    np.testing.assert_array_equal(out, M)
-    np.testing.assert_array_equal(of(q[None], 1.1 * p)[0], of(q, 1.1 * p))
-    with pytest.raises(ValueError, match="q"):
-        of(q + np.nan)

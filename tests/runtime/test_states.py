@@ -20,13 +20,20 @@ def four_bar(request, packages):
 def evaluations(four_bar, monkeypatch):
     """Names of the generated functions without directions that were called."""
     called = []
-    values = four_bar._target.values
+    values, one_state = four_bar._target.values, four_bar._one_state
 
     def counted(f, *arguments):
         called.append(f.name)
         return values(f, *arguments)
 
+    def counted_alone(name, *arguments):
+        found = one_state(name, *arguments)
+        if found is not None:
+            called.append(name)
+        return found
+
     monkeypatch.setattr(four_bar._target, "values", counted)
+    monkeypatch.setattr(four_bar, "_one_state", counted_alone)
     return called
 
 

@@ -135,9 +135,9 @@ class Batches:
 
         def part(start: int, end: int) -> Failed:
             failed: Failed = {}
-            work = target.desk.work
+            memory = target.single_calls.take()
             while start < end:
-                b = ffi.new("batch *", {"count": end - start, "work": work})
+                b = ffi.new("batch *", {"count": end - start, "work": memory.work})
                 for name, (at, step) in zip(names, arrays, strict=True):
                     setattr(b, name, (at + start * step if step else at, step))
                 status = call(b)
@@ -147,6 +147,7 @@ class Batches:
                 if not go_on:
                     break
                 start += b.failed + 1
+            target.single_calls.free.append(memory)
             return failed
 
         return self._run(part, count)

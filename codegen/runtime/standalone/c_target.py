@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from .arrays import Array, Shape
 from .batches import Batches, Failed, spoil
 from .build import Build, builds
-from .caller import TAKES, find_caller
+from .caller import find_caller
 from .compiler import find_compiler
 from .errors import (
     CompileError,
@@ -25,18 +25,19 @@ from .errors import (
     SingularOutputError,
     singular_forces,
 )
-from .functions import ARGUMENTS, SEEDS, Function, split
+from .functions import Function, split
 from .results import empty
-from .short_calls import ARRAY_HEAD, Desk
+from .single_calls import SLOT, SingleCalls
 from .warning import warn
 
 FEW_LACK = -3
 """What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
 
-SLOT = {
-    n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "few", "results"))
-}
-"""Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
+
+def call_by_address(function: Any, x: Any, given: int, t: float, k: int) -> int:
+    """What `find_caller` gives, in cffi's ABI mode."""
+    status: int = function(x, given, t, k)
+    return status
 
 
 class CTarget:
@@ -103,8 +104,7 @@ class CTarget:
             find_compiler()  # none is told now, where NumPy can serve instead
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
-        self._caller = caller
-        self.ffi.cdef(ARRAY_HEAD)
+        self.call = call_by_address if caller is None else caller.ordernm_call
         self._doubles = self.ffi.typeof("double[]")
         self._calls: dict[str, Any] = {}
         self.batches = Batches(weakref.proxy(self), folder, manifest)
@@ -113,7 +113,8 @@ class CTarget:
         self._zeros = self.pointer(np.zeros(8))
         self._blank = [self.ffi.NULL] * SLOT["default_p"]
         self._default_pointers = [self.pointer(a) for a in self.defaults]
-        self.desk = Desk(weakref.proxy(self))
+        self.single_calls = SingleCalls(weakref.proxy(self))
+        self.one_state = self.single_calls.run
 
     @property
     def threads(self) -> int:
@@ -198,6 +199,11 @@ class CTarget:
                 self._addresses[symbol] = int(self.ffi.cast("intptr_t", getattr(library, symbol)()))
             return self._addresses[symbol]
 
+    def address(self, f: Function) -> Any:
+        """What `call` takes for a function: the function, or its address for cffi's API mode."""
+        function = self.function(f)
+        return function if self.mode == "abi" else self.ffi.cast("void *", function)
+
     def run_backwards(self, system: Any) -> None:
         """Give an ``ordernm_system`` the functions that run motions backwards, where they are a library of their own."""
         if "sensitivities_transposed" not in self._part_of:
@@ -211,7 +217,7 @@ class CTarget:
                 give = self._calls[symbol] = getattr(library, symbol)
         give(self.ffi.cast("void *", system))
 
-    def _function(self, f: Function) -> Any:
+    def function(self, f: Function) -> Any:
         """The C function with the one signature of all; declared when first called, which keeps loading quick."""
         call = self._calls.get(f.name)
         if call is None:
@@ -222,16 +228,6 @@ class CTarget:
                 call = self._calls[f.name] = getattr(library, symbol)
         return call
 
-    def take(self, kind: str, f: Function, desk: Any) -> Callable[..., int]:
-        """What calls a function with arrays' objects: the desk, ``id`` of each, 0 for what is left out."""
-        symbol = f"{self.model}_take_{kind}"
-        desk.function = self.ffi.cast("void *", self._function(f))
-        with self._lock:
-            self.ffi.cdef(f"int {symbol}(void *, {TAKES[kind]});", override=True)
-            take: Callable[..., int] = getattr(self.library_of(f.name), symbol)
-        desk.take = self.ffi.cast("void *", take)
-        return take if self._caller is None else getattr(self._caller, f"ordernm_{kind}")
-
     def _nothing(self, size: int) -> Any:
         """So many zeros: a seed that was left out."""
         zeros = self._zeros  # another thread may put shorter ones there meanwhile
@@ -241,17 +237,22 @@ class CTarget:
 
     # -- one state -----------------------------------------------------------------------------------------------------
 
-    def table(self, f: Function, given: Mapping[str, Array], results: Sequence[Array], work: Any) -> tuple[Any, Any]:
-        """The pointers of a call, and what must live as long as they."""
-        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
-        widest = max(f.widths, default=0)
-        lanes = self.pointer(np.empty((sum(f.seeds.values()) + derived) * widest))
-        of_given = {n: self.pointer(a) for n, a in given.items()}
-        of_results = [self.pointer(r) for r in results]
-        x = self.ffi.new("double *[]", [*self._blank, *self._default_pointers, work, lanes, self._few_at, *of_results])
-        for name, pointer in of_given.items():
+    def pointers(self, given: Mapping[str, Any], work: Any, lanes: Array, results: Sequence[Any]) -> Any:
+        """The table of pointers of a call."""
+        x = self.ffi.new(
+            "double *[]",
+            [
+                *self._blank,
+                *self._default_pointers,
+                work,
+                self.pointer(lanes),
+                self._few_at,
+                *map(self.pointer, results),
+            ],
+        )
+        for name, pointer in given.items():
             x[SLOT[name]] = pointer
-        return x, (of_given, lanes, of_results)
+        return x
 
     def _single(
         self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, results: Sequence[Array]
@@ -259,13 +260,16 @@ class CTarget:
         """Compute the results of one state, directions as rows."""
         given = {n: a for n, a in arrays.items() if n in SLOT}
         given |= {s: np.ascontiguousarray(a) for s, a in seeds.items() if s in f.seeds}
-        x, kept = self.table(f, given, results, self.desk.work)
+        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
+        lanes = np.empty((sum(f.seeds.values()) + derived) * max(f.widths, default=0))
+        memory = self.single_calls.take()
+        x = self.pointers({n: self.pointer(a) for n, a in given.items()}, memory.work, lanes, results)
         bits = sum(1 << SLOT[n] for n in given)
-        status = self._function(f)(x, bits, arrays.get("t", 0.0), k)
+        status = self.function(f)(x, bits, arrays.get("t", 0.0), k)
         if status == FEW_LACK:
             self.give_few()
-            status = self._function(f)(x, bits, arrays.get("t", 0.0), k)
-        del kept
+            status = self.function(f)(x, bits, arrays.get("t", 0.0), k)
+        self.single_calls.free.append(memory)
         if status > 0:
             raise self.singular(status)
 
@@ -284,6 +288,10 @@ class CTarget:
         `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...). States of a batch that
         fail go to `failed`, if that is there, and have NaN; else they are an error.
         """
+        if not batch and not out:
+            alone = self.one_state(f.name, [arrays.get(n, 0.0 if n == "t" else None) for n in f.order])
+            if alone is not None:
+                return list(alone)
         results = list(out) or [empty(shape) for shape in f.whole_shapes(batch)]
         if batch:
             count = math.prod(batch)

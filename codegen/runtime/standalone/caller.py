@@ -17,29 +17,15 @@ from .build import Build, short_key
 from .compiler import STANDARD, compiler_version
 from .errors import CompileError, FlagsError, NoCompilerError
 
-TAKES = {
-    "values": "intptr_t, intptr_t, intptr_t, intptr_t, double, intptr_t",
-    "matrices": "intptr_t, intptr_t, intptr_t, intptr_t, double, intptr_t, intptr_t, intptr_t, intptr_t, intptr_t",
-    "along": "intptr_t, intptr_t, intptr_t, intptr_t, double, long, "
-             "intptr_t, intptr_t, intptr_t, intptr_t, intptr_t, intptr_t, intptr_t",
-}  # fmt: skip
-"""What ``NAME_take_values`` and the others of ``NAME_calls.c`` take after the desk."""
+CALLER = "int ordernm_call(void *, void *, long, double, long);\n"
+"""What cffi's API mode compiles: calls of the functions of ``NAME_calls.c``, of all packages, by their addresses."""
 
-CALLER = "".join(f"int ordernm_{n}(void *, {taken});\n" for n, taken in TAKES.items())
-"""What cffi's API mode compiles: calls of those, for all packages."""
-
-
-def _caller_source() -> str:
-    """Definitions of `CALLER`."""
-    lines = ["#include <stdint.h>"]
-    for name, taken in TAKES.items():
-        kinds = taken.split(", ")
-        given = ", ".join(f"{kind} x{i}" for i, kind in enumerate(kinds))
-        passed = ", ".join(f"x{i}" for i in range(len(kinds)))
-        # a desk begins with the function to call
-        lines.append(f"static int ordernm_{name}(void *desk, {given})")
-        lines.append(f"{{ return (*(int (**)(void *, {taken}))desk)(desk, {passed}); }}")
-    return "\n".join([*lines, ""])
+SOURCE = """\
+static int ordernm_call(void *function, void *x, long given, double t, long k)
+{
+    return ((int (*)(double *const *, long, double, long))function)(x, given, t, k);
+}
+"""
 
 
 class CallerBuild(Build):
@@ -63,9 +49,7 @@ class CallerBuild(Build):
     def key(self) -> str:
         import cffi
 
-        python = short_key(
-            cffi.__version__, str(sysconfig.get_config_var("SOABI")), _caller_source(), *STANDARD, *self.flags
-        )
+        python = short_key(cffi.__version__, str(sysconfig.get_config_var("SOABI")), SOURCE, *STANDARD, *self.flags)
         machine = short_key(platform.machine(), *self.compiler, compiler_version(tuple(self.compiler)))
         return f"{self.name}-{python}-{machine if self.compiler else '*'}"
 
@@ -74,7 +58,7 @@ class CallerBuild(Build):
 
         ffi = FFI()
         ffi.cdef(CALLER)
-        ffi.set_source("_ordernm_call", _caller_source())
+        ffi.set_source("_ordernm_call", SOURCE)
         source = output.with_name("ordernm_call.c")
         with contextlib.redirect_stdout(io.StringIO()):  # cffi tells what it writes
             ffi.emit_c_code(str(source))

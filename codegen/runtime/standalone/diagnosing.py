@@ -132,8 +132,8 @@ class Diagnosing(Dynamics):
     def _given_directions(
         self, along: Mapping[str, Any], given: Mapping[str, Any], arrays: Mapping[str, Any], batch: tuple[int, ...]
     ) -> tuple[tuple[str, ...], dict[str, Array], tuple[int, ...]]:
-        f = self._find(self._opened, "sensitivities")
-        self._look_at_directions(self._opened, f, given, along)
+        self._find(self._opened, "sensitivities")
+        self._look_at_directions("sensitivities", (*given.values(),), (*along.values(),))
         directions, k, batch = take_directions(self._arguments, along, arrays, batch)
         return tuple(f"direction {j + 1}" for j in range(k)), directions, batch
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .arrays import Array, Numbers, Times
-from .package import Package, seeds, state
+from .package import Package
 
 
 class DrivingForces(Package):
@@ -17,7 +17,7 @@ class DrivingForces(Package):
         It is what has to act there beside the model's own forces for the coordinate to move as it is prescribed; its power is
         force times rate.
         """
-        return self._values("driving_forces", state(q, u, p, inputs, t), out)[0]
+        return self._values("driving_forces", (q, u, p, inputs, t), out)[0]
 
     def driving_force_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -25,6 +25,6 @@ class DrivingForces(Package):
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
         """`driving_forces` and their total derivative (k, ..., nprescribed) along the seeds."""
-        along = seeds(dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] = self._along("driving_force_sensitivities", state(q, u, p, inputs, t), along, out)
+        along = (dq, du, dp, dinputs, dt)
+        found: tuple[Array, Array] = self._along("driving_force_sensitivities", (q, u, p, inputs, t), along, out)
         return found

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Numbers, Times, all_finite
+from .functions import STATE
 from .infinite import tell_infinite
-from .jacobians import Jacobians, asked_for, jacobians_of
-from .package import Package, seeds, state
+from .jacobians import MATRICES, Jacobians, asked_for, jacobians_of
+from .package import Package
 from .results import empty, overlap, places, put
 
 
@@ -30,8 +31,7 @@ class Dynamics(Package):
         out: Array | None = None,
     ) -> Array:
         """The derivatives of the speeds, udot (..., nu), by Eqs. 18-24 and 42-56."""
-        found: Array | None = self._desk.accelerations(q, u, p, inputs, t, out)
-        return self._values("accelerations", state(q, u, p, inputs, t), out)[0] if found is None else found
+        return self._values("accelerations", (q, u, p, inputs, t), out)[0]
 
     def sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -39,8 +39,9 @@ class Dynamics(Package):
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
         """udot (..., nu) and its total derivative (k, ..., nu) along the seeds (Eqs. 9, 10), exact to rounding."""
-        found: tuple[Array, Array] | None = self._desk.sensitivities(q, u, p, inputs, t, (dq, du, dp, dinputs, dt), out)
-        return found or self._along("sensitivities", state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt), out)
+        along = (dq, du, dp, dinputs, dt)
+        found: tuple[Array, Array] = self._along("sensitivities", (q, u, p, inputs, t), along, out)
+        return found
 
     def jacobians(
         self,
@@ -54,23 +55,24 @@ class Dynamics(Package):
         out: Jacobians | None = None,
     ) -> Jacobians:
         """The partial derivatives of udot, or those by what `wrt` names, ``"q, u"``; the others are not computed, and None."""
-        asked = asked_for(wrt)
-        quick: Jacobians | None = self._desk.jacobians(q, u, p, inputs, t, out, asked)
-        if quick is not None:
-            return quick
-        opened, given = self._opened, state(q, u, p, inputs, t)
+        asked, opened, given = asked_for(wrt), self._opened, (q, u, p, inputs, t)
         f = self._find(opened, "jacobians")
-        arrays, batch = self._arguments.take(given, self._left_out)
-        if opened.manifest.get("opening") and "p" in asked:
-            self._look_at_directions(opened, f, given, {"dp": np.eye(self.np)})
-        shapes = {f"J_{n}": batch + self._shapes[f"J_{n}"] for n in asked}
-        if not f.has_entries():
-            return jacobians_of({n: empty(shapes[f"J_{n}"]) for n in asked})
         if out is not None and not isinstance(out, Jacobians):
             raise ValueError(f"out is {type(out).__name__}, expected Jacobians, such as those of an earlier call")
-        J = out
-        if J is None:
-            J = jacobians_of({n: empty(shapes[f"J_{n}"]) for n in asked})
+        if self._watched and "p" in asked:
+            self._look_at_directions("jacobians", given, (None, None, np.eye(self.np), None, None))
+        else:
+            whole = None if out is None else [getattr(out, n) for n in asked]
+            found = self._one_state("jacobians", given, None, whole, MATRICES[asked])
+            if found is not None:
+                return out or (
+                    Jacobians(*found) if len(found) == 5 else jacobians_of(dict(zip(asked, found, strict=True)))
+                )
+        arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
+        shapes = {f"J_{n}": batch + self._shapes[f"J_{n}"] for n in asked}
+        J = out or jacobians_of({n: empty(shapes[f"J_{n}"]) for n in asked})
+        if not f.has_entries():
+            return J
         taken = places([getattr(J, n) for n in asked], [f"J.{n}" for n in asked], list(shapes.values()))
         named = dict(zip(shapes, taken, strict=True))
         # udot, which is computed beside them, has no place
@@ -101,8 +103,7 @@ class Dynamics(Package):
         out: Array | None = None,
     ) -> Array:
         """The derivatives of the coordinates, qdot (..., nq), by Eq. 1."""
-        found: Array | None = self._desk.coordinate_rates(q, u, p, inputs, t, out)
-        return self._values("coordinate_rates", state(q, u, p, inputs, t), out)[0] if found is None else found
+        return self._values("coordinate_rates", (q, u, p, inputs, t), out)[0]
 
     def coordinate_rate_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -111,5 +112,5 @@ class Dynamics(Package):
     ) -> tuple[Array, Array]:  # fmt: skip
         """qdot (..., nq) and its total derivative (k, ..., nq) along the seeds."""
         name, along = "coordinate_rate_sensitivities", (dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] | None = self._desk.coordinate_rate_sensitivities(q, u, p, inputs, t, along, out)
-        return found or self._along(name, state(q, u, p, inputs, t), seeds(*along), out)
+        found: tuple[Array, Array] = self._along(name, (q, u, p, inputs, t), along, out)
+        return found

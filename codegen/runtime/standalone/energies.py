@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .arrays import Array, Numbers, Times
-from .package import Package, seeds, state
+from .package import Package
 
 
 class Energies(Package):
@@ -13,9 +13,7 @@ class Energies(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
     ) -> tuple[Array, Array]:
         """Kinetic and potential energy, (...) each, J; gravity's is zero at the ground's origin."""
-        energy: Array | None = self._desk.energies(q, u, p, inputs, t)
-        if energy is None:
-            (energy,) = self._values("energies", state(q, u, p, inputs, t))
+        (energy,) = self._values("energies", (q, u, p, inputs, t))
         return energy[..., 0], energy[..., 1]
 
     def energy_sensitivities(
@@ -23,8 +21,6 @@ class Energies(Package):
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
     ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:  # fmt: skip
         """Kinetic and potential energy, and their total derivatives: (T, V), (dT, dV), dT and dV (k, ...)."""
-        found = self._desk.energy_sensitivities(q, u, p, inputs, t, (dq, du, dp, dinputs, dt))
-        energy, denergy = found or self._along(
-            "energy_sensitivities", state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt)
-        )
+        along = (dq, du, dp, dinputs, dt)
+        energy, denergy = self._along("energy_sensitivities", (q, u, p, inputs, t), along)
         return (energy[..., 0], energy[..., 1]), (denergy[..., 0], denergy[..., 1])

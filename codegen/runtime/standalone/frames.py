@@ -20,7 +20,7 @@ from .frame_motion import (
     taken,
     with_ground,
 )
-from .package import Package, seeds, state
+from .package import Package
 
 Bodies = str | Sequence[str] | None
 """Names of bodies, or one alone; left out: all."""
@@ -56,7 +56,7 @@ class Frames(Package):
             In the ground frame.
         """
         chosen, names, single = self._bodies(bodies)
-        found = self._frames(state(q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
+        found = self._frames((q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
         return alone(found) if single else found
 
     def frame_sensitivities(
@@ -73,7 +73,7 @@ class Frames(Package):
             Derivatives, with the k directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
         """
         chosen, names, single = self._bodies(bodies)
-        given, along = state(q, self._moving_at(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
         values, tangents = self._frames_along(given, along, accelerations, chosen, names)
         return (alone(values), alone(tangents)) if single else (values, tangents)
 
@@ -117,7 +117,7 @@ class Frames(Package):
             In the ground frame.
         """
         chosen = _Chosen(self, points)
-        given = state(q, self._moving_at(u), p, inputs, t)
+        given = (q, self._moving_at(u), p, inputs, t)
         frames = self._frames(given, accelerations, chosen.bodies, chosen.names)
         found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
         return alone(found) if chosen.single else found
@@ -139,7 +139,7 @@ class Frames(Package):
             Derivatives, with the k directions first: ``position (k, ..., n, 3)`` and so on.
         """
         chosen = _Chosen(self, points)
-        given, along = state(q, self._moving_at(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
         values, tangents = self._frames_along(given, along, accelerations, chosen.bodies, chosen.names)
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
         r = chosen.places(p)
@@ -193,7 +193,7 @@ class Frames(Package):
         return found
 
     def _frames(
-        self, given: dict[str, Any], accelerations: bool, bodies: Sequence[int], names: tuple[str, ...]
+        self, given: Sequence[Any], accelerations: bool, bodies: Sequence[int], names: tuple[str, ...]
     ) -> FrameMotion:
         found = self._values("frames", given)[0]
         a = self._values("frame_accelerations", given)[0] if accelerations else None
@@ -201,8 +201,8 @@ class Frames(Package):
 
     def _frames_along(
         self,
-        given: dict[str, Any],
-        along: dict[str, Any],
+        given: Sequence[Any],
+        along: Sequence[Any],
         accelerations: bool,
         bodies: Sequence[int],
         names: tuple[str, ...],
@@ -218,7 +218,7 @@ class Frames(Package):
         """Frames at rest, and their derivatives by each speed."""
         unit = np.eye(self.nu)
         return self._frames_along(
-            state(q, np.zeros(self.nu), p, inputs, t), seeds(None, unit, None, None, None), False, bodies, names
+            (q, np.zeros(self.nu), p, inputs, t), (None, unit, None, None, None), False, bodies, names
         )
 
 
@@ -279,14 +279,16 @@ class _Chosen:
         """Places of all in their bodies, (..., n, 3)."""
         if not self.moved:
             return self.given
-        found = self.solver._values("point_places", {"p": p})[0]
+        found = self.solver._values("point_places", (None, None, p, None, 0.0))[0]
         return self._from(found, self.given)
 
     def moved_places(self, p: Numbers, dp: Numbers) -> Array | float:
         """Their derivatives, (k, ..., n, 3); 0.0 of places that do not move."""
         if not self.moved or dp is None:
             return 0.0
-        found = self.solver._along("point_place_sensitivities", {"p": p}, {"dp": dp})[1]
+        found = self.solver._along(
+            "point_place_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None)
+        )[1]
         return self._from(found, np.zeros_like(self.given))
 
     @property

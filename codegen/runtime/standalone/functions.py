@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,27 @@ STATE = ("q", "u", "p", "inputs", "t")
 
 ALONG = ("dq", "du", "dp", "dinputs", "dt")
 """Their seeds, in order."""
+
+TAKES = {
+    "mass_matrix": ("q", "p", "inputs", "t"),
+    "inverse_mass_matrix": ("q", "p", "inputs", "t"),
+    "solve_mass": ("q", "p", "inputs", "t", "b"),
+    "inverse_dynamics": (*STATE, "udot"),
+    "initial": ("p",),
+    "point_place": ("p",),
+    "newton_step": ("q", "p", "inputs", "t"),
+    "condition": ("q", "p", "inputs", "t"),
+}
+"""What functions take that do not take a state; those along seeds take the same."""
+
+WEIGHTED = {
+    "sensitivities_transposed": ("dudot",),
+    "output_sensitivities_transposed": ("doutputs",),
+    "energy_sensitivities_transposed": ("denergy",),
+    "coordinate_rate_sensitivities_transposed": ("dqdot",),
+    "completion_sensitivities_transposed": ("dfull_q", "dfull_u"),
+}
+"""The seeds of transposed functions: weights of sums of results."""
 
 WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
     "accelerations": {"results": ("udot",)},
@@ -44,6 +65,13 @@ class Function:
         In the order of the generated code.
     seeds : dict of str to int
         With the number of entries, in that order as well.
+    takes : frozenset of str
+        The arguments of the member of a solver: those too that the function does not depend on.
+    order : tuple of str
+        Of arguments where they are passed on: those of `STATE`, and accelerations or forces behind them where the function takes
+        any. None stands for what is not taken.
+    directions : tuple of str
+        Seeds in the same order.
     shapes : tuple of tuple of int
         Of the results, after batch axes.
     derived : tuple of bool
@@ -59,6 +87,13 @@ class Function:
     shapes: tuple[Shape, ...]
     derived: tuple[bool, ...]
     widths: tuple[int, ...]
+    takes: frozenset[str]
+    order: tuple[str, ...]
+    directions: tuple[str, ...]
+
+    def named(self, given: Sequence[Any]) -> dict[str, Any]:
+        """Arguments by name, from those in order."""
+        return {n: x for n, x in zip(self.order, given, strict=True) if n in self.takes}
 
     def whole_shapes(self, batch: Shape, k: int = 0) -> list[Shape]:
         """Shapes of the results of a call with k directions: (*batch, ...), of derivatives (k, *batch, ...)."""
@@ -99,7 +134,13 @@ def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -
     derived = tuple(bool(seeds) and r.startswith("d") for r in results)
     of_results = tuple(shapes[r[1:] if d else r] for r, d in zip(results, derived, strict=True))
     arguments, widths = tuple(entry.get("arguments", ())), tuple(entry.get("widths", ()))
-    return Function(name, arguments, seeds, results, of_results, derived, widths)
+    of = name.removesuffix("_transposed").removesuffix("_sensitivities")
+    takes = TAKES.get(of) or TAKES.get(of.removesuffix("s"), STATE)
+    order = (*STATE, *(n for n in takes if n not in STATE))
+    directions = WEIGHTED.get(name) or tuple(f"d{n}" for n in order if seeds)
+    return Function(
+        name, arguments, seeds, results, of_results, derived, widths, frozenset(takes), order, directions
+    )  # fmt: skip
 
 
 def split(k: int, widths: Iterable[int]) -> list[int]:

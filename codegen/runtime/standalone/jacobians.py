@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -37,6 +38,12 @@ class Jacobians:
 
 JACOBIANS = ("q", "u", "p", "inputs", "t")
 """What udot is differentiated in, in the order of `Jacobians`."""
+
+
+MATRICES = {
+    asked: tuple(f"J_{n}" for n in asked) for r in range(1, 6) for asked in itertools.combinations(JACOBIANS, r)
+}
+"""What they are called among results, by which ones are asked for."""
 
 
 def jacobians_of(matrices: Mapping[str, Array]) -> Jacobians:

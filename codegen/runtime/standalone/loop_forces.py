@@ -11,13 +11,14 @@ together b and c cancel; speeds are taken so large, by a power of two, that noth
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .arrays import Array, Numbers, Times
 from .package import Package, seeds
+from .results import places, put
 
 FAST = 2.0**40
 """Times a unit speed, beside which prescribed motion stands still."""
@@ -31,7 +32,7 @@ class LoopForces(Package):
     ) -> Array:
         """The mass matrix M (..., n, n) on the independent speeds, in O(n^2); of `inputs` and `t` prescribed motion makes use."""
         M = self._independent_mass(self._configuration(q, p, inputs, t))
-        return _placed(M, out)
+        return _placed(["M"], [M], None if out is None else [out])[0]
 
     def mass_matrix_sensitivities(
         self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -51,8 +52,8 @@ class LoopForces(Package):
                 f"{self.name} has no independent speeds, for its motion is wholly prescribed: its mass matrix has no entries"
             )
         dM = np.stack(columns, axis=-1)
-        found = M, 0.5 * (dM + np.swapaxes(dM, -1, -2))
-        return found if out is None else (_placed(found[0], out[0]), _placed(found[1], out[1]))
+        M, dM = _placed(["M", "dM"], [M, 0.5 * (dM + np.swapaxes(dM, -1, -2))], out)
+        return M, dM
 
     def inverse_dynamics(
         self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -65,7 +66,7 @@ class LoopForces(Package):
         functions: Any = self  # those of other sections
         missing = self._missing(udot, functions.accelerations(q, u, p, inputs, t))
         M = self._independent_mass(self._configuration(q, p, inputs, t))
-        return _placed((M @ missing[..., None])[..., 0], out)
+        return _placed(["force"], [(M @ missing[..., None])[..., 0]], None if out is None else [out])[0]
 
     def inverse_dynamics_sensitivities(
         self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -90,8 +91,8 @@ class LoopForces(Package):
             largest = np.abs(missing * size).max(axis=-1, keepdims=True, initial=0.0)
             unit = missing / np.where(largest > 0.0, largest, 1.0)
             dtau = dtau + largest * self._mass_along(at, unit, size, along)
-        found = (M @ missing[..., None])[..., 0], dtau
-        return found if out is None else (_placed(found[0], out[0]), _placed(found[1], out[1]))
+        force, dforce = _placed(["force", "dforce"], [(M @ missing[..., None])[..., 0], dtau], out)
+        return force, dforce
 
     def bias_force(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -182,15 +183,6 @@ class LoopForces(Package):
         return np.asarray((wanted - free)[..., self._free_speeds])
 
 
-def _placed(value: Array, out: Array | None) -> Array:
-    if out is None:
-        return value
-    if (
-        not isinstance(out, np.ndarray)
-        or out.shape != value.shape
-        or out.dtype != np.float64
-        or not out.flags.writeable
-    ):
-        raise ValueError(f"out: expected a writeable float64 array of shape {value.shape}")
-    out[...] = value
-    return out
+def _placed(names: Sequence[str], found: Sequence[Array], out: Any) -> list[Array]:
+    """Results in C order, in the caller's arrays if there are any."""
+    return put([*map(np.ascontiguousarray, found)], [] if out is None else places(out, names, [x.shape for x in found]))

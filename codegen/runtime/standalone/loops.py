@@ -11,6 +11,7 @@ import numpy as np
 from .arguments import placing
 from .arrays import Array, Shape
 from .assembly import ROUNDING, Assembly
+from .functions import STATE
 from .states import States
 from .targets import Opened
 
@@ -73,7 +74,7 @@ class Loops(States):
     def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
         if not self.closure_names:
             return super()._completed(q_new, arrays, batch)
-        return self._values("completion", {**arrays, "q": q_new})[0]
+        return self._values("completion", (q_new, *(arrays[n] for n in STATE[1:])))[0]
 
     def _completed_along(
         self,
@@ -87,8 +88,8 @@ class Loops(States):
         if not self.closure_names:
             return super()._completed_along(q_new, arrays, batch, dq_new, du_new, rest)
         given = {**arrays, "q": q_new, "u": super()._completed(q_new, arrays, batch)}
-        along = {**rest, "dq": dq_new, "du": du_new}
-        return q_new, *self._along("completion_sensitivities", given, along)
+        along = dq_new, du_new, rest["dp"], rest["dinputs"], rest["dt"]
+        return q_new, *self._along("completion_sensitivities", [given[n] for n in STATE], along)
 
 
 def _place(number: int, batch: Shape) -> tuple[int, ...]:

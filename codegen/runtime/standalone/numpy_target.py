@@ -13,7 +13,6 @@ from .arrays import Array, Shape, of_state
 from .errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
 from .functions import Function
 from .results import put
-from .short_calls import NO_DESK
 
 
 class NumpyTarget:
@@ -22,7 +21,6 @@ class NumpyTarget:
     name = "numpy"
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
-        self.desk: Any = NO_DESK
         self.threads = 1
         self.couplings = frozenset(manifest.get("couplings", ()))
         self.singular_forces = dict(singular_forces(manifest))
@@ -36,6 +34,16 @@ class NumpyTarget:
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         return module
+
+    def one_state(
+        self,
+        name: str,
+        given: Sequence[Any],
+        seeds: Sequence[Any] | None = None,
+        out: Any = None,
+        returned: tuple[str, ...] | None = None,
+    ) -> None:
+        """None: there is no faster path than `values` and `along`; see `SingleCalls.run`."""
 
     def values(
         self,

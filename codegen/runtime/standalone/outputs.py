@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .arrays import Array, Numbers, Times
-from .package import Package, seeds, state
+from .package import Package
 
 
 class Outputs(Package):
@@ -20,8 +20,7 @@ class Outputs(Package):
         out: Array | None = None,
     ) -> Array:
         """The model's outputs (..., noutputs), in the order of `output_names`."""
-        found: Array | None = self._desk.outputs(q, u, p, inputs, t, out)
-        return self._values("outputs", state(q, u, p, inputs, t), out)[0] if found is None else found
+        return self._values("outputs", (q, u, p, inputs, t), out)[0]
 
     def output_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -29,6 +28,6 @@ class Outputs(Package):
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
         """The model's outputs (..., noutputs) and their total derivative (k, ..., noutputs) along the seeds."""
-        name, along = "output_sensitivities", (dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] | None = self._desk.output_sensitivities(q, u, p, inputs, t, along, out)
-        return found or self._along(name, state(q, u, p, inputs, t), seeds(*along), out)
+        along = (dq, du, dp, dinputs, dt)
+        found: tuple[Array, Array] = self._along("output_sensitivities", (q, u, p, inputs, t), along, out)
+        return found

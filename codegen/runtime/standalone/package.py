@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,10 @@ from .batching import BAD_STATES, Lenient, spread, tell_bad
 from .c_target import CTarget
 from .directions import take_directions
 from .errors import SingularJointError
-from .functions import ALONG, STATE, WITHOUT_ENTRIES, Function, function, shapes_of
+from .functions import WITHOUT_ENTRIES, Function, function, shapes_of
 from .infinite import tell_infinite
 from .manifest import read_manifest
 from .results import empty, overlap, places, put
-from .short_calls import SHORT
 from .targets import Opened, Target, c_target, open_partition
 
 
@@ -108,11 +107,9 @@ class Package:
 
     def _use(self, opened: Opened) -> None:
         """Compute with a partition from now on."""
-        self._opened, self._desk = opened, self._desk_of(opened)
-
-    def _desk_of(self, opened: Opened) -> Any:
-        """The short ways of a partition."""
-        return opened.target.desk
+        self._opened = opened
+        self._one_state = opened.target.one_state
+        self._watched = bool(opened.manifest.get("opening"))
 
     def __getstate__(self) -> tuple[str, str, int, int, str]:
         # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
@@ -202,38 +199,36 @@ class Package:
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
-    def _values(self, name: str, given: Mapping[str, Any], out: Any = None) -> list[Array]:
-        """Results of a function without directions, in `out` if there is one."""
+    def _values(self, name: str, given: Sequence[Any], out: Any = None) -> Sequence[Array]:
+        """Results of a function without directions, in `out` if there is one; `given` are what it takes, in order."""
+        found = self._one_state(name, given, None, out)
+        if found is not None:
+            return found
         opened = self._opened
         f = self._find(opened, name)
-        arrays, batch, bad = self._taken(given)
+        arrays, batch, bad = self._taken(f, given)
         taken = [] if out is None else places([out], f.results, f.whole_shapes(batch))
-        if name in SHORT and not batch and not taken:
-            # what came as lists, by name or of another type is plain now
-            found = getattr(self._desk, name)(*(arrays.get(n) for n in STATE))
-            if found is not None:
-                return [found]
         return self._compute(opened, f, arrays, batch, {}, 0, taken, bad)
 
-    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any], out: Any = None) -> Any:
-        """Results of a function over directions."""
+    def _along(self, name: str, given: Sequence[Any], seeds: Sequence[Any], out: Any = None) -> Any:
+        """Results of a function over directions; `seeds` are of what it takes, in order."""
+        if self._watched:
+            self._look_at_directions(name, given, seeds)
+        found = self._one_state(name, given, seeds, out)
+        if found is not None:
+            return found if out is None else tuple(found)
         opened = self._opened
         f = self._find(opened, name)
-        self._look_at_directions(opened, f, given, seeds)
-        arrays, batch, bad = self._taken(given)
-        of, (directions, k, batch) = batch, take_directions(self._arguments, seeds, arrays, batch)
+        arrays, batch, bad = self._taken(f, given)
+        along = dict(zip(f.directions, seeds, strict=True))
+        of, (directions, k, batch) = batch, take_directions(self._arguments, along, arrays, batch)
         bad = bad if batch == of else spread(bad, of, batch)
         taken = [] if out is None else places(out, f.results, f.whole_shapes(batch, k))
-        if name in SHORT and not batch and not taken:
-            dt = directions["dt"][..., 0] if "dt" in directions else None
-            along = (*(directions.get(s) for s in ALONG[:-1]), dt)
-            found = getattr(self._desk, name)(*(arrays[n] for n in STATE), along)
-            if found is not None:
-                return found
         return tuple(self._compute(opened, f, arrays, batch, directions, k, taken, bad))
 
-    def _taken(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
+    def _taken(self, f: Function, values: Sequence[Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
         """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error."""
+        given = f.named(values)
         if self._bad_states == "error":
             return *self._arguments.take(given, self._left_out), {}
         return Lenient(self._manifest, self._arguments).without_bad(given, self._left_out)
@@ -306,9 +301,7 @@ class Package:
         """What a mapping leaves out of an argument: default parameters, else zeros."""
         return self._arguments.defaults.get(name, 0.0)
 
-    def _look_at_directions(
-        self, opened: Opened, f: Function, given: Mapping[str, Any], seeds: Mapping[str, Any]
-    ) -> None:
+    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
         """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
 
 

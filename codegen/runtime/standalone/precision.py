@@ -29,7 +29,6 @@ from .jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
 from .manifest import check_files
 from .numpy_target import NumpyTarget
 from .package import Package, state
-from .short_calls import NO_DESK
 from .targets import Opened
 
 GUARD = 10
@@ -295,9 +294,6 @@ class Extended(Package):
         if opened.manifest["closure_names"]:  # double precision closes the loops first
             self._assembly: Any = type(self._assembly)(self._solver._open(opened.number))
 
-    def _desk_of(self, opened: Opened) -> Any:
-        return NO_DESK
-
     def __reduce__(self) -> Any:
         return extended, (self._solver, self.digits, self._texts)
 
@@ -391,9 +387,7 @@ class Extended(Package):
             raise assembly.open(int(np.argmax(left)), float(max(left)), f" in {self.digits} digits{where}")
         return q
 
-    def _look_at_directions(
-        self, opened: Opened, f: Function, given: Mapping[str, Any], seeds: Mapping[str, Any]
-    ) -> None:
+    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
         """In double precision there is a warning of directions that have no derivative."""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .arrays import Array, Numbers, Times
-from .package import Package, seeds, state
+from .package import Package
 
 
 class Reactions(Package):
@@ -31,7 +31,7 @@ class Reactions(Package):
             they are not unique: these are, ear by ear, the ones with the least sum of squares of moments, and forces
             times the characteristic length.
         """
-        joints, *loops = self._values("reactions", state(q, u, p, inputs, t))
+        joints, *loops = self._values("reactions", (q, u, p, inputs, t))
         return self._of_joints(joints), _of_loops(loops, joints)
 
     def reaction_sensitivities(
@@ -51,8 +51,8 @@ class Reactions(Package):
             Of the components in the ground frame, N m and N per unit of the seed. NaN where `joints` is.
         dloops : (k, ..., nloops, 6)
         """
-        along = seeds(dq, du, dp, dinputs, dt)
-        found = self._along("reaction_sensitivities", state(q, u, p, inputs, t), along)
+        along = (dq, du, dp, dinputs, dt)
+        found = self._along("reaction_sensitivities", (q, u, p, inputs, t), along)
         values, tangents = found[: len(found) // 2], found[len(found) // 2 :]
         joints, loops = self._of_joints(values[0]), _of_loops(values[1:], values[0])
         return joints, loops, self._of_joints(tangents[0]), _of_loops(tangents[1:], tangents[0])

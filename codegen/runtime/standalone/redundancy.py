@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,8 @@ import numpy as np
 from .arrays import Numbers
 from .assembly import allowed_gaps
 from .directions import take_directions
-from .functions import Function
+from .functions import STATE
 from .package import Package
-from .short_calls import no_short_way
 from .targets import Opened
 from .warning import warn
 
@@ -20,29 +19,15 @@ OPEN_SEED = 1e-7
 """A direction of parameters that opens a loop by more than this, per unit, does not keep its redundant conditions."""
 
 
-class WatchedDesk:
-    """A desk without short ways along directions: the long way looks for those that open loops."""
-
-    def __init__(self, desk: Any):
-        self._desk = desk
-
-    def __getattr__(self, name: str) -> Any:
-        return no_short_way if name == "jacobians" or name.endswith("sensitivities") else getattr(self._desk, name)
-
-
 class Redundancy(Package):
     """Warns of directions that open redundant conditions."""
 
-    def _desk_of(self, opened: Opened) -> Any:
-        desk = super()._desk_of(opened)
-        return WatchedDesk(desk) if opened.manifest.get("opening") else desk
-
-    def _look_at_directions(
-        self, opened: Opened, f: Function, given: Mapping[str, Any], seeds: Mapping[str, Any]
-    ) -> None:
-        opening = opened.manifest.get("opening")
-        if opening and seeds.get("dp") is not None and "q" in given and f.name != "closure_sensitivities":
-            self._warn_of_opening(opened, opening, given, seeds["dp"])
+    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
+        opened, dp = self._opened, seeds[STATE.index("p")]
+        if self._watched and dp is not None and name != "closure_sensitivities" and name in opened.functions:
+            known = opened.functions[name].named(given)
+            if "q" in known:
+                self._warn_of_opening(opened, opened.manifest["opening"], known, dp)
 
     def _warn_of_opening(self, opened: Opened, opening: list[int], given: Mapping[str, Any], dp: Numbers) -> None:
         """Parameters that open redundant conditions, where a direction changes them."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,19 +41,32 @@ def places(out: Any, names: Sequence[str], shapes: Sequence[Shape]) -> list[Arra
             raise ValueError(f"out ({name}) holds {x.dtype} and has shape {x.shape}, {wanted}")
         if not x.flags.carray:
             raise ValueError(f"out ({name}) is read-only, not contiguous or not aligned, {wanted}")
+    if both := overlapping(out):
+        first, second = (names[i] for i in both)
+        raise ValueError(
+            f"out ({first}) and out ({second}) share memory, so that one result would overwrite the other; expected arrays that "
+            f"do not overlap"
+        )
     return list(out)
 
 
+def overlapping(arrays: Iterable[Array]) -> tuple[int, int] | None:
+    """Which two of some contiguous arrays share memory; None if none do."""
+    for (i, a), (j, b) in itertools.combinations(enumerate(arrays), 2):
+        if np.may_share_memory(a, b):
+            return i, j
+    return None
+
+
 def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
-    """Whether results would be written over arguments, or over one another, while they are read."""
-    among = itertools.combinations(taken, 2)
-    given = itertools.product(taken, (a for a in arrays.values() if isinstance(a, np.ndarray)))
-    return any(np.may_share_memory(a, b) for a, b in itertools.chain(among, given))
+    """Whether results would be written over arguments that are still read."""
+    given = (a for a in arrays.values() if isinstance(a, np.ndarray))
+    return any(np.may_share_memory(a, b) for a, b in itertools.product(taken, given))
 
 
-def put(results: list[Array], out: Sequence[Any]) -> list[Any]:
+def put(results: Sequence[Array], out: Sequence[Any]) -> list[Any]:
     """Results in the arrays of the caller's, if there are any; there is none for what is not asked for."""
     for place, result in zip(out, results, strict=False):
         if place is not None:
             place[...] = result
-    return list(out) or results
+    return list(out) or list(results)

@@ -17,7 +17,6 @@ from .motion_inputs import take_inputs
 from .motion_problem import METHODS, Problem, Run
 from .motion_run import MotionRun, Progress
 from .motion_switches import switch_words
-from .package import seeds, state
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
 
@@ -287,12 +286,12 @@ class Simulation(MotionRun):
         inputs = problem.inputs.at(t)
         given = (values[0], values[1], problem.p, inputs, t)
         plain = self.coordinate_names == self.speed_names  # so it goes where a loop has lost rank, too
-        qdot = values[1] if plain else self._values("coordinate_rates", state(*given))[0]
+        qdot = values[1] if plain else self._values("coordinate_rates", given)[0]
         udot, pace = row[-self.nu - 1 : -1], float(row[-1])
 
         def rates_at(q: Array, u: Array) -> Array:
-            along = seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
-            found: Array = self._along("output_sensitivities", state(q, u, *given[2:]), along)[1]
+            along = (qdot, udot, None, problem.inputs.rate(t), 1.0)
+            found: Array = self._along("output_sensitivities", (q, u, *given[2:]), along)[1]
             return found
 
         try:
@@ -306,7 +305,7 @@ class Simulation(MotionRun):
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """Kinetic and potential energy over time, (nt, 2)."""
         inputs = self._inputs_over(t, problem)
-        return self._values("energies", {"q": q, "u": u, "p": problem.p, "inputs": inputs, "t": t})[0]
+        return self._values("energies", (q, u, problem.p, inputs, t))[0]
 
     def _inputs_over(self, t: Array, problem: Problem) -> Array:
         return np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))

@@ -41,7 +41,9 @@ class States(Package):
         q, u = self._initial_values(p)
         dq = du = None
         if self._has("initial_sensitivities"):
-            _, _, dq, du = self._along("initial_sensitivities", {"p": p}, {"dp": dp})
+            _, _, dq, du = self._along(
+                "initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None)
+            )
         return self.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
 
     def assemble(
@@ -115,7 +117,7 @@ class States(Package):
 
         Linear conditions are divided by the loop's characteristic length; the velocities are those of u as it is given.
         """
-        position, velocity = self._values("closure", state(q, u, p, inputs, t))
+        position, velocity = self._values("closure", (q, u, p, inputs, t))
         return position, velocity
 
     def closure_sensitivities(
@@ -127,7 +129,9 @@ class States(Package):
         The latter is zero to rounding unless conditions are redundant and a direction does not keep them, such as a
         parameter that bends a planar loop out of its plane: then no derivative exists along it.
         """
-        return self._along("closure_sensitivities", state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt))
+        along = (dq, du, dp, dinputs, dt)
+        found: tuple[Array, Array] = self._along("closure_sensitivities", (q, u, p, inputs, t), along)
+        return found
 
     # -- how -----------------------------------------------------------------------------------------------------------
 
@@ -162,8 +166,8 @@ class States(Package):
         """
         if p is None or "initial" not in self._functions:
             return self._initial
-        found = self._values("initial", {"p": p})
-        default = self._values("initial", {"p": None})
+        found = self._values("initial", (None, None, p, None, 0.0))
+        default = self._values("initial", (None, None, None, None, 0.0))
         q, u = (
             np.where(known == d, x, known + (x - d)) for x, d, known in zip(found, default, self._initial, strict=True)
         )

@@ -10,7 +10,7 @@ from .arrays import Array
 from .dynamics import Dynamics
 from .jets import Jet
 from .linearization import Matrices
-from .package import seeds, state
+from .package import state
 from .second_derivatives import SecondDerivatives
 from .tangent_space import TangentSpace
 
@@ -70,8 +70,8 @@ class TangentEquations:
         udot, dudot = self.solver.sensitivities(*self.at, **self.seeds)
         dy = np.zeros((len(dudot), 0))
         if self.outputs:
-            every = seeds(self.seeds["dq"], self.seeds["du"], None, self.seeds["dinputs"], None)
-            dy = self.solver._along("output_sensitivities", self.at.named(), every)[1][:, self.outputs]
+            every = (self.seeds["dq"], self.seeds["du"], None, self.seeds["dinputs"], None)
+            dy = self.solver._along("output_sensitivities", self.at, every)[1][:, self.outputs]
         own = self.space.speeds
         return udot[own], self._matrices(self._bracket(), np.eye(self.space.n), dudot[:, own], dy)
 

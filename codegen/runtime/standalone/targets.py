@@ -21,8 +21,16 @@ class Target(Protocol):
     """Computes the functions of a package for arguments that have been checked; see `CTarget` for what it takes."""
 
     name: str
-    desk: Any
     threads: int
+
+    def one_state(
+        self,
+        name: str,
+        given: Sequence[Any],
+        seeds: Sequence[Any] | None = None,
+        out: Any = None,
+        returned: tuple[str, ...] | None = None,
+    ) -> Sequence[Array] | None: ...
 
     def values(
         self,

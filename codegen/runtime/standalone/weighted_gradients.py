@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .arrays import Array, Numbers, Times, lengths
 from .directions import take_directions
-from .functions import STATE
+from .functions import ALONG, STATE, WEIGHTED
 from .package import state
 from .states import States
 
@@ -54,26 +54,26 @@ class WeightedGradients(States):
         -------
         Gradients
         """
-        return self._gradients("sensitivities_transposed", state(q, u, p, inputs, t), {"dudot": weights})
+        return self._gradients("sensitivities_transposed", (q, u, p, inputs, t), (weights,))
 
     def output_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
     ) -> Gradients:
         """Gradients of weighted sums of the model's outputs; weights (k, ..., noutputs)."""
-        return self._gradients("output_sensitivities_transposed", state(q, u, p, inputs, t), {"doutputs": weights})
+        return self._gradients("output_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
 
     def energy_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
     ) -> Gradients:
         """Gradients of weighted sums of kinetic and potential energy; weights (k, ..., 2)."""
-        return self._gradients("energy_sensitivities_transposed", state(q, u, p, inputs, t), {"denergy": weights})
+        return self._gradients("energy_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
 
     def coordinate_rate_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
     ) -> Gradients:
         """Gradients of weighted sums of the time derivatives of the coordinates; weights (k, ..., nq)."""
         name = "coordinate_rate_sensitivities_transposed"
-        return self._gradients(name, state(q, u, p, inputs, t), {"dqdot": weights})
+        return self._gradients(name, (q, u, p, inputs, t), (weights,))
 
     def assemble_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -93,31 +93,37 @@ class WeightedGradients(States):
         q_new: Array = self._assembled(arrays, batch)
         if self._has("completion_sensitivities_transposed"):
             given = {**arrays, "q": q_new}
-            found = self._gradients("completion_sensitivities_transposed", given, along)
+            name = "completion_sensitivities_transposed"
+            found = self._gradients(name, [given[n] for n in STATE], [along.get(d) for d in WEIGHTED[name]])
         else:
             wide = {
                 n: np.broadcast_to(along.get(f"dfull_{n}", 0.0), (k, *batch, *self._shapes[n])).astype(q_new.dtype)
                 for n in "qu"
             }
-            found = self._filled(wide, k, batch)
+            found = self._filled({f"d{n}": x for n, x in wide.items()}, k, batch)
         for i, length in before.items():
             e, bar = q_new[..., i : i + 4], found.q[..., i : i + 4]
             bar -= e * np.sum(e * bar, axis=-1, keepdims=True)
             bar /= length
         return found
 
-    def _gradients(self, name: str, given: Mapping[str, Any], weights: Mapping[str, Any]) -> Gradients:
+    def _gradients(self, name: str, given: Sequence[Any], weights: Sequence[Any]) -> Gradients:
         opened = self._opened
-        arrays, batch = self._arguments.take(given, self._left_out)
-        along, k, batch = take_directions(self._arguments, weights, arrays, batch, WEIGHTS)
-        if not any(self._shapes[w[1:]][-1] for w in weights):  # no outputs
+        if not self._watched:
+            gradients = self._one_state(name, given, weights, None, ALONG)
+            if gradients is not None:
+                return Gradients(*gradients)
+        arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
+        named = dict(zip(WEIGHTED[name], weights, strict=True))
+        along, k, batch = take_directions(self._arguments, named, arrays, batch, WEIGHTS)
+        if not any(self._shapes[w[1:]][-1] for w in named):  # no outputs
             return self._filled({}, k, batch)
         f = self._find(opened, name)
-        if opened.manifest.get("opening"):
-            self._look_at_directions(opened, f, given, {"dp": np.eye(self.np)})
+        if self._watched:
+            self._look_at_directions(name, given, (None, None, np.eye(self.np), None, None))
         results = dict(zip(f.results, self._compute(opened, f, arrays, batch, along, k, []), strict=True))
-        return self._filled({r[1:]: x for r, x in results.items() if r.startswith("d")}, k, batch)
+        return self._filled(results, k, batch)
 
     def _filled(self, found: Mapping[str, Array], k: int, batch: tuple[int, ...]) -> Gradients:
         """Gradients, zero with respect to what a function does not depend on."""
-        return Gradients(*(found[n] if n in found else np.zeros((k, *batch, *self._shapes[n])) for n in STATE))
+        return Gradients(*(found[d] if d in found else np.zeros((k, *batch, *self._shapes[d[1:]])) for d in ALONG))
