@@ -7,6 +7,7 @@ from typing import Any
 
 from ..mechanics.procedures import ALONG_MOTIONS
 from ..mechanics.structure.system import System
+from ..model.switches import KINDS
 from ..program.procedure import Procedure
 from ..version import __version__
 from .c_functions import in_modes
@@ -77,8 +78,9 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
     members = [f".{key} = {value}" for key, value in numbers.items()]
     if "switches" in functions:
         found = model.switches.found
+        tables["switch_kind"] = [KINDS.index(s.kind) for s in found]
         tables["drives"] = [int(s.drives) for s in found]
-        members += [f".nswitches = {len(found)}", ".drives = drives"]
+        members += [f".nswitches = {len(found)}", ".switch_kind = switch_kind", ".drives = drives"]
         if pairs := [(s.number, output) for s in found for output in sorted(s.outputs)]:
             tables["switch_of_output"] = [n for pair in pairs for n in pair]
             members += [f".nswitch_outputs = {len(pairs)}", ".switch_of_output = switch_of_output"]

@@ -145,6 +145,8 @@ class Printer:
             self.own.add(name)
         if name == "AtLeast":
             return self.at_least(*arguments)
+        if name == "HeldTurn":
+            return self.turned(*arguments)
         if name in HELD:
             return self.held(name, arguments[-1], arguments[:-1], self._call(_function(HELD[name], *e.args[:-1])))
         if name == "Sign" and "Sign" not in self.functions:
@@ -153,6 +155,10 @@ class Printer:
 
     def at_least(self, a: str, b: str) -> str:
         return f"TRUTH({a} >= {b})"
+
+    def turned(self, angle: str, mode: str) -> str:
+        """An angle within half a turn of a mode."""
+        return f"TURNED({mode}, {angle})"
 
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
         """A function whose branch a mode chooses; `free` is the function without."""
@@ -182,6 +188,9 @@ class NumpyPrinter(Printer):
 
     def at_least(self, a: str, b: str) -> str:
         return f"np.where({a} >= {b}, 1.0, 0.0)"
+
+    def turned(self, angle: str, mode: str) -> str:
+        return angle
 
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
         """No integrator calls NumPy, so no mode is ever given."""

@@ -17,6 +17,7 @@ from .entries import ZERO
 from .errors import Problem
 from .expressions import Expression
 from .forces import ForceElement, JointForce
+from .forces.torsion import Torsion
 from .joints import JOINTS, Closure, JointType
 from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
@@ -464,6 +465,8 @@ class Model:
             keys = force.keys or ("value",) * len(force.coefficients)
             for key, e in zip(keys, force.coefficients, strict=True):
                 found.add(e.tree, f"forces.{force.name}.{key}")
+            if isinstance(force, Torsion):
+                found.add_turn(force.name)
         for i, output in enumerate(self.outputs):
             if output.expression is not None:
                 found.add(output.expression.tree, f"outputs.{output.name}.value", i)

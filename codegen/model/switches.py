@@ -23,6 +23,9 @@ HELD: Final = "held_"
 MODE: Final = "mode."
 """Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
 
+KINDS: Final = ("sign", "turn")
+"""What modes are: the sign of the switching function, or the angle near which the function, an angle, is measured."""
+
 JUMPS: Final = ("at_least", "sign", "mod")
 """Functions whose value jumps; that of the others has a kink."""
 
@@ -103,7 +106,11 @@ class Switch:
     call : tuple
         The tree of the first function that it is of.
     value : tuple
-        The tree of the switching function, in which the modes of other switches are held.
+        The tree of the switching function, in which the modes of other switches are held; of an angle of bodies none.
+    kind : str
+        A name of `KINDS`: what its mode is.
+    torsion : str
+        The force element whose angle jumps at half a turn, or nothing.
     places : list of str
         Paths in the model file.
     drives : bool
@@ -115,6 +122,8 @@ class Switch:
     number: int
     call: Tree
     value: Tree
+    kind: str = "sign"
+    torsion: str = ""
     places: list[str] = field(default_factory=list)
     drives: bool = False
     outputs: set[int] = field(default_factory=set)
@@ -122,6 +131,8 @@ class Switch:
     @property
     def words(self) -> str:
         """What changes its branch, for messages: ``sign(u.slope)``, ``q.band > s``."""
+        if self.torsion:
+            return f"the angle of {self.torsion}, at half a turn,"
         if self.call[1] != "at_least":
             return str(Expression(self.call))
         a, b = self.call[2:]
@@ -159,6 +170,14 @@ class Switches:
                 switch.drives = True
             else:
                 switch.outputs.add(output)
+
+    def add_turn(self, element: str) -> None:
+        """The angle between two bodies, which jumps at half a turn."""
+        self.found.append(Switch(len(self.found), (), (), "turn", element, [f"forces.{element}"], drives=True))
+
+    def turn_of(self, element: str) -> Tree | None:
+        """The mode of the angle of a force element, if it has one."""
+        return next((("name", f"{MODE}{s.number}") for s in self.found if s.torsion == element), None)
 
     def hold(self, tree: Tree) -> Tree:
         """The tree with held functions in the place of those that have branches."""

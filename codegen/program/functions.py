@@ -104,11 +104,12 @@ Absolute = _plain("Absolute")
 """|x|; at zero the derivative is taken as zero."""
 
 
-HeldAtLeast, HeldMaximum, HeldMinimum, HeldSign, HeldAbsolute = map(
-    _plain, ("HeldAtLeast", "HeldMaximum", "HeldMinimum", "HeldSign", "HeldAbsolute")
+HeldAtLeast, HeldMaximum, HeldMinimum, HeldSign, HeldAbsolute, HeldTurn = map(
+    _plain, ("HeldAtLeast", "HeldMaximum", "HeldMinimum", "HeldSign", "HeldAbsolute", "HeldTurn")
 )
 """The same with a mode as the last argument. A positive mode chooses the branch of a positive difference of the arguments,
-or of a positive argument, a negative one the other; zero leaves it to the arguments, as above."""
+or of a positive argument, a negative one the other; zero leaves it to the arguments, as above. The mode of a turn is an
+angle: the argument is taken within half a turn of it."""
 
 Floor = _elementary("Floor")
 """The largest whole number that is not above x; its derivative is taken as zero."""
@@ -183,7 +184,7 @@ SYMBOLIC: dict[str, Made] = {
     "sin": sin, "cos": cos, "tan": tan, "asin": asin, "acos": acos, "atan": atan, "atan2": atan2, "sinh": sinh, "cosh": cosh,
     "tanh": tanh, "sqrt": _square_root, "exp": exp, "log": log, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
     "at_least": AtLeast, "held_at_least": HeldAtLeast, "held_max": HeldMaximum, "held_min": HeldMinimum,
-    "held_sign": HeldSign, "held_abs": HeldAbsolute, "held_mod": HeldModulo, "mod": Modulo,
+    "held_sign": HeldSign, "held_abs": HeldAbsolute, "held_turn": HeldTurn, "held_mod": HeldModulo, "mod": Modulo,
     "wrapped": Modulo, "choice": Choice, "vanishing": Vanishing,
 }  # fmt: skip
 """The functions of the model format."""
@@ -222,6 +223,8 @@ def slope(e: Function, place: int) -> Expr:
             return Sign(x)
         case "Sign" | "AtLeast" | "Floor" | "HeldSign" | "HeldAtLeast" | "HeldFloor":
             return ZERO
+        case "HeldTurn":
+            return ONE if place == 0 else ZERO
         case "HeldAbsolute":
             return HeldSign(*e.args) if place == 0 else ZERO
         case "HeldMaximum" | "HeldMinimum":
@@ -248,7 +251,7 @@ MEANINGS |= {
         *((name, SYMBOLIC[name]) for name in _TRANSCENDENTAL),
         *(("AtLeast", AtLeast), ("Maximum", Maximum), ("Minimum", Minimum), ("Sign", Sign), ("Absolute", Absolute)),
         *(("HeldAtLeast", HeldAtLeast), ("HeldMaximum", HeldMaximum), ("HeldMinimum", HeldMinimum)),
-        *(("HeldSign", HeldSign), ("HeldAbsolute", HeldAbsolute)),
+        *(("HeldSign", HeldSign), ("HeldAbsolute", HeldAbsolute), ("HeldTurn", HeldTurn)),
         ("HeldFloor", HeldFloor),
         *(("Floor", Floor), ("Choice", Choice), ("Vanishing", Vanishing), ("Along", Along), ("Power", Power)),
     ]

@@ -174,7 +174,7 @@ class Element:
     def absent(self) -> dict[str, int]:
         """The keys of coefficients that are zero for the whole kind, with that number."""
         return {
-            key: 0 for key, form in zip(self.kind.first.keys, self.kind.forms, strict=True) if form == ("number", 0)
+            key: 0 for key, form in zip(self.kind.first.keys, self.kind.forms, strict=False) if form == ("number", 0)
         }
 
     def coefficients(self, key: str) -> Vector:
@@ -194,6 +194,11 @@ class Element:
         if j not in self._known:
             self._known[j] = self.formula(self.kind.forms[j], self._leaf)
         return self._known[j]
+
+    def turned(self, angle: Value) -> Value:
+        """An angle that jumps at half a turn, within half a turn of its mode."""
+        number = len(self.kind.first.keys)
+        return self.let("turned", self.x.call("held_turn", angle, self._coefficient(number)))
 
     def require(self, value: Value) -> None:
         """Must be positive for the element to have a direction; see `ForceElement.singular`.

@@ -30,7 +30,7 @@ class TorsionLaw(Law):
         a, b = e.let("part", cosine / square), e.let("part", sine / square)
         gradient = e.vector("gradient", [a * s - b * c for s, c in zip(of_sine, of_cosine, strict=True)])
         stiffness, damping, free = (e.coefficient(key) for key in ("stiffness", "damping", "free_angle"))
-        angle = e.let("angle", e.x.call("atan2", sine, cosine))
+        angle = e.turned(e.let("angle", e.x.call("atan2", sine, cosine)))
         start, end = (end.angular_velocity for end in e.ends)
         rate = e.let("rate", dot(gradient, minus(end, start)))
         back = e.let("back", stiffness * (angle - free) + damping * rate)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from ...model.expressions import Expression, Tree
 from ...model.outputs import Output
-from ...model.switches import Switch
+from ...model.places import Face
+from ...model.switches import MODE, Switch
 from ...program.block import Expansion
 from ...program.expressions import Expr
 from ...program.field import XYZ
-from ...program.scalar import Value
+from ...program.functions import SYMBOLIC
+from ...program.scalar import Value, Vector
 from ..formulas import FormulaKind, FormulaSlots, formula_kinds
+from ..spatial import dot, matmul, transpose
 from ..stores import NUMBER, argument
 from ..structure.constants import Statements
+from ..structure.links import ORIGIN, frame_matrix, place
 from ..structure.system import System
 from .outputs import RecordFormula, value_and_tangent
 from .records import Records, expressions_of, links_of, value_of
@@ -22,6 +26,8 @@ MEASURED = {"position": ("pose",), "velocity": ("pose", "kinetic")}
 
 def quantities_of(switch: Switch) -> set[str]:
     """Names of the quantities that a switching function reads."""
+    if switch.torsion:
+        return {"pose"}
     first = {name.partition(".")[0] for name in Expression(switch.value).names}
     return {q for what, needed in MEASURED.items() if what in first for q in needed}
 
@@ -31,7 +37,8 @@ def switch_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
     found = system.model.switches.found
     plain = [(s.number, s.value) for s in found if not quantities_of(s)]
     places = {s.number: s.places[0] for s in found}
-    records = [_record(system, s, n) for n, s in enumerate(s for s in found if quantities_of(s))]
+    of_points = [s for s in found if quantities_of(s)]
+    records = [(_turn if s.torsion else _record)(system, s, n) for n, s in enumerate(of_points)]
     return formula_kinds(system.model, "switches", plain, places), records
 
 
@@ -44,6 +51,45 @@ class _Slots(FormulaSlots):
             return super()._slot(name)
         point, _, component = rest.rpartition(".")
         return ("name", what, point, XYZ.index(component))
+
+
+def _turn(system: System, switch: Switch, index: int) -> RecordFormula:
+    """The angle of a torsion spring, within half a turn of its mode; see `elements.torsion`."""
+    model = system.model
+    (element,) = (e for e in system.elements if e.element.name == switch.torsion)
+    faces = [face for face in element.element.ends if isinstance(face, Face)]
+    output = Output(f"switch_{switch.number}", "rotation", bodies=tuple(face.body for face in faces))
+    links = links_of(system, output)
+    slots = FormulaSlots(model)
+    expressions = [*ORIGIN, *expressions_of(system, output.on), *(element.axis.vector or ())]
+    for face in faces:
+        expressions += [e for axis, angle in face.rotation for e in (*axis, angle)]
+    canonical = {e: slots.convert(e.tree) for e in expressions}
+    mode = slots.convert(("name", f"{MODE}{switch.number}"))
+    i, j = (element.axis.index + 1) % 3, (element.axis.index + 2) % 3
+
+    def write(x: Expansion, tangents: bool) -> list[Value]:
+        records = Records(x, system, links, canonical, tangents)
+
+        def across(face: Face) -> tuple[Vector, Vector]:
+            _, R = place(((ORIGIN, face.rotation),), records.evaluate, SYMBOLIC, x.let)
+            F = frame_matrix(element.axis, records.evaluate, SYMBOLIC["sqrt"], x.let)
+            base = transpose(
+                [[x.let("face", e) for e in row] for row in matmul(records.attitude(face.body), matmul(R, F))]
+            )
+            return base[i], base[j]
+
+        (x_s, y_s), (x_e, y_e) = map(across, faces)
+        sine = x.let("sine", dot(x_e, y_s) - dot(x_s, y_e))
+        cosine = x.let("cosine", dot(x_s, x_e) + dot(y_s, y_e))
+        angle = x.let("angle", x.call("atan2", sine, cosine))
+        return [x.let("value", x.call("held_turn", angle, x.entry(argument(mode[1]), mode[2])))]
+
+    value, tangent = value_and_tangent(write, index, "switches", "an angle that jumps at half a turn")
+    return RecordFormula(
+        index, "switches", value, tangent, [(c, n) for n, (c, _) in enumerate(slots.slots)],
+        [(switch.number, links, [n for _, n in slots.slots], list(slots.numbers))], [switch.places[0]],
+    )  # fmt: skip
 
 
 def _record(system: System, switch: Switch, index: int) -> RecordFormula:

@@ -65,7 +65,8 @@ class PlacedElement:
     axis : Frame
         Of the axis of its faces.
     forms : tuple of Tree
-        Its coefficients, with ``("name", "coefficient", i)`` for the parts that are evaluated beforehand and ``("name",
+        Its coefficients, then the mode of an angle that jumps at half a turn, with
+        ``("name", "coefficient", i)`` for the parts that are evaluated beforehand and ``("name",
         "position", end, i)`` and ``("name", "velocity", end, i)`` for what points do.
     parts : tuple of (str, Tree)
         Those parts, each with the key of the model file where it stands.
@@ -217,7 +218,8 @@ def placed_elements(
     carriers = [*carriers, (GROUND, way_of_ground)]  # which is the one at `GROUND`
     first = {True: 0, False: 0}
     for element in model.loads:
-        e = _placed(element, links, carriers, evaluate, first[element.has_energy], model.switches.hold)
+        e = _placed(element, links, carriers, evaluate, first[element.has_energy], model.switches.hold,
+            model.switches.turn_of(element.name))  # fmt: skip
         first[element.has_energy] += len(e.parts)
         key = (e.structure(), *map(id, e.expressions()))
         if key not in known:
@@ -238,6 +240,7 @@ def _placed(
     evaluate: NumberOf,
     first: int,
     hold: Callable[[Tree], Tree],
+    turn: Tree | None,
 ) -> PlacedElement:
     places: list[Point | Face] = [*element.ends, *element.measured]
     on: list[int] = []
@@ -254,6 +257,9 @@ def _placed(
     for name, e in zip(element.keys, element.coefficients, strict=True):
         forms.append(split(hold(e.tree), ends, parts))
         keys += [name] * (len(parts) - len(keys))
+    if turn is not None:
+        forms.append(split(turn, ends, parts))
+        keys.append("angle")
     return PlacedElement(
         element, distinct, tuple(distinct.index(i) for i in on), tuple(steps),
         tuple(BODY_FRAME if i == GROUND else links[i].frame for i in on),

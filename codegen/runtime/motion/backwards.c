@@ -39,7 +39,7 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->dinputs = ordernm_numbers(&of, s->ninputs*width);
     a->weights = ordernm_numbers(&of, s->noutputs*width);
     a->next = ordernm_numbers(&of, s->nswitches ? values : 0);
-    a->next_modes = ordernm_numbers(&of, s->nswitches);
+    a->next_modes = ordernm_numbers(&of, 2*s->nswitches);
     a->p = ordernm_numbers(&of, a->ngroups*s->np*width);
     a->inputs = ordernm_numbers(&of, a->ngroups*problem->inputs.count*s->ninputs*width);
     if (problem->method == ORDERNM_RADAU && s->nfree_q + s->nfree_u)
@@ -306,7 +306,7 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
             a->has_next = 1;
             a->next_t = m->t;
             memcpy(a->next, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
-            memcpy(a->next_modes, step + ORDERNM_STEP_HEAD, m->system->nswitches*sizeof(double));
+            memcpy(a->next_modes, step + ORDERNM_STEP_HEAD, 2*m->system->nswitches*sizeof(double));
         }
         if (!status) continue;
         a->gradients->singular = status;

@@ -169,7 +169,7 @@ long ordernm_step_size(const ordernm_problem *p)
     return ordernm_head_size(p) + state + stages;
 }
 
-long ordernm_head_size(const ordernm_problem *p) { return ORDERNM_STEP_HEAD + p->system->nswitches; }
+long ordernm_head_size(const ordernm_problem *p) { return ORDERNM_STEP_HEAD + 2*p->system->nswitches; }
 
 long ordernm_known_size(const ordernm_problem *p)
 {

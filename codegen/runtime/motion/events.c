@@ -34,7 +34,7 @@ int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g)
     if (!m->nheld) return 0;
     c.switches = m->switches;
     status = m->system->switches(&c);
-    for (int i = 0; i < m->nheld; ++i) g[p->nevents + i] = m->modes[m->held[i]]*m->switches[m->held[i]];
+    for (int i = 0; i < m->nheld; ++i) g[p->nevents + i] = ordernm_side(m, m->held[i]);
     return status;
 }
 

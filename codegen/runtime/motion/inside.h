@@ -244,6 +244,7 @@ int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
 /* switches.c */
 void ordernm_hold_switches(ordernm_motion *m);
 int ordernm_switching(ordernm_motion *m, double t, const double *z);
+double ordernm_side(const ordernm_motion *m, int k);
 int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides);
 int ordernm_choose_modes(ordernm_motion *m, double t, const double *z);
 int ordernm_pass_switches(ordernm_motion *m);

@@ -52,6 +52,10 @@ typedef struct {
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
 } ordernm_precise;
 
+/* What the mode of a switch is: the sign of its function, or the angle near which its function, an angle that jumps at half a turn, is
+ * measured. */
+enum { ORDERNM_SIGN, ORDERNM_TURN };
+
 typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;
     int plain_rates;                       /* the coordinates' time derivatives are the speeds */
@@ -64,6 +68,7 @@ typedef struct {
     const int *kept;                       /* conditions of closure that no others imply */
     int split;                             /* a joint has independent and dependent speeds */
     int nswitches;                         /* switching functions, at whose zeros forces or outputs change their branch ... */
+    const int *switch_kind;                /* ... see ORDERNM_SIGN ... */
     const int *drives;                     /* ... which of them forces have ... */
     int nswitch_outputs;                   /* ... and pairs of one that an output has, and that output */
     const int *switch_of_output;
@@ -216,7 +221,7 @@ int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count)
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
 /* Makes steps again that were kept: from the first row of steps, whose state is there, from the heads of all rows, which are
- * ORDERNM_STEP_HEAD numbers and the modes of switches, and from what was known before the first. */
+ * ORDERNM_STEP_HEAD numbers and, of switches, modes and what has been crossed, and from what was known before the first. */
 enum { ORDERNM_STEP_HEAD = 5 };
 int ordernm_replay(ordernm_motion *motion, const double *known, double *steps, long count);
 

@@ -32,6 +32,31 @@ enum { FEW_REFUSED = 3 };
 
 static double sign_of(double x) { return (x > 0.0) - (x < 0.0); }
 
+static const double HALF_A_TURN = 3.14159265358979323846;
+
+/* How far a switch is from where its mode changes, positive on the side of the mode. */
+double ordernm_side(const ordernm_motion *m, int k)
+{
+    const double x = m->switches[k];
+    if (m->modes[k] == 0.0) return LEAST_SIDE; /* it is let go */
+    return m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN*HALF_A_TURN - x*x : m->modes[k]*x;
+}
+
+/* The mode behind the place where a switch changes it, or where it is by the state when it is beyond. */
+static double other_mode(const ordernm_motion *m, int k)
+{
+    if (m->system->switch_kind[k] == ORDERNM_TURN) return m->switches[k] > 0.0 ? -HALF_A_TURN : HALF_A_TURN;
+    return -m->modes[k];
+}
+
+/* The mode by the state, from the switching function without a mode. */
+static double mode_of(const ordernm_motion *m, int k)
+{
+    const double x = m->switches[k];
+    if (m->system->switch_kind[k] == ORDERNM_TURN) return x != 0.0 ? x : LEAST_SIDE;
+    return sign_of(x);
+}
+
 /* The modes of switches that the rates of this motion depend on are held. */
 void ordernm_hold_switches(ordernm_motion *m)
 {
@@ -100,7 +125,7 @@ static int follow(ordernm_motion *m, double t, const double *z, const double *cr
     for (int i = 0; i < m->nheld && !status; ++i) {
         const int k = m->held[i];
         if (crossed && crossed[k] != 0.0) continue;
-        if (m->modes[k]*m->switches[k] < 0.0) m->modes[k] = -m->modes[k];
+        if (ordernm_side(m, k) < 0.0) m->modes[k] = other_mode(m, k);
     }
     return status;
 }
@@ -117,7 +142,7 @@ int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides)
 {
     const int status = ordernm_switching(m, t, z);
     for (int i = 0; i < m->nheld; ++i) {
-        const double side = m->modes[m->held[i]]*m->switches[m->held[i]];
+        const double side = ordernm_side(m, m->held[i]);
         sides[i] = side > LEAST_SIDE ? side : LEAST_SIDE;
     }
     return status;
@@ -136,6 +161,11 @@ int ordernm_choose_modes(ordernm_motion *m, double t, const double *z)
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
         const double g = m->crossed[k];
+        if (m->system->switch_kind[k] != ORDERNM_SIGN) {
+            m->switches[k] = g;
+            m->modes[k] = mode_of(m, k);
+            continue;
+        }
         double way[3]; /* with the mode -1, 0, 1 */
         for (int mode = -1; mode <= 1; ++mode) {
             m->modes[k] = mode;
@@ -179,12 +209,11 @@ int ordernm_pass_switches(ordernm_motion *m)
     for (int k = 0; k < s->nswitches; ++k) {
         if (m->crossed[k] == 0.0) continue;
         double speed, way;
-        const double mode = m->modes[k];
         memcpy(before, m->rate[0], n*sizeof(double));
         if ((status = slope(m, m->t, m->z, before, k, &speed))) return status;
         if (m->ngroups && (status = along_directions(m, m->t, m->z, k))) return status;
         const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
-        m->modes[k] = -mode;
+        m->modes[k] = other_mode(m, k);
         m->changed[k] = m->t;
         count(m, k);
         if (--left == 0 && (status = follow(m, m->t, m->z, m->crossed))) return status;
@@ -194,7 +223,7 @@ int ordernm_pass_switches(ordernm_motion *m)
             continue;
         }
         if ((status = slope(m, m->t, m->z, after, k, &way))) return status;
-        if (!(mode*way < 0.0)) {
+        if (!(speed*way > 0.0)) {
             m->results->component = k;
             return SLIDES;
         }
@@ -237,14 +266,19 @@ int ordernm_let_go(ordernm_motion *m)
 /* What was let go for a step is held again. Returns what a function returned. */
 int ordernm_hold_again(ordernm_motion *m)
 {
-    int status = 0, free = 0;
-    for (int i = 0; i < m->nheld; ++i) free |= m->modes[m->held[i]] == 0.0 && m->changed[m->held[i]] < m->t;
-    if (!free || (status = ordernm_switching(m, m->t, m->z))) return status;
+    int status = 0, any = 0;
+    const int *const kind = m->system->switch_kind;
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
-        if (m->modes[k] != 0.0 || !(m->changed[k] < m->t)) continue;
-        m->modes[k] = sign_of(m->switches[k]);
-        m->switched |= m->modes[k] != 0.0;
+        any |= m->changed[k] < m->t && (m->modes[k] == 0.0 || kind[k] == ORDERNM_TURN);
+    }
+    if (!any || (status = ordernm_switching(m, m->t, m->z))) return status;
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        if (!(m->changed[k] < m->t)) continue;
+        const int free = m->modes[k] == 0.0;
+        if (free || kind[k] == ORDERNM_TURN) m->modes[k] = mode_of(m, k); /* angles are those near where the step begins */
+        m->switched |= free && m->modes[k] != 0.0;
     }
     return 0;
 }
@@ -257,19 +291,18 @@ int ordernm_follow_inputs(ordernm_motion *m)
 
 /* ---- Backwards. ---- */
 
-/* Modes as they are kept with a step: three times as large where the switch has just been crossed. */
+/* Modes as they are kept with a step, and whether the switch has just been crossed. */
 void ordernm_keep_modes(const ordernm_motion *m, double *row)
 {
-    for (int k = 0; k < m->system->nswitches; ++k) row[k] = m->modes[k]*(m->crossed[k] != 0.0 ? 3.0 : 1.0);
+    const int n = m->system->nswitches;
+    for (int k = 0; k < n; ++k) row[k] = m->modes[k], row[n + k] = m->crossed[k] != 0.0;
 }
 
 /* Modes from such a row. */
 void ordernm_take_modes(ordernm_motion *m, const double *row)
 {
-    for (int k = 0; k < m->system->nswitches; ++k) {
-        m->modes[k] = sign_of(row[k]);
-        m->crossed[k] = fabs(row[k]) > 2.0;
-    }
+    const int n = m->system->nswitches;
+    for (int k = 0; k < n; ++k) m->modes[k] = row[k], m->crossed[k] = row[n + k];
 }
 
 /* The adjoint before the switches that are crossed where the next step begins, whose modes are those of a row; the modes at hand are
@@ -278,18 +311,19 @@ int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, c
 {
     ordernm_motion *const m = a->motion;
     const int count = m->system->nswitches, n = m->ny + m->nx;
+    const double *const crossed = row + count;
     int last = -1, status = 0;
     for (int k = 0; k < count; ++k)
-        if (fabs(row[k]) > 2.0) last = k;
+        if (crossed[k] != 0.0) last = k;
     if (last < 0) return 0;
     double *const first = m->crossed;
     memcpy(first, m->modes, count*sizeof(double));
     for (int k = last; k >= 0 && !status; --k) {
-        if (fabs(row[k]) <= 2.0) continue;
+        if (crossed[k] == 0.0) continue;
         double *const after = m->next, *const before = m->trial, speed;
-        for (int i = 0; i < count; ++i) m->modes[i] = k == last || (i <= k && fabs(row[i]) > 2.0) ? sign_of(row[i]) : first[i];
+        for (int i = 0; i < count; ++i) m->modes[i] = k == last || (i <= k && crossed[i] != 0.0) ? row[i] : first[i];
         if ((status = ordernm_rates_of(m, t, z, after, 0, 0, RATES | INTEGRALS))) break;
-        for (int i = 0; i < count; ++i) m->modes[i] = i < k && fabs(row[i]) > 2.0 ? sign_of(row[i]) : first[i];
+        for (int i = 0; i < count; ++i) m->modes[i] = i < k && crossed[i] != 0.0 ? row[i] : first[i];
         if ((status = ordernm_rates_of(m, t, z, before, 0, 0, RATES | INTEGRALS))) break;
         if (!jumps(m, before, after)) continue;
         if ((status = slope(m, t, z, before, k, &speed))) break;
