@@ -95,14 +95,16 @@ def generated(wheel, tmp_path_factory):
 def test_the_wheel_holds_the_package_and_its_templates_only(wheel):
     names = [n for n in zipfile.ZipFile(wheel).namelist() if not n.endswith("/")]
     information = f"ordernm-{__version__}.dist-info"
-    assert {n.split("/")[0] for n in names} == {"codegen", information}
+    assert {n.split("/")[0] for n in names} == {"codegen", "ordernm", information}
     assert sorted(n for n in names if n.startswith("codegen/templates/")) == [f"codegen/{t}" for t in TEMPLATES]
     assert TEMPLATES
     examples = {n.removeprefix("codegen/examples/") for n in names if n.startswith("codegen/examples/")}
     assert examples > {"pendulum.yaml", "andrews.yaml"} and all((EXAMPLE.parent / n).is_file() for n in examples)
-    modules = {p.relative_to(ROOT).as_posix() for p in (ROOT / "codegen").rglob("*.py")}
+    modules = {p.relative_to(ROOT).as_posix().removeprefix("codegen/alias/") for p in (ROOT / "codegen").rglob("*.py")}
     assert {n for n in names if n.endswith(".py")} == modules
-    assert "codegen/py.typed" in names  # type checkers read the annotations
+    assert {"codegen/py.typed", "ordernm/py.typed", "ordernm/__init__.pyi"} <= set(
+        names
+    )  # type checkers read the annotations
     assert f"{information}/licenses/LICENSE" in names
 
 

@@ -1,0 +1,59 @@
+"""``import ordernm``: the package `codegen` under the name of the project, with the same module objects.
+
+``ordernm.reference is codegen.reference``: nothing is loaded twice; classes, errors and pickles are the same under both names.
+A wheel has this folder beside `codegen`, an editable install finds it where it is.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import sys
+from collections.abc import Sequence
+from types import CodeType, ModuleType
+
+import codegen
+
+ALIAS, NAME = __name__, codegen.__name__
+
+
+def _named(alias: str) -> str:
+    """The module that a name within the alias stands for."""
+    return NAME + alias.removeprefix(ALIAS)
+
+
+class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds ``ordernm.X`` by importing ``codegen.X``, and gives that module."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if not fullname.startswith(f"{ALIAS}."):
+            return None
+        found = importlib.util.find_spec(_named(fullname))
+        if found is None:
+            return None
+        spec = importlib.machinery.ModuleSpec(fullname, self, origin=found.origin, loader_state=found)
+        spec.submodule_search_locations = found.submodule_search_locations
+        return spec
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
+        module = importlib.import_module(_named(spec.name))
+        spec.loader_state = module.__spec__  # `spec` is about to take its place
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        if module.__spec__ is not None and module.__spec__.loader is self:
+            module.__spec__ = module.__spec__.loader_state
+
+    def get_code(self, fullname: str) -> CodeType | None:
+        """For ``python -m ordernm``."""
+        found = importlib.util.find_spec(_named(fullname))
+        loader = None if found is None else found.loader
+        return loader.get_code(_named(fullname)) if isinstance(loader, importlib.abc.InspectLoader) else None
+
+
+sys.meta_path.insert(0, _Finder())
+sys.modules[ALIAS] = codegen

@@ -1,0 +1,2 @@
+from codegen import *
+from codegen import __version__ as __version__
