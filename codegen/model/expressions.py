@@ -126,10 +126,11 @@ class Expression:
         Free names, such as ``L``, ``t``, ``q.crank`` or ``u.ball.wx``.
     """
 
-    __slots__ = ("__weakref__", "_names", "tree")
+    __slots__ = ("__weakref__", "_has_units", "_names", "tree")
 
     tree: Tree
     _names: frozenset[str] | None
+    _has_units: bool | None
 
     def __new__(cls, tree: Tree) -> Expression:
         known = _interned.get(tree)
@@ -138,6 +139,7 @@ class Expression:
         self = super().__new__(cls)
         object.__setattr__(self, "tree", tree)
         object.__setattr__(self, "_names", None)
+        object.__setattr__(self, "_has_units", None)
         return _interned.setdefault(tree, self)
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -159,6 +161,13 @@ class Expression:
             object.__setattr__(self, "_names", frozenset(found))
         assert self._names is not None
         return self._names
+
+    @property
+    def has_units(self) -> bool:
+        """Whether a number in it, as it is written, has a unit."""
+        if self._has_units is None:
+            object.__setattr__(self, "_has_units", has_units(self.tree))
+        return bool(self._has_units)
 
     @property
     def is_number(self) -> bool:
@@ -594,6 +603,14 @@ def index_text(tree: Tree, numbers: Numbers) -> str:
             return value
         if type(value) is int and value >= 0:
             return str(value)
+    elif (
+        tree[0] in ("+", "-") and tree[1][0] == "name" and tree[2][0] == "number"
+    ):  # the neighbour, by far the most frequent
+        value, step = numbers.get(tree[1][1]), tree[2][1]
+        if type(value) is int and type(step) is int:
+            value = value + step if tree[0] == "+" else value - step
+            if 0 <= value < _EXACT:
+                return str(value)
     bound = _bind(tree, numbers)
     if bound[0] == "number" and isinstance(bound[1], int) and bound[1] >= 0:
         return str(bound[1])
@@ -681,16 +698,68 @@ class Binder:
     def __init__(self, constants: Mapping[str, Number | str]) -> None:
         self.constants = constants
         self._results: dict[Expression, Expression] = {}
+        self._computed: dict[tuple[Expression, tuple[str, ...]], Computed | None] = {}
 
     def __call__(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
         """`bind` to the constants and these repeat indices."""
         names = expression.names
-        if any(i in names for i in indices):
+        if not names.isdisjoint(indices):
+            key = expression, tuple(indices)
+            if key in self._computed:
+                compute = self._computed[key]
+            else:
+                compute = self._computed[key] = _computed(expression.tree, indices, self.constants)
+            if compute is not None:
+                try:
+                    return Expression(("number", compute(indices)))
+                except (ArithmeticError, ValueError, TypeError):
+                    pass  # a label, or no finite value: `bind` says so
             return bind(expression, Scope(indices, self.constants))
         result = self._results.get(expression)
         if result is None:
             result = self._results[expression] = bind(expression, self.constants)
         return result
+
+
+Computed = Callable[[Mapping[str, Any]], Number]
+"""The number of an expression for values of indices."""
+
+
+def _computed(
+    tree: Tree, indices: Mapping[str, Number | str], constants: Mapping[str, Number | str]
+) -> Computed | None:
+    """How to compute an expression that has no names but indices and constants that are numbers; None for any other.
+
+    It computes the same as `bind`, operation by operation, in a third of the time where many indices follow.
+    """
+    kind = tree[0]
+    if kind in ("number", "quantity"):
+        number = tree[1]
+        return lambda _: number
+    if kind == "name":
+        name = tree[1]
+        if name in indices:
+            return operator.itemgetter(name) if type(indices[name]) is int else None
+        value = constants.get(name)
+        if value is None or isinstance(value, str):
+            return None
+        constant = _canonical(value)
+        return lambda _: constant
+    arguments = tree[2:] if kind == "call" else tree[1:]
+    function = FLOAT_FUNCTIONS.get(tree[1]) if kind == "call" and tree[1] != AT_LEAST else None
+    if function is None and kind not in _PRECEDENCE or len(arguments) > 2:
+        return None
+    inner = [_computed(a, indices, constants) for a in arguments]
+    first, second = inner[0], inner[-1]
+    if first is None or second is None:
+        return None
+    if len(inner) == 1:
+        one = function or operator.neg
+        return lambda at: _canonical(one(first(at)))
+    if function is not None:
+        two = function
+        return lambda at: _canonical(two(first(at), second(at)))
+    return lambda at: _canonical(_compute(kind, first(at), second(at)))
 
 
 # --- parsing ----------------------------------------------------------------------------------------------------

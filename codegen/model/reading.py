@@ -26,7 +26,7 @@ from .expressions import (
     Tree,
     compares,
     has_factors,
-    has_units,
+    parse,
     vector_key,
 )
 from .parts import Files, Instance, Part
@@ -215,7 +215,7 @@ class Reader:
             if not _is_said(expression):
                 self.report(at, sub, prefix + error.message, inside=error.column)
             return ZERO
-        if (has_units(expression.tree) or at.part.dimensions) and not self._fits(expression, at, sub):
+        if (expression.has_units or at.part.dimensions) and not self._fits(expression, at, sub):
             return ZERO
         if result.tree[0] != "number" and (result, scope) not in self._checked:
             if not self._check(result, expression, at, sub, scope):
@@ -563,6 +563,11 @@ class Reader:
 
     def parsed(self, at: Instance, sub: Path_, value: Any) -> Expression | None:
         """The expression that is written at a path, or None after a problem."""
+        if type(value) is str:
+            try:
+                return parse(value)
+            except ExpressionError:
+                pass  # reported below, as it is for other values
         try:
             found: Expression = _EXPRESSION.validate_python(value)
             return found

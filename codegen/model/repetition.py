@@ -217,4 +217,6 @@ def name_of(tree: Any, numbers: Numbers) -> str:
     """
     if tree[0] == "name":
         return str(tree[1])
+    if len(tree[2]) == 1:
+        return f"{tree[1]}_{index_text(tree[2][0], numbers)}{tree[3]}"
     return "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]) + str(tree[3])

@@ -12,7 +12,8 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codegen.model.expressions import FUNCTIONS, Binder, Expression, ExpressionError, bind, functions_for, parse
+from codegen.model import ModelError, parse_model
+from codegen.model.expressions import FUNCTIONS, Binder, Expression, ExpressionError, Scope, bind, functions_for, parse
 
 VALUES = {"x": 0.7, "y": -1.3, "L": 2.5, "q.a.1": 0.4, "u.ball.wx": 1.7}
 
@@ -203,3 +204,38 @@ def test_hostile_nesting_is_an_error(text):
 def test_random_texts_are_expressions_or_expression_errors(text):
     with contextlib.suppress(ExpressionError):
         bind(parse(text), {"x": 2})
+
+
+COMPUTED = [
+    "0.3*sin(k)", "1 - k % 2", "k/3", "-k**2", "2**k", "n*k - j", "max(k, j)*pi", "sqrt(k - 3)", "1/(k - 2)", "log(k - 1)",
+    "exp(400*k)", "k % (j - 2)", "(k - 2)**-1", "1e200*k*1e200", "0*(1/(k - 2))", "abs(-k)", "atan2(k, j)", "k*L",
+    "if(k < 2, 1, 2)", "side + k", "k + m",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", COMPUTED)
+def test_what_is_computed_of_indices_is_what_binding_gives(text):
+    """The short way of many repetitions: the same objects, and the same words where there is no number."""
+    constants = {"n": 12, "pi": math.pi, "m": 0.1}
+    binder, expression = Binder(constants), parse(text)
+    for k in range(5):
+        for j in (0, 2):
+            for side in ("left", 3):
+                indices = {"k": k, "j": j, "side": side}
+                found = []
+                for bound in (binder, lambda e, i: bind(e, Scope(i, constants))):
+                    try:
+                        found.append(bound(expression, indices))
+                    except ExpressionError as error:
+                        found.append(error.message)
+                assert found[0] == found[1] and (isinstance(found[0], str) or found[0] is found[1])
+
+
+def test_a_large_model_with_a_wrong_parent_is_refused_before_its_numbers_are_read(monkeypatch):
+    from codegen.model.sections import bodies
+
+    text = "model: c\nbodies:\n  repeat k in 1..6000:\n    b(k): {parent: b(k-2), joint: {type: revolute, axis: y}, mass: k}\n"
+    monkeypatch.setattr(bodies._PartsReader, "of", lambda *_: pytest.fail("no numbers are to be read"))
+    with pytest.raises(ModelError, match=r"unknown body 'b_0'|is -1") as caught:
+        parse_model(text)
+    assert len(caught.value.problems) == 1

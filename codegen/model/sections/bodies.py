@@ -14,13 +14,16 @@ from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader, TooManyProblems, some
-from ..repetition import CannotGoOn
+from ..repetition import CannotGoOn, name_of
 from ..schema import BodyEntry, BodyJoint
 from ..shapes import Inertia, mass_properties
 from .digits import check_axis
 from .placement import Bound, bound_entry, expressions_of, rotation, vector
 
 MAX_BODIES: Final = 200_000
+LARGE, FEW_WRONG = 5000, 100
+"""A model of more than `LARGE` bodies with up to so many wrong parents is refused before its numbers are read."""
+
 MAX_DIFFERENT: Final = 40_000
 """So many of those of repeat blocks may differ in their numbers; those that do not are read once."""
 
@@ -83,14 +86,16 @@ def read_bodies(reader: Reader) -> BodySection:
     section.index = {n: i for i, n in enumerate(section.names)}
     section.frames = {**section.index, "ground": GROUND}
     _build(reader, section)
+    of_motion, allowed = reader.units_of_motion, reader.allowed["motion"]
     for spec, name in zip(section.specs, section.names, strict=True):
         if spec is not None:
             groups = joint_coordinates(name, spec.joint.type)
             all_units = (spec.joint.coordinate_units, spec.joint.speed_units)
             for prefix, group, units in zip("qu", groups, all_units, strict=True):
-                reader.units_of_motion[prefix, name] = units
-                reader.units_of_motion.update({(prefix, n): (u,) for n, u in zip(group, units, strict=True)})
-                reader.allowed["motion"].update(dict.fromkeys(f"{prefix}.{n}" for n in group))
+                of_motion[prefix, name] = units
+                for n, unit in zip(group, units, strict=True):
+                    of_motion[prefix, n] = (unit,)
+                    allowed[f"{prefix}.{n}"] = None
         if not reader.is_whole(spec):
             reader.broken.add(name)
     return section
@@ -106,6 +111,8 @@ def _entries(reader: Reader) -> Iterator[Instance]:
 
 def _build(reader: Reader, section: BodySection) -> None:
     """The bodies; those that could not be read are left out, after their report."""
+    if len(section.names) > LARGE:
+        _refuse_few_wrong_parents(reader, section)
     parts = _PartsReader(reader)
     sound: list[tuple[Instance, Body]] = []
     tolerated: list[int] = []
@@ -134,6 +141,32 @@ def _build(reader: Reader, section: BodySection) -> None:
     section.is_sound = section.is_tree and len(sound) == len(section.names)
     for found in checks.check_inertia([b for _, b in sound], reader.numeric, tolerated, section.is_sound):
         _report_finding(reader, sound[found[0]][0], found)
+
+
+def _refuse_few_wrong_parents(reader: Reader, section: BodySection) -> None:
+    """Refuse a large model with a few wrong parents at once: to read all of its numbers would take longest.
+
+    Mistakes of many repetitions end the reading themselves.
+
+    Raises
+    ------
+    CannotGoOn
+    """
+    wrong = []
+    for at, spec in zip(section.instances, section.specs, strict=True):
+        if spec is not None:
+            try:
+                known = at.part.referred(name_of(spec.parent.tree, reader.numbers(at))) in section.frames
+            except ExpressionError:
+                known = False
+            if not known:
+                wrong.append((spec, at))
+                if len(wrong) > FEW_WRONG:
+                    return
+    for spec, at in wrong:
+        body_index(reader, spec.parent, at, ("parent",), section.frames)
+    if wrong:
+        raise CannotGoOn
 
 
 def check_freedoms(

@@ -100,7 +100,7 @@ def _initial_value(
             reader.report(at, (), unknown, key=True)
             return
         entries = (name,)
-    held = [n for n in entries if f"q.{n}" in reader.prescribed]
+    held = [n for n in entries if f"q.{n}" in reader.prescribed] if reader.prescribed else []
     if held:
         message = f"{what} {held[0]!r} is prescribed under `motion`, which says where it begins; leave it out here"
         reader.report(at, (), message, key=True)
