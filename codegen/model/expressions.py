@@ -747,7 +747,7 @@ def _computed(
         return lambda _: constant
     arguments = tree[2:] if kind == "call" else tree[1:]
     function = FLOAT_FUNCTIONS.get(tree[1]) if kind == "call" and tree[1] != AT_LEAST else None
-    if function is None and kind not in _PRECEDENCE or len(arguments) > 2:
+    if (function is None and kind not in _PRECEDENCE) or len(arguments) > 2:
         return None
     inner = [_computed(a, indices, constants) for a in arguments]
     first, second = inner[0], inner[-1]
