@@ -107,7 +107,9 @@ def function(rng: np.random.Generator, model: Model) -> str:
 
 def prescribed(model: Model, motion: dict[str, Expression]) -> Model:
     """A model as a file would have made it with this motion, and outputs for all driving forces."""
-    by = {f"q.{n}": e.tree for n, e in motion.items()} | {f"u.{n}": rate(e).tree for n, e in motion.items()}
+    moving = frozenset(model.inputs)
+    by = {f"q.{n}": e.tree for n, e in motion.items()}
+    by |= {f"u.{n}": rate(e, moving=moving).tree for n, e in motion.items()}
 
     def known(value: Any) -> Any:
         if isinstance(value, Expression):

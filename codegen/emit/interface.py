@@ -109,6 +109,7 @@ def manifest(
         **_switches(model, procedures),
         "parameter_units": [p.unit for p in model.parameters],
         "input_names": list(model.inputs),
+        **({"moving_inputs": list(model.moving_inputs)} if model.moving_inputs else {}),
         "output_names": [o.name for o in model.outputs],
         "output_units": list(model.output_units),
         "closure_names": list(model.closure_names),

@@ -66,6 +66,7 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
         "free_u": list(free_u),
         "quaternion": manifest["quaternions"],
         "kept": [k for k in range(len(model.closure_names)) if k not in dropped],
+        "moving": [model.inputs.index(n) for n in model.moving_inputs],
     }
     shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in set(free_u)}
     split = any(n.partition(".")[0] in shared for n in (model.coordinate_names[i] for i in free_q))
@@ -92,6 +93,8 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
     ):
         members.append(f".{counter} = {len(tables[table])}")
         members += [f".{table} = {table}"] if tables[table] else []
+    if tables["moving"]:
+        members += [f".nmoving = {len(tables['moving'])}", ".moving = moving"]
     members += [f".{f} = {f}" for f in VALUES if f in functions]
     backwards = []
     for f in ALONG:

@@ -7,7 +7,7 @@ lines of a ``repeat`` hold the same `Expression` objects, and the generator reco
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,7 +21,7 @@ from .forces.torsion import Torsion
 from .joints import JOINTS, Closure, JointType
 from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
-from .rates import rate
+from .rates import rate, rates_of
 from .surfaces import SurfaceFunction, surface_function
 from .switches import Switches
 
@@ -367,6 +367,32 @@ class Model:
     digest: str = field(default="", repr=False, compare=False)
     points: tuple[Point, ...] = ()
 
+    def __post_init__(self) -> None:
+        known = set(self.inputs)
+        read = frozenset[str]().union(*(e.names for e in self.motion.values()))
+        more = [
+            x for n in self.inputs if n in read and n not in self._rates(known) for x in rates_of(n) if x not in known
+        ]
+        if more:
+            object.__setattr__(self, "inputs", (*self.inputs, *more))
+
+    @staticmethod
+    def _rates(inputs: Collection[str]) -> set[str]:
+        """Those of some inputs that are time derivatives of others."""
+        return {x for n in inputs for x in rates_of(n) if x in inputs}
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """The inputs that the file names: the first of `inputs`, without the time derivatives that follow from them."""
+        rates = self._rates(set(self.inputs))
+        return tuple(n for n in self.inputs if n not in rates)
+
+    @cached_property
+    def moving_inputs(self) -> tuple[str, ...]:
+        """The signals that prescribed motion reads, in the order in which their time derivatives follow the signals."""
+        known = set(self.inputs)
+        return tuple(n for n in self.inputs if rates_of(n)[0] in known)
+
     def problem(self, path: str, message: str) -> Problem:
         """A problem found after loading, such as a force without a value, at the entry that a path leads to."""
         section, _, rest = path.partition(".")
@@ -398,7 +424,9 @@ class Model:
             for i, name in enumerate(joint_coordinates(b.name, b.joint.type)[0]):
                 if name in self.motion:
                     value = self.motion[name]
-                    found.append(Prescribed(name, k, i, (value, rate(value), rate(rate(value)))))
+                    moving = frozenset(self.moving_inputs)
+                    first = rate(value, moving=moving)
+                    found.append(Prescribed(name, k, i, (value, first, rate(first, moving=moving))))
         return tuple(found)
 
     @property

@@ -1,5 +1,7 @@
 """Derivatives of expressions by one name, as expressions: what the rate of a prescribed coordinate is.
 
+By time, inputs that prescribed motion reads have derivatives too, which are inputs themselves: see `rates_of`.
+
 They are exact: rules of differentiation, operation by operation, with what is zero left out. At the kinks of `abs`, `sign`,
 `min`, `max` and where comparisons change, where there is no derivative, the expression has the value that these rules give there.
 """
@@ -7,6 +9,7 @@ They are exact: rules of differentiation, operation by operation, with what is z
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Final
 
 from .expressions import AT_LEAST, Expression, Tree, combine
 from .slopes import is_singular, slope
@@ -16,32 +19,56 @@ ONE: Tree = ("number", 1)
 TWO: Tree = ("number", 2)
 
 
-def rate(expression: Expression, name: str = "t") -> Expression:
+ORDERS: Final = ("rate", "acceleration")
+"""What an input over time brings beside its value where prescribed motion reads it, as ``way.rate`` and ``way.acceleration``."""
+
+
+def rates_of(name: str) -> tuple[str, str]:
+    """The names of an input's first and second time derivative."""
+    return f"{name}.{ORDERS[0]}", f"{name}.{ORDERS[1]}"
+
+
+def rate(expression: Expression, name: str = "t", moving: frozenset[str] = frozenset()) -> Expression:
     """The derivative of an expression by a name that stands in it.
+
+    Parameters
+    ----------
+    moving : frozenset of str
+        Inputs that change with it: the derivative of ``way`` is ``way.rate``, that of ``way.rate`` is ``way.acceleration``, and
+        that of this is zero, for more is not known.
 
     Raises
     ------
     ExpressionError
         A number of the derivative is not finite.
     """
+    by = {name: ONE}
+    for n in moving:
+        first, second = rates_of(n)
+        by |= {n: ("name", first), first: ("name", second)}
     tree = expression.tree
-    return Expression(slope(tree, ("name", name)) if is_singular(tree) else derivative(tree, name))
+    if not is_singular(tree):
+        return Expression(derivative(tree, frozenset(by.items())))
+    found = ZERO
+    for n in sorted(expression.names & by.keys()):
+        found = combine("+", found, combine("*", slope(tree, ("name", n)), by[n]))
+    return Expression(found)
 
 
 @lru_cache(maxsize=4096)
-def derivative(tree: Tree, name: str) -> Tree:
-    """The same of a tree."""
+def derivative(tree: Tree, by: frozenset[tuple[str, Tree]]) -> Tree:
+    """The same of a tree; `by` has the derivatives of names, those of others are zero."""
     kind = tree[0]
     if kind == "number":
         return ZERO
     if kind == "name":
-        return ONE if tree[1] == name else ZERO
+        return next((d for n, d in by if n == tree[1]), ZERO)
     if kind == "call":
-        return _of_call(tree[1], tree[2:], tuple(derivative(a, name) for a in tree[2:]))
+        return _of_call(tree[1], tree[2:], tuple(derivative(a, by) for a in tree[2:]))
     if kind == "neg":
-        return combine("neg", derivative(tree[1], name))
+        return combine("neg", derivative(tree[1], by))
     a, b = tree[1:]
-    da, db = derivative(a, name), derivative(b, name)
+    da, db = derivative(a, by), derivative(b, by)
     if kind in ("+", "-"):
         return combine(kind, da, db)
     if kind == "*":
@@ -113,4 +140,4 @@ def _replaced(tree: Tree, by: dict[str, Tree]) -> Tree:
     return combine(kind, *(_replaced(a, by) for a in tree[1:]))
 
 
-__all__ = ["rate", "with_names_replaced"]
+__all__ = ["rate", "rates_of", "with_names_replaced"]

@@ -139,7 +139,9 @@ def take_experiments(
         twice = [n for n in own_names if n in _mapping(wanted)]
         if twice:
             raise ValueError(f"fit: {twice[0]} is a variable of all experiments and of {label}; name it once")
-        v = Variables(solver, both, one["q"], one["u"], one["p"], one["inputs"])
+        last = np.max(one["times"]) if one["times"] is not None and np.size(one["times"]) else one["start"] + 1.0
+        interval = (float(one["start"]), float(last))
+        v = Variables(solver, both, one["q"], one["u"], one["p"], one["inputs"], interval)
         places = []
         for k, name in enumerate(v.names):
             is_own = any(name == n or name.startswith(f"{n}[") for n in own_names)

@@ -219,8 +219,10 @@ def objective(
     if integrator == "rk4" and "step" not in options:
         raise ValueError("integrator 'rk4' takes constant steps: give step, s")
     settings = {"method": method, "integrator": integrator, "rtol": rtol, "atol": atol, **options}
+    ends = np.asarray(t, float).reshape(-1)
+    interval = (float(ends[0]) if ends.size > 1 else 0.0, float(ends[-1]))
     return Objective(
-        solver, t, functionals, Variables(solver, variables, q, u, p, inputs), weights=weights, combine=combine,
+        solver, t, functionals, Variables(solver, variables, q, u, p, inputs, interval), weights=weights, combine=combine,
         on_failure=on_failure, options=settings,
     )  # fmt: skip
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from .standalone.arguments import some
 from .standalone.arrays import Array, Numbers
-from .standalone.motion_inputs import Inputs, take_inputs
 from .standalone.named_entries import Entry, apart, look_up_all, names_of
+from .standalone.signals import Interval, take_inputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,19 +58,22 @@ class Variables:
         u: Numbers = None,
         p: Numbers = None,
         inputs: Any = None,
+        interval: Interval | None = None,
     ):
         self.solver = solver
         self._p: Array = solver._arguments.take({"p": p}, solver._left_out)[0]["p"]
         if self._p.ndim != 1:
             raise ValueError(f"p has shape {self._p.shape}, expected ({solver.np},): one motion at a time")
-        self._inputs = take_inputs(solver.input_names, inputs)
+        self._inputs = take_inputs(solver.signal_names, inputs, solver.moving_inputs, interval)
         self._q, self._u = (_by_name(n, x, names) for n, x, names in
                             (("q", q, solver.coordinate_names), ("u", u, solver.speed_names)))  # fmt: skip
         asked = _asked(wanted)
         groups = [self._expanded(name) for name in asked]
         self.names: tuple[str, ...] = tuple(n for g in groups for n in g)
         self._places = self._looked_up()
-        self._start_state = solver.assemble(self._q or None, self._u or None, self._p)
+        self._begin = interval[0] if interval else 0.0
+        begin = self._inputs.at(self._begin), self._begin
+        self._start_state = solver.assemble(self._q or None, self._u or None, self._p, *begin)
         given = np.array([self._value(place) for place in self._places])
         n = len(self.names)
         self.start, self.lower, self.upper, self.scale = given, np.full(n, -np.inf), np.full(n, np.inf), np.ones(n)
@@ -133,7 +136,7 @@ class Variables:
             The initial state does not exist.
         """
         values, solver = self.values(x), self.solver
-        p, inputs = self._p.copy(), self._inputs.values.copy()
+        p, inputs = self._p.copy(), dict[tuple[int, int], float]()
         q, u = dict(self._q), dict(self._u)
         for value, (kind, at, row) in zip(values, self._places, strict=True):
             match kind:
@@ -144,18 +147,19 @@ class Variables:
                 case "u":
                     u[solver.speed_names[at]] = value
                 case _:
-                    inputs[row, at] = value
-        spline = Inputs(self._inputs.degree, self._inputs.knots, inputs)
+                    inputs[at, row or 0] = value
+        spline = self._inputs.changed(inputs)
         if not q and not u:
             return {"q": None, "u": None, "p": p, "inputs": spline}
-        first_q, first_u = solver.assemble(q or None, u or None, p)
+        begin = spline.at(self._begin), self._begin
+        first_q, first_u = solver.assemble(q or None, u or None, p, *begin)
         found = {"q": first_q, "u": first_u, "p": p, "inputs": spline}
         if derivatives and self.names:
-            found |= self._derivatives(first_q, first_u, p, q, u)
+            found |= self._derivatives(first_q, first_u, p, begin, q, u)
         return found
 
     def _derivatives(
-        self, q: Array, u: Array, p: Array, given_q: Iterable[str], given_u: Iterable[str]
+        self, q: Array, u: Array, p: Array, begin: tuple[Array, float], given_q: Iterable[str], given_u: Iterable[str]
     ) -> dict[str, Array]:
         """Derivatives of the initial state by the variables, (n, nq) and (n, nu): those of the model where it gives values."""
         solver, n = self.solver, len(self)
@@ -175,17 +179,17 @@ class Variables:
         for i, (kind, at, _) in enumerate(self._places):
             if kind in "qu":
                 (dq if kind == "q" else du)[i, at] = 1.0
-        _, _, dq, du = solver.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
+        _, _, dq, du = solver.assemble_sensitivities(q, u, p, *begin, dq=dq, du=du, dp=dp)
         return {"dq0": dq, "du0": du}
 
     # -- what is asked for ---------------------------------------------------------------------------------------------
 
     def _expanded(self, name: str) -> list[str]:
         """A whole input as its values, a vector as its entries, anything else as it is."""
-        count = len(self._inputs.values)
         of = name.removeprefix("inputs.")
-        if of != name and of in self.solver.input_names:
-            return [f"{name}[{i}]" for i in range(count)]
+        if of != name and of in self.solver.signal_names:
+            count = self._inputs.counts()[self.solver.signal_names.index(of)]
+            return [f"{name}[{i}]" for i in range(count or 1)]
         return list(apart(names_of(self.solver), (name,)))
 
     def _looked_up(self) -> list[Entry]:
@@ -193,14 +197,14 @@ class Variables:
         if not self.names:
             raise ValueError("there are no variables; name some, such as a parameter, q0.NAME or inputs.NAME")
         try:
-            return look_up_all(names_of(self.solver), self.names, len(self._inputs.values))
+            return look_up_all(names_of(self.solver), self.names, self._inputs.counts())
         except ValueError as error:
             raise ValueError(str(error).replace("sensitivities", "variables", 1)) from None
 
     def _value(self, place: Entry) -> float:
         """Its value in the motion that was given."""
         if place.of == "inputs":
-            return float(self._inputs.values[place.row, place.at])
+            return self._inputs.value(place.at, place.row or 0)
         return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[place.of][place.at])
 
     def _set(self, name: str, v: Variable, at: slice) -> None:

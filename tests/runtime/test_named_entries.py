@@ -21,7 +21,7 @@ NAMES = Names(("mass", "length"), ("motor", "brake"), ("a", "b", "c"), ("a", "b"
     ],
 )  # fmt: skip
 def test_names_stand_for_entries(name: str, entry: Entry) -> None:
-    assert look_up(NAMES, name, 3) == entry
+    assert look_up(NAMES, name, (3, 3)) == entry
 
 
 @pytest.mark.parametrize(
@@ -31,13 +31,13 @@ def test_names_stand_for_entries(name: str, entry: Entry) -> None:
         ((4,), "sensitivities hold 4; names are needed, such as 'length' or 'q0.crank'"),
         (("q0.b",), "sensitivities: q0.b is dependent, it follows from a; name one of these"),
         (("u0.b",), "sensitivities: u0.b is dependent, it follows from a, c; name one of these"),
-        (("inputs.motor[3]",), "sensitivities: inputs.motor[3]: the inputs have 3 values, counted from 0"),
+        (("inputs.motor[3]",), "sensitivities: inputs.motor[3]: the input has 3 values, counted from 0"),
         (("lenght",), "expected is any of mass, length, q0.a, u0.a, u0.c, inputs.motor, inputs.brake; did you mean 'length'?"),
     ],
 )  # fmt: skip
 def test_others_are_refused(asked: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ValueError, match=re.escape(message)):
-        look_up_all(NAMES, asked, 3)
+        look_up_all(NAMES, asked, (3, 3))
 
 
 def test_a_state_of_rest_has_whole_inputs_only() -> None:
@@ -62,4 +62,4 @@ def test_a_vector_stands_for_its_entries() -> None:
     assert apart(names, asked) == expected  # what stands for nothing stays, to be refused by its own name
     assert named_directions("pin", names.parameters, names.inputs).names == vector
     with pytest.raises(ValueError, match=re.escape("sensitivities name something twice")):
-        look_up_all(names, apart(names, ("pin.x", "pin")), 3)
+        look_up_all(names, apart(names, ("pin.x", "pin")), (3,))

@@ -12,7 +12,7 @@ from ..expressions import Expression, ExpressionError
 from ..joints import JointType
 from ..model import joint_coordinates
 from ..parts import Instance
-from ..rates import rate
+from ..rates import rate, rates_of
 from ..reading import Reader, some
 from ..repetition import name_of
 from .bodies import BodySection
@@ -42,7 +42,7 @@ def read_motion(reader: Reader, bodies: BodySection) -> dict[str, Expression]:
         if coordinates:
             _read_values(reader, at, name, coordinates, found)
     for name, value in found.items():
-        reader.prescribed |= {f"q.{name}": value.tree, f"u.{name}": rate(value).tree}
+        reader.prescribed |= {f"q.{name}": value.tree, f"u.{name}": rate(value, moving=frozenset(reader.inputs)).tree}
     return found
 
 
@@ -108,12 +108,13 @@ def _read_values(
 
 def _without_value(reader: Reader, expression: Expression) -> str:
     """What is wrong with a motion where the model begins; nothing if it has a value, a rate and an acceleration."""
-    start = reader.defaults | dict.fromkeys(reader.inputs, 0.0) | {"t": 0.0}
+    inputs = frozenset(reader.inputs)
+    start = reader.defaults | {n: 0.0 for x in inputs for n in (x, *rates_of(x))} | {"t": 0.0}
     of = expression
     for what in ("value", "rate", "acceleration"):
         try:
             value = float(of.evaluate(start))
-            of = rate(of)
+            of = rate(of, moving=inputs)
         except (ArithmeticError, ValueError):
             value = math.nan
         if not math.isfinite(value):

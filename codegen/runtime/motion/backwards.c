@@ -41,7 +41,7 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->next = ordernm_numbers(&of, s->nswitches ? values : 0);
     a->next_modes = ordernm_numbers(&of, 2*s->nswitches);
     a->p = ordernm_numbers(&of, a->ngroups*s->np*width);
-    a->inputs = ordernm_numbers(&of, a->ngroups*problem->inputs.count*s->ninputs*width);
+    a->inputs = ordernm_numbers(&of, a->ngroups*problem->inputs.count*ordernm_signals(s)*width);
     if (problem->method == ORDERNM_RADAU && s->nfree_q + s->nfree_u)
         a->of_stages = ordernm_take(&of, ordernm_radau_layout_stages(0, s->nfree_q + s->nfree_u, 0));
     return of.used;
@@ -70,11 +70,15 @@ static void add(ordernm_adjoint *a, int n, const ordernm_call *c, double t, doub
     for (long i = 0; i < (long)s->np*width; ++i) p[i] += c->dp[i];
     if (!s->ninputs) return;
     const ordernm_inputs *const in = &m->problem->inputs;
-    double value[4] = {1.0};
-    const long first = in->knots ? ordernm_b_splines(m, t, value) : 0;
-    for (int b = 0; b <= in->degree; ++b) {
-        double *const row = a->inputs + ((long)n*in->count + first + b)*s->ninputs*width;
-        for (int i = 0; i < s->ninputs*width; ++i) row[i] += value[b]*c->dinputs[i];
+    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
+    const long first = ordernm_input_weights(m, t, value);
+    for (int i = 0; i < s->ninputs; ++i) {
+        int order;
+        const int signal = ordernm_signal_of(s, i, &order);
+        for (int b = 0; b <= in->degree; ++b) {
+            double *const entry = a->inputs + (((long)n*in->count + first + b)*ordernm_signals(s) + signal)*width;
+            for (int l = 0; l < width; ++l) entry[l] += value[order][b]*c->dinputs[i*width + l];
+        }
     }
 }
 
@@ -322,7 +326,7 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
     const ordernm_system *const s = m->system;
     ordernm_gradients *const g = a->gradients;
     const int width = a->width;
-    const long count = m->problem->inputs.count*s->ninputs;
+    const long count = m->problem->inputs.count*ordernm_signals(s);
     for (int n = 0; n < a->ngroups; ++n) {
         double *const lambda = a->lambda + (long)n*a->n*width;
         while (a->sampled[n] > 0) {

@@ -195,7 +195,10 @@ int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate);
 void ordernm_expand(ordernm_motion *m, const double *z);
 void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_call *c);
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
-long ordernm_b_splines(const ordernm_motion *m, double t, double *value);
+enum { ORDERNM_ORDERS = 3 };  /* of time derivatives of inputs: the value, the rate, the acceleration */
+static inline int ordernm_signals(const ordernm_system *s) { return s->ninputs - 2*s->nmoving; }
+long ordernm_input_weights(const ordernm_motion *m, double t, double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1]);
+int ordernm_signal_of(const ordernm_system *s, int input, int *order);
 void ordernm_keep_stage(ordernm_motion *m, int stage);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);

@@ -72,6 +72,8 @@ typedef struct {
     const int *drives;                     /* ... which of them forces have ... */
     int nswitch_outputs;                   /* ... and pairs of one that an output has, and that output */
     const int *switch_of_output;
+    int nmoving;                           /* inputs that prescribed motion reads ... */
+    const int *moving;                     /* ... and which ones: their rates and accelerations are the last 2*nmoving inputs */
     /* What has not been generated is 0. */
     const ordernm_precise *precise;        /* to be had when ordernm_go asks for it */
     ordernm_function *state_rates, *closing_step, *completion, *outputs, *switches;
@@ -86,14 +88,18 @@ typedef struct {
 
 enum { ORDERNM_RK4, ORDERNM_DOP853, ORDERNM_RADAU };
 
-/* Inputs over time: a spline of degree 0 (steps), 1 or 3, sums of B-splines; before the first and after the last knot it stays
- * as it is there. Without knots, inputs are constant: count is 1. */
+/* Inputs over time: a spline of some degree, such as 0 (steps), 1 or 3, sums of B-splines; before the first and after the last knot it
+ * stays as it is there. Without knots, inputs are constant: count is 1. Where prescribed motion reads inputs, the last 2*nmoving
+ * inputs, a rate and an acceleration for each of these, are time derivatives of the spline: values are of the others, the signals,
+ * nsignals = ninputs - 2*nmoving. Such a spline must have a continuous rate, also at its ends if the motion goes beyond them. */
+enum { ORDERNM_MOST_DEGREE = 9 };
+
 typedef struct {
     int degree;
     long count;
     const double *knots;      /* [count + degree + 1], or 0 */
-    const double *values;     /* [count][ninputs]; 0 for zeros */
-    const double *directions; /* [ndirections][count][ninputs]; 0 for zeros */
+    const double *values;     /* [count][nsignals]; 0 for zeros */
+    const double *directions; /* [ndirections][count][nsignals]; 0 for zeros */
 } ordernm_inputs;
 
 /* An output that crosses a level. */
@@ -205,7 +211,7 @@ typedef struct {
     const double *end_q, *end_u;      /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
     const double *whole_q, *whole_u;  /* [nq], [nu]: that state, where they are of all its entries, as where independents change; else 0 */
     /* Gradients by the independent entries of the initial state, by parameters, by the inputs' values. Begin with zeros. */
-    double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][ninputs] */
+    double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][nsignals] */
     long evaluations, transposes;
     int singular;
 } ordernm_gradients;

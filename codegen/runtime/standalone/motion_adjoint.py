@@ -20,7 +20,7 @@ class Adjoint:
     q, u : array (m, nq), (m, nu)
         By independent entries of the initial state; others are zero.
     p : array (m, np)
-    inputs : array (m, count, ninputs)
+    inputs : array (m, count, nsignals)
     counts : dict of str to int
     """
 
@@ -54,7 +54,7 @@ def segment_backwards(
     # steps that are made again are made as they were
     system.precise = ffi.cast("const ordernm_precise *", segment.precise)
     c = problem.in_c(ffi, system)
-    shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, len(problem.inputs.values), system.ninputs)]
+    shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, *problem.inputs.values.shape)]
     found = [np.zeros(s) for s in shapes]
     g = ffi.new("ordernm_gradients *")
     state = whole or (np.zeros(0), np.zeros(0))

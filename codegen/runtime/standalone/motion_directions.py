@@ -24,7 +24,7 @@ class Directions:
     dq, du : array (k, nq), (k, nu)
         Of the initial state; zero where it is the model's that follows.
     dp : array (k, np)
-    dinputs : array (k, count, ninputs) or None
+    dinputs : array (k, count, nsignals) or None
         Of the inputs' control points.
     given : bool
         The caller gave derivatives of the initial state.
@@ -58,13 +58,13 @@ def take_sensitivities(
         rows = len(np.atleast_2d(np.asarray(dq0 if dq0 is not None else du0, float)))
         wanted, entries = tuple(f"direction {i}" for i in range(rows)), list[Entry]()
     else:
-        entries = look_up_all(known, wanted, len(inputs.values))
+        entries = look_up_all(known, wanted, inputs.counts())
     k = len(wanted)
     found = Directions(
         wanted, np.zeros((k, solver.nq)), np.zeros((k, solver.nu)), np.zeros((k, solver.np)), None, given
     )
     if any(entry.of == "inputs" for entry in entries):
-        found.dinputs = np.zeros((k, len(inputs.values), solver.ninputs))
+        found.dinputs = np.zeros((k, *inputs.values.shape))
     for row, entry in enumerate(entries):
         match entry.of:
             case "p":
@@ -75,7 +75,7 @@ def take_sensitivities(
                 found.du[row, entry.at] = 1.0
             case _:
                 assert found.dinputs is not None
-                found.dinputs[row, slice(None) if entry.row is None else entry.row, entry.at] = 1.0
+                found.dinputs[row, :, entry.at] = inputs.direction(entry.at, entry.row)
     for label, value, place in (("dq0", dq0, "dq"), ("du0", du0, "du")):
         if value is not None:
             array = solver._arguments.array(label, value, place[1:])

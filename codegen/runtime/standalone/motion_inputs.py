@@ -1,124 +1,145 @@
-"""Inputs over time: constant, held, joined by lines, or a cubic spline, each a sum of B-splines."""
+"""Inputs over time as the integrators take them: one B-spline for all signals, or constant numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .arguments import some
 from .arrays import Array
+from .splines import spline_weights
 
-DEGREES = {"hold": 0, "linear": 1, "spline": 3}
-"""Of the B-splines, by what a caller names them."""
+JOINED = {0: "held from one time to the next", 1: "joined by straight lines"}
+"""What splines without a continuous velocity are, by their degree."""
+
+SMOOTH = "give (times, values, 'cubic'), a cubic spline through the values, or (times, control points, 'spline')"
+"""What serves instead."""
+
+ROUNDED = 1e-12
+"""Jumps up to this, in parts of the largest value, and for velocities per mean distance of knots, are rounding."""
+
+Linear = Callable[[Array], Array]
+"""From a caller's values of a signal (n,) to control points (count,)."""
 
 
 @dataclass(slots=True)
 class Inputs:
     """Inputs over time: a B-spline, or constant numbers.
 
+    Before the first and after the last knot they stay as they are there.
+
     Attributes
     ----------
     degree : int
     knots : array (count + degree + 1,) or None
         None for constant inputs, of which count is 1.
-    values : array (count, ninputs)
+    values : array (count, nsignals)
         Control points: of degree 0 and 1 the values themselves.
+    moving : tuple of int
+        The signals that prescribed motion reads: behind all signals, inputs have a rate and an acceleration of each.
+    given : tuple of array (n,)
+        The numbers that a caller gave for each signal; empty where these are the control points.
+    control : tuple of callable
+        For each signal, what makes control points of them.
     """
 
     degree: int
     knots: Array | None
     values: Array
+    moving: tuple[int, ...] = ()
+    given: tuple[Array, ...] = ()
+    control: tuple[Linear, ...] = ()
+
+    # -- over time -----------------------------------------------------------------------------------------------------
 
     def at(self, t: float) -> Array:
-        """Inputs (ninputs,) at a time; outside of the knots as at the first and the last of them."""
-        if self.knots is None:
-            return self.values[0]
-        first, weights = self.weights(t)
-        found: Array = weights @ self.values[first : first + len(weights)]
-        return found
+        """Inputs (ninputs,) at a time."""
+        return self._inputs(t, 0)
 
     def rate(self, t: float) -> Array:
         """Their time derivatives (ninputs,)."""
-        k = self.degree
-        if self.knots is None or not k or not self.knots[k] <= t <= self.knots[-1 - k]:
-            return np.zeros(self.values.shape[1])
-        span = self.knots[k + 1 : -1] - self.knots[1 : -k - 1]
-        steps = k * np.diff(self.values, axis=0) / span[:, None]
-        return Inputs(k - 1, self.knots[1:-1], steps).at(t)
+        return self._inputs(t, 1)
 
-    def weights(self, t: float) -> tuple[int, Array]:
-        """The B-splines that are not zero at a time: the number of the first, and their values (C. de Boor's recursion)."""
+    def _inputs(self, t: float, order: int) -> Array:
+        values = self.derivative(t, order)
+        if not self.moving:
+            return values
+        of = list(self.moving)
+        rates = np.stack([self.derivative(t, order + n)[of] for n in (1, 2)], axis=-1)
+        return np.concatenate([values, rates.reshape(-1)])
+
+    def derivative(self, t: float, order: int, before: bool = False) -> Array:
+        """A derivative by time (nsignals,) of some order; at a knot that of the piece behind it, or of that `before` it."""
         if self.knots is None:
-            return 0, np.ones(1)
-        k, n, knots = self.degree, len(self.values), self.knots
-        x = min(max(t, knots[k]), knots[n])
-        at = int(min(max(np.searchsorted(knots, x, "right") - 1, k), n - 1))
-        value = np.ones(1)
-        for j in range(1, k + 1):
-            new = np.zeros(j + 1)
-            for i in range(j):
-                left, right = knots[at + 1 - j + i], knots[at + 1 + i]
-                part = value[i] / (right - left)
-                new[i] += (right - x) * part
-                new[i + 1] += (x - left) * part
-            value = new
-        return at - k, value
+            return self.values[0] if not order else np.zeros(self.values.shape[1])
+        first, last = self.knots[self.degree], self.knots[len(self.values)]
+        if (order and (t <= first if before else t >= last)) or (order and not first <= t <= last):
+            return np.zeros(self.values.shape[1])
+        place, weights = spline_weights(self.knots, self.degree, len(self.values), t, order, before)
+        found: Array = weights @ self.values[place : place + len(weights)]
+        return found
 
+    def check_moving(self, names: Sequence[str], start: float, end: float) -> None:
+        """Refuse inputs that prescribed motion reads, and that jump, or have a velocity that jumps, in a motion.
 
-def take_inputs(names: Sequence[str], given: Any) -> Inputs:
-    """Inputs of a motion as a caller gives them, checked.
+        Raises
+        ------
+        ValueError
+            A real mechanism would feel an impulse there, which would be lost.
+        """
+        changing = [i for i in self.moving if np.ptp(self.values[:, i]) > 0.0]
+        if self.knots is None or not changing:
+            return
+        lost = "other bodies would not feel the impulse"
+        if self.degree < 2:
+            raise ValueError(
+                f"inputs: prescribed motion follows {names[changing[0]]!r}, which is {JOINED[self.degree]}: its velocity would "
+                f"jump, and {lost}; {SMOOTH}"
+            )
+        knots = np.unique(self.knots)
+        size = np.abs(self.values).max(axis=0)
+        for t in knots[(knots > start) & (knots < end)].tolist():
+            for order, what in enumerate(("value", "velocity")):
+                one, other = self.derivative(t, order, before=True), self.derivative(t, order)
+                allowed = ROUNDED * size * (len(knots) / (knots[-1] - knots[0])) ** order
+                for i in changing:
+                    if abs(other[i] - one[i]) > allowed[i]:
+                        raise ValueError(
+                            f"inputs: the {what} of {names[i]!r}, which prescribed motion follows, jumps from {one[i]:.6g} to "
+                            f"{other[i]:.6g} at t = {t:.9g} s, and {lost}; {self._instead(t)}"
+                        )
 
-    Raises
-    ------
-    ValueError
-    """
-    n = len(names)
-    if given is None:
-        return Inputs(0, None, np.zeros((1, n)))
-    if isinstance(given, Inputs):
-        return given
-    if isinstance(given, tuple) and len(given) in (2, 3) and np.ndim(given[0]) == 1 and not isinstance(given[0], str):
-        return _over_time(names, *given)
-    if isinstance(given, Mapping):
-        unknown = [k for k in given if k not in names]
-        if unknown:
-            raise ValueError(f"inputs: {unknown[0]!r} is not known; expected is any of {some(names)}")
-        given = [given.get(k, 0.0) for k in names]
-    values = _numbers("inputs", given)
-    if values.shape != (n,):
-        raise ValueError(
-            f"inputs have shape {values.shape}, expected ({n},): one number for each of {some(names)}; or (times, values), or "
-            f"(times, values, 'hold' | 'linear' | 'spline')"
-        )
-    return Inputs(0, None, values[None])
+    def _instead(self, t: float) -> str:
+        assert self.knots is not None
+        ends = {self.knots[self.degree]: "before its first", self.knots[len(self.values)]: "after its last"}
+        if t not in ends:
+            return SMOOTH
+        return f"an input is held {ends[t]} time: give values for all of the motion, or a spline that begins and ends at rest"
 
+    # -- a caller's values ---------------------------------------------------------------------------------------------
 
-def _over_time(names: Sequence[str], times: Any, values: Any, between: str = "linear") -> Inputs:
-    if between not in DEGREES:
-        raise ValueError(f"inputs are to be joined by {between!r}; allowed are {', '.join(map(repr, DEGREES))}")
-    degree = DEGREES[between]
-    t, x = _numbers("times of inputs", times), _numbers("values of inputs", values)
-    if x.ndim == 1 and len(names) == 1:
-        x = x[:, None]
-    if t.ndim != 1 or (np.diff(t) <= 0).any() or len(t) < 1 + (degree > 0):
-        raise ValueError(f"times of inputs: they must rise, and {1 + (degree > 0)} are needed at least")
-    count = len(t) + 2 if degree == 3 else len(t)
-    if x.shape != (count, len(names)):
-        what = "control points, two more than times" if degree == 3 else "values, one row for each time"
-        raise ValueError(f"values of inputs have shape {x.shape}, expected ({count}, {len(names)}): {what}")
-    # the first and the last knot as often as the spline is to end at its first and last control point
-    before, after = [t[0]] * degree, [t[-1]] * degree if degree else [np.inf]
-    return Inputs(degree, np.array([*before, *t, *after], float), np.ascontiguousarray(x))
+    def counts(self) -> tuple[int, ...]:
+        """How many numbers each signal was given by."""
+        return tuple(map(len, self.given)) or (len(self.values),) * self.values.shape[1]
 
+    def value(self, signal: int, row: int) -> float:
+        """One of them."""
+        return float(self.given[signal][row] if self.given else self.values[row, signal])
 
-def _numbers(name: str, given: Any) -> Array:
-    try:
-        found = np.asarray(given, float)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: {error}; expected real numbers") from None
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name} has entries that are not finite, expected finite numbers")
-    return found
+    def direction(self, signal: int, row: int | None) -> Array:
+        """How control points (count,) change with one of them; with all of them together where there is no `row`."""
+        if row is None:
+            return np.ones(len(self.values))
+        if self.given:
+            return self.control[signal](np.eye(1, len(self.given[signal]), row)[0])
+        return np.eye(1, len(self.values), row)[0]
+
+    def changed(self, values: Mapping[tuple[int, int], float]) -> Inputs:
+        """The same with other numbers, by signal and row."""
+        new, given = self.values.copy(), [x.copy() for x in self.given]
+        for (signal, row), x in values.items():
+            (given[signal] if given else new[:, signal])[row] = x
+        for signal in {s for s, _ in values} if given else ():
+            new[:, signal] = self.control[signal](given[signal])
+        return replace(self, values=new, given=tuple(given))

@@ -34,7 +34,7 @@ class Problem:
         Where results are wanted; without entries: at every step.
     dq, du, dp : array (k, nq), (k, nu), (k, np)
         Directions.
-    dinputs : array (k, count, ninputs) or None
+    dinputs : array (k, count, nsignals) or None
     atol : array (nq + nu + nintegrals,)
         Of coordinates, speeds, integrals; those of independent ones count.
     atol_directions : array (k,) or None

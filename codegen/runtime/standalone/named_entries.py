@@ -42,7 +42,7 @@ class Names(NamedTuple):
 def names_of(solver: Any) -> Names:
     """What sensitivities of a motion may be with respect to."""
     return Names(
-        solver.parameter_names, solver.input_names, solver.coordinate_names, solver.speed_names,
+        solver.parameter_names, solver.signal_names, solver.coordinate_names, solver.speed_names,
         solver.independent_names, solver.independent_speed_names,
     )  # fmt: skip
 
@@ -70,10 +70,10 @@ def _entries(names: Names, name: str) -> tuple[str, ...]:
     return () if of in known or not of else tuple(f"{kind}.{n}" for n in initial[kind] if n.startswith(f"{of}."))
 
 
-def look_up(names: Names, asked: Any, values: int | None = None) -> Entry:
+def look_up(names: Names, asked: Any, values: Sequence[int] | None = None) -> Entry:
     """What a name stands for: a parameter's, ``q0.NAME``, ``u0.NAME``, ``inputs.NAME``, ``inputs.NAME[i]``.
 
-    `values` is how many values inputs have, None where they have no names.
+    `values` is how many values each input has, None where they have no names.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def look_up(names: Names, asked: Any, values: int | None = None) -> Entry:
     raise ValueError(f"sensitivities: {asked!r} is not known; expected is any of {some(known)}{hint}")
 
 
-def _initial_or_input(names: Names, asked: str, values: int | None) -> Entry | None:
+def _initial_or_input(names: Names, asked: str, values: Sequence[int] | None) -> Entry | None:
     kind, _, of = asked.partition(".")
     for word, place, among, independent in (
         ("q0", "q", names.coordinates, names.independent),
@@ -109,12 +109,17 @@ def _initial_or_input(names: Names, asked: str, values: int | None) -> Entry | N
     entry = re.fullmatch(r"inputs\.(.+?)(?:\[(\d+)\])?", asked)
     if not entry or entry[1] not in names.inputs or (entry[2] is not None and values is None):
         return None
-    if entry[2] is not None and values is not None and int(entry[2]) >= values:
-        raise ValueError(f"sensitivities: {asked}: the inputs have {values} values, counted from 0")
-    return Entry("inputs", names.inputs.index(entry[1]), None if entry[2] is None else int(entry[2]))
+    at = names.inputs.index(entry[1])
+    if entry[2] is not None and values is not None and int(entry[2]) >= values[at]:
+        raise ValueError(
+            f"sensitivities: {asked}: the input has {values[at]} values, counted from 0"
+            if values[at]
+            else f"sensitivities: {asked}: the input is a function of time and has no values with numbers; give (times, values)"
+        )
+    return Entry("inputs", at, None if entry[2] is None else int(entry[2]))
 
 
-def look_up_all(names: Names, asked: Sequence[Any], values: int) -> list[Entry]:
+def look_up_all(names: Names, asked: Sequence[Any], values: Sequence[int]) -> list[Entry]:
     """The same of names that must differ.
 
     Raises

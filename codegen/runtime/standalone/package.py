@@ -67,6 +67,8 @@ class Package:
         self.speed_names: tuple[str, ...] = tuple(manifest["speed_names"])
         self.parameter_names: tuple[str, ...] = tuple(manifest["parameter_names"])
         self.input_names: tuple[str, ...] = tuple(manifest["input_names"])
+        self.moving_inputs: tuple[str, ...] = tuple(manifest.get("moving_inputs", ()))
+        self.signal_names = self.input_names[: len(self.input_names) - 2 * len(self.moving_inputs)]
         self.output_names: tuple[str, ...] = tuple(manifest["output_names"])
         self.closure_names: tuple[str, ...] = tuple(manifest["closure_names"])
         self.prescribed_names: tuple[str, ...] = tuple(manifest["prescribed_names"])

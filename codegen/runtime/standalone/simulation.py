@@ -13,10 +13,10 @@ from .errors import SimulationError, SingularLoopError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
-from .motion_inputs import take_inputs
 from .motion_problem import METHODS, Problem, Run
 from .motion_run import MotionRun, Progress
 from .motion_switches import switch_words
+from .signals import take_inputs
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
 
@@ -195,7 +195,8 @@ class Simulation(MotionRun):
             raise ValueError(
                 f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; codegen.simulate_many takes more"
             )
-        spline = take_inputs(self.input_names, inputs)
+        spline = take_inputs(self.signal_names, inputs, self.moving_inputs, (start, end))
+        spline.check_moving(self.signal_names, start, end)
         directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
         dq, du = directions.dq, directions.du
         of_model = None
@@ -272,7 +273,7 @@ class Simulation(MotionRun):
         return Trajectory(
             self.name, t, q, u, dq, du, outputs[..., :shown], doutputs[..., :shown], coordinate_names=self.coordinate_names,
             speed_names=self.speed_names, output_names=self.output_names[:shown], parameter_names=self.parameter_names,
-            input_names=self.input_names, sensitivity_names=directions.names,
+            input_names=self.signal_names, sensitivity_names=directions.names,
             coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
             output_units=manifest.get("output_units", ())[:shown], parameter_units=manifest.get("parameter_units", ()),
             p=problem.p, inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
@@ -424,7 +425,7 @@ def places(names: Sequence[str], among: Sequence[str]) -> list[int]:
 def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Array]) -> Array:
     """(k,): how large a step along each direction is that changes what it is with respect to by all of itself.
 
-    `sizes` are those of q, u, p, and of the inputs' control points (count, ninputs); zeros are taken as 1.
+    `sizes` are those of q, u, p, and of the inputs' control points (count, nsignals); zeros are taken as 1.
     """
     seeds = (directions.dq, directions.du, directions.dp, directions.dinputs)
     moved = np.zeros(directions.k)
