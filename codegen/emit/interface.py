@@ -13,6 +13,8 @@ from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
 from ..mechanics.procedures import WIDTHS
 from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
+from ..model.expressions import Expression
+from ..model.kinks import nodes
 from ..model.model import Model
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
@@ -110,6 +112,7 @@ def manifest(
         "parameter_units": [p.unit for p in model.parameters],
         "input_names": list(model.inputs),
         **({"moving_inputs": list(model.moving_inputs)} if model.moving_inputs else {}),
+        **_branching_motion(model),
         "output_names": [o.name for o in model.outputs],
         "output_units": list(model.output_units),
         "closure_names": list(model.closure_names),
@@ -147,6 +150,17 @@ def _switches(model: Model, procedures: tuple[Procedure, ...]) -> dict[str, Any]
     if not any(p.name == "switches" for p in procedures):
         return {}
     return {"switches": [{"changes": s.words, "places": s.places} for s in found]}
+
+
+def _branching_motion(model: Model) -> dict[str, Any]:
+    """Prescribed motion that has branches, as expression trees: at other parameters its velocity may jump."""
+    moving = {"t", *model.inputs}
+    found = [
+        {"name": x.name, "tree": x.value.tree}
+        for x in model.prescribed
+        if any(not Expression(s).names.isdisjoint(moving) for _, s in nodes(x.value.tree))
+    ]
+    return {"branching_motion": found} if found else {}
 
 
 def _couplings(model: Model) -> dict[str, list[str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from pydantic_core import PydanticCustomError
 
@@ -10,6 +11,7 @@ from ..entries import parse_name
 from ..errors import count_of_values, nearest
 from ..expressions import Expression, ExpressionError
 from ..joints import JointType
+from ..kinks import Kink, find_kink
 from ..model import joint_coordinates
 from ..parts import Instance
 from ..rates import rate, rates_of
@@ -101,9 +103,32 @@ def _read_values(
         if missing:
             reader.report(at, sub, f"{expression} {missing}")
             continue
+        kink = find_kink(expression, reader.defaults, frozenset(reader.inputs))
+        if kink is not None:
+            reader.report(at, sub, _kinked(at, value, kink))
         place = reader.key_place(at)
         reader.places.setdefault("motion", {})[coordinate] = place
         found[coordinate] = expression
+
+
+def _kinked(at: Instance, value: object, kink: Kink) -> str:
+    """What is wrong with a motion that jumps, or whose velocity does, and what may be written instead."""
+    where = f"at t = {kink.t:.9g} s" if kink.t is not None else f"where inputs change the branch of {kink.node}"
+    what = "velocity" if kink.order else "value"
+    called = [t for n, t in at.part.tables.items() if re.search(rf"\b{re.escape(n)}\s*\(", str(value))]
+    inside = "" if called or kink.t is None or str(kink.node) == str(value) else f", by {kink.node}"
+    advice = (
+        "write a smooth function, such as step(t, from, to), which begins and ends at rest, a square such as "
+        "max(0, x)**2, or a table of kind: cubic"
+    )
+    if any(t.kind == "linear" for t in called):
+        advice = "give the table kind: cubic, and outside: linear unless it ends at rest"
+    elif called:
+        advice = "its slope is not zero at that end, beyond which it is constant; give the table outside: linear"
+    return (
+        f"{value}: the {what} of this motion jumps from {kink.before:.6g} to {kink.after:.6g} {where}{inside}; other bodies "
+        f"would have to feel an impulse, which would be lost; {advice}"
+    )
 
 
 def _without_value(reader: Reader, expression: Expression) -> str:

@@ -42,6 +42,8 @@ class Problem:
     integrals : tuple of int
         Outputs that are integrated over time.
     events : tuple of (output, level, direction, stop)
+    kink : str
+        Why the motion must not go on beyond its end, where prescribed motion has a kink.
     """
 
     start: float
@@ -67,6 +69,7 @@ class Problem:
     integrals: tuple[int, ...] = ()
     events: tuple[tuple[int, float, int, bool], ...] = ()
     fixed: bool = False
+    kink: str = ""
     kept: list[Any] = field(default_factory=list)
 
     def in_c(self, ffi: Any, system: Any) -> Any:

@@ -82,6 +82,8 @@ class MotionRun(States, Partitions):
             opened, before = other, last
         run.rows = np.concatenate(rows) if len(rows) > 1 else rows[0]
         run.reason, run.singular, run.component = segment.reason, segment.singular, segment.component
+        if run.reason == "end" and problem.kink:
+            run.reason = problem.kink
         counts = [s.counts for s in run.segments]
         run.counts = counts[0] | {"partitions_changed": len(counts) - 1, "seconds": time.perf_counter() - began}
         for segment in run.segments:

@@ -13,6 +13,8 @@ from .errors import SimulationError, SingularLoopError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
+from .motion_inputs import Inputs
+from .motion_kinks import first_kink, known_of, times_of
 from .motion_problem import METHODS, Problem, Run
 from .motion_run import MotionRun, Progress
 from .motion_switches import switch_words
@@ -25,6 +27,9 @@ CLOSED = 1e-10
 
 MOST_STEPS = 1_000_000
 """So many steps are made unless a caller allows more."""
+
+SHORT_OF_KINK = 1e-12
+"""A motion ends before a kink of prescribed motion by this part of its time."""
 
 STEPS_OF_PRESCRIBED = 100
 """Where nothing is integrated, steps have no error, and results are wanted between the ends of the motion all the same."""
@@ -197,6 +202,7 @@ class Simulation(MotionRun):
             )
         spline = take_inputs(self.signal_names, inputs, self.moving_inputs, (start, end))
         spline.check_moving(self.signal_names, start, end)
+        end, times, kink = self._before_kinks(start, end, times, p_all, spline)
         directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
         dq, du = directions.dq, directions.du
         of_model = None
@@ -218,7 +224,32 @@ class Simulation(MotionRun):
             allowed, allowed_directions, method, float(step or 0.0),
             float(largest_step or (0.0 if self.nq + self.nu else (end - start) / STEPS_OF_PRESCRIBED)), int(most_steps),
         )  # fmt: skip
+        problem.kink = kink
         return problem, directions
+
+    def _before_kinks(
+        self, start: float, end: float, times: Array, p: Array, inputs: Inputs
+    ) -> tuple[float, Array, str]:
+        """End and times of a motion up to the first kink of prescribed motion, and why it goes no farther, if there is one.
+
+        Raises
+        ------
+        SimulationError
+            It begins there.
+        """
+        motion = self._manifest.get("branching_motion", ())
+        if not motion:
+            return end, times, ""
+        known = known_of(self.parameter_names, p, self.input_names, inputs)
+        found = first_kink(motion, known, times_of(start, end, inputs))
+        if found is None:
+            return end, times, ""
+        t, message = found
+        message = f"the motion ends at t = {t:.9g} s: {message}"
+        before = t - SHORT_OF_KINK * max(abs(t), end - start)  # where the branches are still those before it
+        if before <= start:
+            raise SimulationError(message, None)
+        return before, times[times <= before], message
 
     def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
         """A consistent initial state at parameters, and inputs and a time, which prescribed motion makes use of."""

@@ -1,0 +1,242 @@
+"""Where prescribed motion jumps, or has a velocity that jumps: other bodies would have to feel an impulse there.
+
+What can change from one branch to another has a switching function, such as ``t - 0.5`` in ``max(0, t - 0.5)``. Where it is
+zero, the motion is compared from both sides, with the branches of each. A jump of the acceleration alone is no kink.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from .expressions import AT_LEAST, Expression, Tree, combine, functions_for
+from .rates import rate, rates_of
+
+SWITCHING: Final[Mapping[str, Callable[..., Tree]]] = {
+    "abs": lambda x: x,
+    "sign": lambda x: x,
+    "min": lambda a, b: combine("-", a, b),
+    "max": lambda a, b: combine("-", a, b),
+    AT_LEAST: lambda a, b: combine("-", a, b),
+    "sqrt": lambda x: x,
+    "asin": lambda x: combine("-", ("number", 1), combine("*", x, x)),
+    "acos": lambda x: combine("-", ("number", 1), combine("*", x, x)),
+    "atan2": lambda y, x: y,
+}
+"""What is zero where a function of the grammar may not be smooth, from its arguments."""
+
+TOUCHING: Final = ("sqrt", "asin", "acos", "**")
+"""Those that may not be smooth where the switching function touches zero, too."""
+
+BESIDE: Final = 1e-9
+"""How far beside a time its branches are looked at, in parts of it."""
+
+FAR_BESIDE: Final = 1e-5
+"""The same where a function has no derivative at the time itself."""
+
+JUMP: Final = 1e-7
+"""Jumps that are less, in parts of the largest values near by, are rounding."""
+
+NEAR_BY: Final = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 15)])
+"""Where these are looked for, s, or in parts of later times."""
+
+MOST_TIMES: Final = 8
+"""As many zeros of a switching function that is not linear are looked at."""
+
+TIMES: Final = np.unique(np.concatenate([[0.0], np.logspace(-6, 6, 1201), np.linspace(0.0, 100.0, 2001)]))
+"""Where switching functions are looked at for changes of sign, s; linear ones are solved."""
+
+
+@dataclass(frozen=True)
+class Kink:
+    """A place where a motion, or its velocity, jumps.
+
+    Attributes
+    ----------
+    node : Expression
+        What is not smooth there.
+    t : float or None
+        When, s; None where inputs decide.
+    order : int
+        0: the motion itself jumps, 1: its velocity.
+    before, after : float
+    """
+
+    node: Expression
+    t: float | None
+    order: int
+    before: float
+    after: float
+
+
+def nodes(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
+    """What may not be smooth in a tree, with its switching function; each once, from the inside."""
+    seen: set[Tree] = set()
+
+    def of(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
+        kind = tree[0]
+        if kind in ("number", "name") or tree in seen:
+            return
+        seen.add(tree)
+        for a in tree[2 if kind == "call" else 1 :]:
+            yield from of(a)
+        if kind == "call" and tree[1] in SWITCHING:
+            yield tree, SWITCHING[tree[1]](*tree[2:])
+        elif kind == "**" and not (tree[2][0] == "number" and isinstance(tree[2][1], int)):
+            yield tree, tree[1]
+
+    yield from of(tree)
+
+
+def find_kink(value: Expression, parameters: Mapping[str, float], inputs: frozenset[str]) -> Kink | None:
+    """The first kink or jump of a motion at some parameters, for times from 0 on and any inputs; None where none is found."""
+    moving = {"t", *inputs}
+    branching = [
+        (n, s) for n, s in ((n, Expression(s)) for n, s in nodes(value.tree)) if not s.names.isdisjoint(moving)
+    ]
+    if not branching:
+        return None
+    motion = value, rate(value, moving=inputs)
+    rng = np.random.default_rng(0)
+    at = {**parameters, **{n: float(rng.uniform(0.3, 0.9)) for x in sorted(inputs) for n in (x, *rates_of(x))}}
+    of_time = [(n, s) for n, s in branching if s.names.isdisjoint(inputs)]
+    zeros = [(t, n) for n, s in of_time for t in _zeros(s, at, n[1] in TOUCHING or n[0] in TOUCHING)]
+    if zeros:
+        zeros.sort(key=lambda zero: zero[0])
+        t = np.array([x for x, _ in zeros])
+        for i, order, before, after in _jumps(motion, lambda x: {**at, "t": x}, t):
+            return Kink(Expression(zeros[i][1]), float(t[i]), order, before, after)
+    for node, s in branching:
+        for name in sorted(s.names & inputs):
+            for moved, t in _switched_by(s, at, inputs, name, rng):
+                for _, order, before, after in _jumps(motion, moved, t):
+                    return Kink(Expression(node), None, order, before, after)
+    return None
+
+
+# -- where switching functions are zero ------------------------------------------------------------------------------
+
+
+def _zeros(s: Expression, at: Mapping[str, float], touching: bool) -> list[float]:
+    """Times from 0 on where a function changes its sign, or, if asked for, touches zero."""
+    f = _as_function(s, at)
+    slope = rate(s)
+    if "t" not in slope.names:
+        by, start = _as_function(slope, at)(np.zeros(1))[0], f(np.zeros(1))[0]
+        t = float(-start / by) if by else math.nan
+        return [abs(t)] if t >= 0.0 and math.isfinite(t) else []
+    extremes = np.array(list(_changes(_as_function(slope, at), TIMES)))
+    found = list(_changes(f, np.union1d(TIMES, extremes)))  # so that a short change of sign is seen, too
+    if touching:
+        of = f(TIMES)
+        size = np.abs(of[np.isfinite(of)]).max(initial=0.0)
+        found += extremes[np.abs(f(extremes)) <= 1e-12 * size].tolist()
+    return found
+
+
+def _switched_by(
+    s: Expression, at: Mapping[str, float], inputs: frozenset[str], name: str, rng: np.random.Generator
+) -> Iterator[tuple[Callable[[np.ndarray], dict[str, Any]], np.ndarray]]:
+    """Times, and everything beside them, at which an input has a value where a function is zero."""
+    values = np.concatenate([-np.logspace(3, -3, 300), [0.0], np.logspace(-3, 3, 300)])
+    for begin in rng.uniform(0.1, 2.0, 4).tolist():
+        for x in _changes(_as_function(s, {**at, "t": begin}, name), values):
+            here = {**at, name: x}
+
+            def moved(t: np.ndarray, begin: float = begin, here: dict[str, float] = here) -> dict[str, Any]:
+                found: dict[str, Any] = {**here, "t": t}
+                gone = t - begin
+                for y in inputs:
+                    first, second = rates_of(y)
+                    found[y] = here[y] + gone * (here[first] + 0.5 * gone * here[second])
+                    found[first] = here[first] + gone * here[second]
+                return found
+
+            yield moved, np.array([begin])
+
+
+def _changes(f: Callable[[np.ndarray], np.ndarray], t: np.ndarray) -> Iterator[float]:
+    """Where a function changes its sign, or is zero at one of some times; by bisection."""
+    sign = np.sign(f(t))
+    for i in np.flatnonzero(sign == 0.0)[:MOST_TIMES]:
+        yield float(t[i])
+    for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0)[:MOST_TIMES]:
+        low, high, of = float(t[i]), float(t[i + 1]), sign[i]
+        while low < (middle := 0.5 * (low + high)) < high:
+            here = np.sign(f(np.array([middle]))[0])
+            low, high = (middle, high) if here == of else (low, middle)
+        yield high
+
+
+def _as_function(e: Expression, at: Mapping[str, float], name: str = "t") -> Callable[[np.ndarray], np.ndarray]:
+    """An expression of one name; not a number where it has no value."""
+    return lambda x: _plain(e, {**at, name: x}, x.shape)
+
+
+# -- from both sides -------------------------------------------------------------------------------------------------
+
+
+def _jumps(
+    motion: tuple[Expression, Expression], at: Callable[[np.ndarray], dict[str, Any]], t: np.ndarray
+) -> Iterator[tuple[int, int, float, float]]:
+    """Which of some times jumps, the order of the derivative that does, and its values before and after."""
+    found: dict[int, tuple[int, int, float, float]] = {}
+    near_by = t[:, None] + NEAR_BY * np.maximum(t, 1.0)[:, None]
+    for order, e in enumerate(motion):
+        before, after = (_beside(e, at, t, side) for side in (-1.0, 1.0))
+        around = _plain(e, at(near_by), near_by.shape)
+        around = np.abs(np.where(np.isfinite(around), around, 0.0)).max(axis=1)
+        size = np.maximum(around, np.maximum(np.abs(before), np.abs(after)))
+        with np.errstate(invalid="ignore"):
+            jumps = np.isfinite(size) & (np.abs(after - before) > JUMP * size)
+        for i in np.flatnonzero(jumps).tolist():
+            found.setdefault(i, (i, order, float(before[i]), float(after[i])))
+    yield from (found[i] for i in sorted(found))
+
+
+def _beside(e: Expression, at: Callable[[np.ndarray], dict[str, Any]], t: np.ndarray, side: float) -> np.ndarray:
+    """Values at times with the branches beside them; the limits from there where there are none."""
+    step = np.maximum(np.abs(t), 1e-6) * BESIDE * side
+    here = _sided(e, at(np.stack([t, t + step])))[0]
+    if np.isfinite(here).all():
+        return here
+    far = np.maximum(np.abs(t), 1e-3) * FAR_BESIDE * side
+    near, farther = (_plain(e, at(t + x * far), t.shape) for x in (1.0, 2.0))
+    return np.where(np.isfinite(here), here, 2.0 * near - farther)
+
+
+def _sided(e: Expression, at: Mapping[str, Any]) -> np.ndarray:
+    """Values (2, n) at times and beside them, with the branches that are taken beside."""
+    shape = at["t"].shape
+
+    def beside(x: Any) -> np.ndarray:
+        return np.broadcast_to(np.asarray(x, float), shape)[1]
+
+    def branches(condition: np.ndarray, a: Any, b: Any) -> np.ndarray:
+        return np.where(condition, np.broadcast_to(a, shape), np.broadcast_to(b, shape))
+
+    return _plain(e, at, shape, {
+        "min": lambda a, b: branches(beside(a) < beside(b), a, b),
+        "max": lambda a, b: branches(beside(a) > beside(b), a, b),
+        "abs": lambda x: branches(beside(x) >= 0.0, x, -x),
+        "sign": lambda x: branches(beside(x) > 0.0, 1.0, branches(beside(x) < 0.0, -1.0, 0.0)),
+        AT_LEAST: lambda a, b: branches(beside(a) >= beside(b), 1.0, 0.0),
+        "atan2": lambda y, x: np.arctan2(np.copysign(np.abs(y), beside(y)), x),
+    })  # fmt: skip
+
+
+def _plain(
+    e: Expression, at: Mapping[str, Any], shape: tuple[int, ...], by: Mapping[str, Callable[..., Any]] | None = None
+) -> np.ndarray:
+    """Values of some shape; not numbers where there are none. Functions of the grammar may be given in place of NumPy's."""
+    functions = functions_for(np) | {AT_LEAST: lambda a, b: np.greater_equal(a, b) * 1.0} | dict(by or {})
+    with np.errstate(all="ignore"):
+        try:
+            found = np.asarray(e.evaluate(at, functions), float)
+        except (ArithmeticError, ValueError):
+            found = np.asarray(math.nan)
+    return np.broadcast_to(found, shape)
