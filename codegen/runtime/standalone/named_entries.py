@@ -112,7 +112,7 @@ def _initial_or_input(names: Names, asked: str, values: Sequence[int] | None) ->
     at = names.inputs.index(entry[1])
     if entry[2] is not None and values is not None and int(entry[2]) >= values[at]:
         raise ValueError(
-            f"sensitivities: {asked}: the input has {values[at]} values, counted from 0"
+            f"sensitivities: {asked}: the input has {values[at]} value{'s' * (values[at] > 1)}, counted from 0"
             if values[at]
             else f"sensitivities: {asked}: the input is a function of time and has no values with numbers; give (times, values)"
         )

@@ -184,7 +184,7 @@ def _signal(label: str, names: Sequence[str], given: Any, moves: bool, interval:
     shape = (len(names),) if label == "inputs" else ()
     if values.shape != shape:
         raise ValueError(
-            f"{label} has shape {values.shape}, expected {shape}: one number for each of {some(names)}; or (times, values), or "
+            f"{label} {'have' if label == 'inputs' else 'has'} shape {values.shape}, expected {shape}: one number for each of {some(names)}; or (times, values), or "
             f"(times, values, {' | '.join(map(repr, DEGREES))}), a function of time, a spline, or these by name"
         )
     values = values.reshape(1, -1)
