@@ -183,8 +183,9 @@ def _signal(label: str, names: Sequence[str], given: Any, moves: bool, interval:
     values = _numbers(label, given)
     shape = (len(names),) if label == "inputs" else ()
     if values.shape != shape:
+        have = "have" if label == "inputs" else "has"
         raise ValueError(
-            f"{label} {'have' if label == 'inputs' else 'has'} shape {values.shape}, expected {shape}: one number for each of {some(names)}; or (times, values), or "
+            f"{label} {have} shape {values.shape}, expected {shape}: one number for each of {some(names)}; or (times, values), or "
             f"(times, values, {' | '.join(map(repr, DEGREES))}), a function of time, a spline, or these by name"
         )
     values = values.reshape(1, -1)
