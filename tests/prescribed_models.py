@@ -89,7 +89,8 @@ def with_prescribed_at(rng: np.random.Generator, drawn: Any, share: float = 0.5)
     found = prescribed(model, motion)
     q = [x for n, x in zip(model.coordinate_names, drawn.q, strict=True) if n not in motion]
     u = [x for n, x in zip(model.speed_names, drawn.u, strict=True) if n not in motion]
-    return drawn._replace(model=found, q=np.array(q), u=np.array(u))
+    rates = rng.uniform(-1, 1, len(found.inputs) - len(model.inputs))  # of inputs that the motion reads
+    return drawn._replace(model=found, q=np.array(q), u=np.array(u), inputs=np.concatenate([drawn.inputs, rates]))
 
 
 def function(rng: np.random.Generator, model: Model) -> str:

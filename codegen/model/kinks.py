@@ -7,25 +7,23 @@ zero, the motion is compared from both sides, with the branches of each. A jump 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from .expressions import AT_LEAST, Expression, Tree, combine, functions_for
+from .expressions import AT_LEAST, WRAPPED, Expression, Tree, combine, functions_for
 from .rates import rate, rates_of
+from .switches import BRANCHES
 
-SWITCHING: Final[Mapping[str, Callable[..., Tree]]] = {
-    "abs": lambda x: x,
-    "sign": lambda x: x,
-    "min": lambda a, b: combine("-", a, b),
-    "max": lambda a, b: combine("-", a, b),
-    AT_LEAST: lambda a, b: combine("-", a, b),
-    "sqrt": lambda x: x,
-    "asin": lambda x: combine("-", ("number", 1), combine("*", x, x)),
-    "acos": lambda x: combine("-", ("number", 1), combine("*", x, x)),
-    "atan2": lambda y, x: y,
+SWITCHING: Final[Mapping[str, Callable[[Sequence[Tree]], Tree]]] = {
+    **BRANCHES,
+    WRAPPED: BRANCHES["mod"],
+    "sqrt": lambda of: of[0],
+    "asin": lambda of: combine("-", ("number", 1), combine("*", of[0], of[0])),
+    "acos": lambda of: combine("-", ("number", 1), combine("*", of[0], of[0])),
+    "atan2": lambda of: of[0],
 }
 """What is zero where a function of the grammar may not be smooth, from its arguments."""
 
@@ -85,7 +83,7 @@ def nodes(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
         for a in tree[2 if kind == "call" else 1 :]:
             yield from of(a)
         if kind == "call" and tree[1] in SWITCHING:
-            yield tree, SWITCHING[tree[1]](*tree[2:])
+            yield tree, SWITCHING[tree[1]](tree[2:])
         elif kind == "**" and not (tree[2][0] == "number" and isinstance(tree[2][1], int)):
             yield tree, tree[1]
 
@@ -226,6 +224,7 @@ def _sided(e: Expression, at: Mapping[str, Any]) -> np.ndarray:
         "sign": lambda x: branches(beside(x) > 0.0, 1.0, branches(beside(x) < 0.0, -1.0, 0.0)),
         AT_LEAST: lambda a, b: branches(beside(a) >= beside(b), 1.0, 0.0),
         "atan2": lambda y, x: np.arctan2(np.copysign(np.abs(y), beside(y)), x),
+        **dict.fromkeys(("mod", WRAPPED), lambda x, m: x - m * np.floor(beside(x) / beside(m))),
     })  # fmt: skip
 
 

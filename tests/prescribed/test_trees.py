@@ -98,8 +98,9 @@ def test_energy_changes_by_the_power_of_driving_forces_and_of_friction(arm) -> N
     model, solver = arm
     q, u, p, inputs, t = random_state(np.random.default_rng(5), model)
     udot = solver.accelerations(q, u, p, inputs, t)
-    (_, _), (dT, dV) = solver.energy_sensitivities(q, u, p, inputs, t, dq=u, du=udot, dt=1.0)
     at = dict(zip(model.parameter_names, p, strict=True)) | dict(zip(model.inputs, inputs, strict=True)) | {"t": t}
+    changes = {"f": at["f.rate"], "f.rate": at["f.acceleration"]}
+    (_, _), (dT, dV) = solver.energy_sensitivities(q, u, p, inputs, t, dq=u, du=udot, dt=1.0, dinputs=changes)
     rates = {x.name: float(x.values[1].evaluate(at)) for x in model.prescribed}
     power = solver.driving_forces(q, u, p, inputs, t) @ [rates[n] for n in solver.prescribed_names]
     u_arm = u[solver.speed_names.index("arm")]

@@ -114,6 +114,8 @@ def _switching(tree: Sequence[Any]) -> Iterator[Sequence[Any]]:
                 yield of[0]
             case "min" | "max" | "at_least":
                 yield ("-", *of)
+            case "mod" | "wrapped":
+                yield ("call", "sin", ("/", ("*", ("number", math.pi), of[0]), of[1]))
             case "asin" | "acos":
                 yield ("-", ("number", 1), ("*", of[0], of[0]))
             case _:
@@ -219,6 +221,15 @@ def _pair(tree: Sequence[Any], known: Mapping[str, Pair], taken: Callable[[Any],
 
 def _function(name: str, of: list[Pair], taken: Callable[[Any], Any]) -> Pair:
     a, da = of[0]
+    if name == "choice":
+        return tuple(np.where(a != 0.0, x, y) for x, y in zip(of[1], of[2], strict=True))
+    if name == "vanishing":
+        b, db = of[1]
+        return np.where(a == 0.0, 0.0, a * b), np.where(da == 0.0, 0.0, da * b) + np.where(a == 0.0, 0.0, a * db)
+    if name in ("mod", "wrapped"):
+        b, db = of[1]
+        turns = np.floor(taken(a) / taken(b))
+        return a - turns * b, da - turns * db
     if name in ("min", "max", "at_least", "atan2"):
         b, db = of[1]
         above = taken(a - b) > 0.0

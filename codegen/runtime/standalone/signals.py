@@ -185,7 +185,7 @@ def _signal(label: str, names: Sequence[str], given: Any, moves: bool, interval:
     if values.shape != shape:
         have = "have" if label == "inputs" else "has"
         raise ValueError(
-            f"{label} {have} shape {values.shape}, expected {shape}: one number for each of {some(names)}; or (times, values), or "
+            f"{label} {have} shape {values.shape}, expected {shape}: one number for each of {some(names)}; or (times, values), "
             f"(times, values, {' | '.join(map(repr, DEGREES))}), a function of time, a spline, or these by name"
         )
     values = values.reshape(1, -1)
