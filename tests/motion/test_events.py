@@ -233,3 +233,33 @@ def test_an_event_where_independents_change_is_seen_once(made: Callable[..., Mad
         assert found.stats["partitions_changed"] >= 1
         assert len(found.events) == len(np.flatnonzero(np.diff(np.sign(y - level))))
         assert (np.diff([e.t for e in found.events]) > 0.1).all()
+
+
+HELD = ([0.0, 0.5, 1.0], [[0.0], [5.0], [5.0]], "hold")
+
+
+@pytest.mark.parametrize("options", [{}, RK4, {"method": "radau"}], ids=["dop853", "rk4", "radau"])
+def test_an_event_with_the_jump_of_an_input_comes_at_its_knot(falling: Any, options: dict[str, Any]) -> None:
+    found = falling.simulate(1.0, inputs=HELD, sensitivities=("g", "h", "v"), events=Event("force", 2.0), **options)
+    (met,) = found.events
+    assert found.ended == "event" and met.t == 0.5 and not met.dt.any()
+    np.testing.assert_allclose(met.q, [H - G / 8], rtol=1e-12)
+    np.testing.assert_allclose(met.dq[:, 0], [-1 / 8, 1.0, 0.5], rtol=1e-12)
+    np.testing.assert_allclose(met.du[:, 0], [-0.5, 0.0, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("way", ["forward", "adjoint"])
+def test_what_is_measured_at_the_jump_of_an_input(falling: Any, way: str) -> None:
+    event = Event("force", 2.0, stop=False)
+    wanted = [AtEvent("t", event), AtEvent("z", event), AtEvent("w", event)]
+    found = falling.judge(1.0, wanted, inputs=HELD, wrt=("g", "h", "v"), method=way)
+    np.testing.assert_allclose(found.values, [0.5, H - G / 8, -G / 2], rtol=1e-12)
+    np.testing.assert_allclose(found.gradients, [[0, 0, 0], [-1 / 8, 1.0, 0.5], [-0.5, 0.0, 1.0]], atol=1e-12)
+
+
+def test_the_last_state_is_that_of_the_event(falling: Any) -> None:
+    found = falling.simulate([0.0, 0.2, 0.4, 1.0], events="z")
+    assert found.ended == "event" and found.t[-1] == 0.4
+    q, u = found.final
+    assert found.events[-1].t == pytest.approx(LANDS, rel=1e-14) and found.stats["t"] == found.events[-1].t
+    np.testing.assert_allclose([q[0], u[0]], [0.0, -np.sqrt(2 * G * H)], atol=1e-12)

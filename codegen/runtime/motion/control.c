@@ -127,6 +127,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     for (int i = 0; i < 4; ++i) *of_switches[i] = ordernm_numbers(&of, s->nswitches);
     m->dswitches = ordernm_numbers(&of, (long)s->nswitches*LANES);
     m->switch_along = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);
+    m->switch_time = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);
     m->input_rates = ordernm_numbers(&of, switching ? s->ninputs : 0);
     m->no_dp = ordernm_numbers(&of, switching ? s->np : 0);
     m->head = ordernm_head_size(p);
@@ -700,7 +701,7 @@ int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled, c
     return status;
 }
 
-static int go_on(ordernm_motion *m, const trial *step)
+static int go_on(ordernm_motion *m, const trial *step, int *stop)
 {
     ordernm_results *const r = m->results;
     r->t = step->end;
@@ -709,8 +710,9 @@ static int go_on(ordernm_motion *m, const trial *step)
     for (int i = 0; i < m->nheld; ++i)
         m->crossed[m->held[i]] = step->event >= 0 && m->happened[p->nevents + i] > 0.0 ? fmax(m->paces[p->nevents + i], 1e-300) : 0.0;
     int failure = ordernm_next_step(m, step->end, step->knot, step->at_pose, 0);
-    if (!failure && m->nheld && (m->switched || ordernm_next_knot(m, m->t) != step->knot))
-        failure = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
+    const int at_knot = ordernm_next_knot(m, m->t) != step->knot;
+    if (!failure && m->nheld && (m->switched || at_knot)) failure = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
+    if (!failure && p->nevents && (m->switched || at_knot)) failure = ordernm_jumped_events(m, !at_knot, stop);
     if (failure == SLIDES && !p->ntimes) keep(m, m->t, m->z);
     if (failure) return failed(r, failure);
     r->next_step = m->h;
@@ -732,7 +734,7 @@ static int accept(ordernm_motion *m, const trial *step)
     const int unknown = ordernm_keep_events(m, step, &stop);
     if (unknown) return failed(r, unknown);
     resize(m, step);
-    if ((reason = go_on(m, step)) != ORDERNM_ENDED) return reason;
+    if ((reason = go_on(m, step, &stop)) != ORDERNM_ENDED) return reason;
     if (stop) return ORDERNM_EVENT;
     if (m->switched) return ORDERNM_ENDED; /* the step behind it says what has changed */
     if (r->condition_here <= p->poor) m->looked_at = 0.0;
@@ -747,7 +749,7 @@ static int is_full(const ordernm_motion *m)
     const ordernm_problem *const p = m->problem;
     const ordernm_results *const r = m->results;
     return (!p->ntimes && r->count == r->capacity) || (r->steps && r->steps_count == r->steps_capacity)
-           || (r->events && r->events_count + p->nevents > r->events_capacity);
+           || (r->events && r->events_count + 2*p->nevents > r->events_capacity);
 }
 
 /* Whether steps have become so small that the motion stands still. */

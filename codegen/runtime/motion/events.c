@@ -17,7 +17,7 @@ static const double CUT_BEHIND = 0.1;
 
 long ordernm_event_size(const ordernm_problem *p)
 {
-    return ordernm_row_size(p) + p->system->nu + 1;
+    return ordernm_row_size(p) + p->system->nu + p->ndirections + 1;
 }
 
 /* Outputs at a state, less the levels of events. Returns what a function returned. */
@@ -310,6 +310,30 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
             if (m->happened[f] == 0.0 && p->events[f].output == p->events[e].output && p->events[f].level == p->events[e].level)
                 m->after[f] = m->after[e];
     return 0;
+}
+
+/* Events of outputs that jump over their level between two steps, with an input or where a force does. */
+int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
+{
+    const ordernm_problem *const p = m->problem;
+    ordernm_results *const r = m->results;
+    const long size = ordernm_event_size(p);
+    int status = ordernm_crossings(m, m->t, m->z, m->within);
+    for (int e = 0; e < p->nevents && !status; ++e) {
+        if (fabs(m->crossing[e]) == BEHIND && !(crosses(m, e, m->crossing[e], m->within[e]) && fabs(m->within[e]) > 0.0)) continue;
+        const int jumped = crosses(m, e, m->crossing[e], m->within[e]);
+        m->crossing[e] = m->within[e];
+        if (!jumped) continue;
+        *stop |= p->events[e].stop;
+        if (!r->events) continue;
+        double *const row = r->events + r->events_count*size;
+        if ((status = describe(m, m->t, m->z, row))) break;
+        double *const times = row + ordernm_row_size(p) + m->system->nu;
+        for (int k = 0; k < p->ndirections; ++k) times[k] = by_state ? m->switch_time[k/LANES*LANES + k%LANES] : 0.0;
+        row[size - 1] = by_state ? ORDERNM_JUMPED_BY_STATE : ORDERNM_JUMPED;
+        r->which[r->events_count++] = e;
+    }
+    return status;
 }
 
 /* Events that the step ends with, several if they happen at the same time; whether the motion stops there. */

@@ -172,6 +172,7 @@ struct ordernm_motion {
     long passed;              /* ... and how often switches have been passed since */
     int last_passed;          /* the switch that was passed last */
     int not_held;             /* steps in a row that were refused because held rates have no value */
+    double *switch_time;      /* [ngroups][LANES] derivatives of the time of the switch that was crossed last */
     int switched;             /* modes have changed between the step before and this one */
     long head;                /* numbers of a row of steps before the state */
 };
@@ -243,6 +244,7 @@ enum { EVENT_SAMPLES = 7 };  /* between the ends of a step */
 int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g);
 int ordernm_look_for_events(ordernm_motion *m, trial *step);
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
+int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop);
 
 /* switches.c */
 void ordernm_hold_switches(ordernm_motion *m);

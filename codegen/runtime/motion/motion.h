@@ -155,11 +155,13 @@ typedef struct {
      * the method knew before the first of them, ordernm_known_size doubles; not kept if known is 0. */
     double *steps, *known;
     long steps_capacity, steps_count;
-    /* Events that happened, and which; rows of ordernm_event_size: one as above, accelerations [nu], and how fast the output changed
-     * on the whole in the step that the event was in, units/s. Not kept if events is 0. */
+    /* Events that happened, and which; rows of ordernm_event_size: one as above, accelerations [nu], derivatives of the time along
+     * directions, of an output that has jumped over its level, and how fast the output changed on the whole in the step that the event
+     * was in, units/s; ORDERNM_JUMPED or ORDERNM_JUMPED_BY_STATE of one that has jumped, with an input or where a force does. Not kept
+     * if events is 0. */
     double *events;
     int *which;
-    long events_capacity, events_count; /* as many as there are events may come at once */
+    long events_capacity, events_count; /* twice as many as there are events may come at once */
     double t;                 /* how far it has come */
     int singular;             /* what the function returned that failed */
     int grazed;               /* 0, or 1 + a switch that was touched only: derivatives do not exist from there on */
@@ -171,6 +173,8 @@ typedef struct {
     double next_step;         /* that would be tried there, s */
     double stiffness;         /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
+
+enum { ORDERNM_JUMPED = -1, ORDERNM_JUMPED_BY_STATE = -2 };
 
 typedef struct ordernm_motion ordernm_motion;
 

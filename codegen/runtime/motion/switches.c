@@ -232,12 +232,13 @@ int ordernm_pass_switches(ordernm_motion *m)
             m->results->grazed = k + 1;
             continue;
         }
+        for (int i = 0; i < m->ngroups*LANES; ++i) m->switch_time[i] = -m->switch_along[i]/speed;
         for (int g = 0; g < m->ngroups; ++g) {
             const group *const of = m->groups + g;
             double *const S = m->z + of->at;
             for (int i = 0; i < n; ++i)
                 for (int l = 0; l < of->width; ++l)
-                    S[i*of->width + l] -= (before[i] - after[i])*m->switch_along[g*LANES + l]/speed;
+                    S[i*of->width + l] += (before[i] - after[i])*m->switch_time[g*LANES + l];
         }
     }
     return 0;

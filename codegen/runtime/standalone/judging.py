@@ -13,8 +13,8 @@ from .errors import SimulationError
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
 from .motion_adjoint import Adjoint, segment_backwards
 from .motion_directions import Directions
+from .motion_events import BY_STATE, Crossing, Event, crossing_speed
 from .motion_events import DIRECTIONS as CROSSINGS
-from .motion_events import Crossing, Event, crossing_speed
 from .motion_problem import Problem, Run
 from .simulation import MEANINGLESS, MOST_STEPS, Simulation, meaningless
 from .warning import warn
@@ -113,6 +113,12 @@ class Judging(Simulation):
             shown = Directions(directions.names[:k], directions.dq, directions.du, directions.dp, None, True)
             raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, shown, run))
         crossings = self._first_crossings(events, problem, run, k)
+        for event, c in crossings.items():
+            if c.pace == BY_STATE and way == "adjoint":
+                warn(
+                    f"{event.output} jumps over {event.level:g} where a force jumps: gradients of AtEvent there are known to "
+                    f"method='forward' only, and NaN here"
+                )
         values, weights = self._weighed(wanted, problem, run, crossings)
         if way == "forward":
             gradients = self._forward(wanted, problem, run, crossings, weights, k)

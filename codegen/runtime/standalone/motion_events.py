@@ -53,6 +53,7 @@ class Crossing:
         Time derivatives of the outputs there.
     pace : float
         How fast the event's own output changes on the whole in the step that the event was in: its range over the step's size.
+        Where the output jumps over its level, -1 with an input, whose time depends on nothing, and -2 where a force jumps.
     dt : array (k,)
         Derivatives of the time; NaN where the output only touches its level.
     dq, du, doutputs : array (k, nq), (k, nu), (k, noutputs)
@@ -128,15 +129,24 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     return events
 
 
+BY_STATE = -2.0
+"""The pace of an output that jumps over its level where a force does."""
+
+
 def crossing_speed(rates: Array, pace: float, index: int) -> float:
-    """The rate of an event's output among those of all, (noutputs,); NaN where it only touches its level."""
+    """The rate of an event's output among those of all, (noutputs,), with which its time depends on that output.
+
+    NaN where it only touches its level; infinite where it jumps over it with an input.
+    """
+    if pace < 0.0:
+        return math.nan if pace == BY_STATE else math.inf
     speed = float(rates[index])
     return speed if abs(speed) > GRAZING * pace else np.nan
 
 
 def crossing(
     event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array],
-    pace: float,
+    pace: float, given_dt: Array | None = None,
 ) -> Crossing:  # fmt: skip
     """An event with derivatives of its time and state (dt* = -dg/g', S* = S + f dt*).
 
@@ -148,10 +158,13 @@ def crossing(
     derivatives : dq, du, doutputs at the fixed time, (k, ...)
     pace : float
         See `Crossing`.
+    given_dt : array (k,), optional
+        Derivatives of the time, of an output that jumps over its level.
     """
     q, u, outputs = values
     dq, du, doutputs = derivatives
-    dt = -doutputs[:, index] / crossing_speed(rates[2], pace, index)
+    dt = given_dt if given_dt is not None else -doutputs[:, index] / crossing_speed(rates[2], pace, index)
     moved = [d + dt[:, None] * r for d, r in zip((dq, du, doutputs), rates, strict=True)]
-    moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
+    if given_dt is None:
+        moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
     return Crossing(event, t, q, u, outputs, rates[2], pace, dt, *moved)

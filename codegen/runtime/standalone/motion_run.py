@@ -220,7 +220,7 @@ class MotionRun(States, Partitions):
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
         if problem.events:
-            places = np.empty((ROWS + len(problem.events), library.ordernm_event_size(c)))
+            places = np.empty((ROWS + 2 * len(problem.events), library.ordernm_event_size(c)))
             which = ffi.new("int[]", len(places))
             r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
 
@@ -265,7 +265,7 @@ class MotionRun(States, Partitions):
                     if 8 * sum(x.size for x in steps) > memory // 2:
                         let_go(steps, heads, library.ordernm_head_size(c))
                     kept = more_steps()
-                if problem.events and r.events_count + len(problem.events) > r.events_capacity:
+                if problem.events and r.events_count + 2 * len(problem.events) > r.events_capacity:
                     more_events()
             elif reason != "paused":
                 break

@@ -319,7 +319,7 @@ class Simulation(MotionRun):
         given = (values[0], values[1], problem.p, inputs, t)
         plain = self.coordinate_names == self.speed_names  # so it goes where a loop has lost rank, too
         qdot = values[1] if plain else self._values("coordinate_rates", given)[0]
-        udot, pace = row[-self.nu - 1 : -1], float(row[-1])
+        udot, pace = row[-self.nu - k - 1 : len(row) - k - 1], float(row[-1])
 
         def rates_at(q: Array, u: Array) -> Array:
             along = (qdot, udot, None, problem.inputs.rate(t), 1.0)
@@ -332,7 +332,8 @@ class Simulation(MotionRun):
             sides = [rates_at(values[0] + s * qdot, values[1] + s * udot) for s in (-BESIDE, BESIDE)]
             rate = 0.5 * (sides[0] + sides[1])
         rates = (qdot, udot, rate[0])
-        return crossing(event, self.output_names.index(event.output), t, values, derivatives, rates, pace)
+        given_dt = row[len(row) - k - 1 : -1] if pace < 0.0 else None
+        return crossing(event, self.output_names.index(event.output), t, values, derivatives, rates, pace, given_dt)
 
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """Kinetic and potential energy over time, (nt, 2)."""

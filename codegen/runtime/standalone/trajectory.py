@@ -257,7 +257,17 @@ class Trajectory:
 
     @property
     def final(self) -> tuple[Array, Array]:
-        """The last state (q, u), (nq,) and (nu,): where another simulation may go on."""
+        """The last state (q, u), (nq,) and (nu,): where another simulation may go on.
+
+        After an event that has ended the motion it is the event's, at ``events[-1].t``.
+        """
+        stopped = (
+            [c for c in self.events if c.event.stop and c.t >= self.t[-1]]
+            if self.ended == "event" and len(self)
+            else []
+        )
+        if stopped:
+            return stopped[-1].q.copy(), stopped[-1].u.copy()
         if not len(self):
             raise IndexError(f"the trajectory of {self.model} has no times, so there is no last state")
         return self.q[-1].copy(), self.u[-1].copy()
