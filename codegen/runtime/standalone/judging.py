@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import some
 from .arrays import Array, Numbers
 from .errors import SimulationError
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
+from .infinite import outputs_without
 from .motion_adjoint import Adjoint, segment_backwards
 from .motion_directions import Directions
 from .motion_events import BY_STATE, Crossing, Event, crossing_speed
@@ -132,6 +134,7 @@ class Judging(Simulation):
             gradients = np.zeros((len(wanted), 0))
         if directions.k:
             self._look_at_growth(gradients, weights, directions, problem, run)
+            self._look_for_infinite(gradients, weights, directions, problem, run)
         return Judged(values, gradients, directions.names, way, run.counts)
 
     def _look_at_growth(
@@ -140,10 +143,29 @@ class Judging(Simulation):
         """Tell of gradients beyond all bounds: in parts of what is weighed, per part of what they are with respect to."""
         q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
         outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
+        outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # nobody asks for these
         by = self._sizes_of_directions(directions, q, u, problem)[0]
         whole = np.abs(weights.outputs).sum(axis=1) @ outputs + np.abs(weights.integrals) @ integrals
-        if (np.abs(gradients) * by > MEANINGLESS * whole[:, None]).any():
+        if (np.isfinite(gradients) & (np.abs(gradients) * by > MEANINGLESS * whole[:, None])).any():
             warn(meaningless("gradients have"))
+
+    def _look_for_infinite(
+        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
+    ) -> None:
+        """Warn of gradients that are not finite, with the outputs that make them so, where it is they at a time of the result."""
+        bad = ~np.isfinite(gradients)
+        if not bad.any():
+            return
+        by = some([directions.names[j] for j in np.flatnonzero(bad.any(axis=0))])
+        times, reason = np.searchsorted(weights.times, run.rows[:, 0]), ""
+        for row, place in zip(run.rows, times, strict=True):
+            asked = np.flatnonzero(weights.outputs[:, place].any(axis=0))
+            t, q, u = float(row[0]), self._of_rows(row, 1), self._of_rows(row, 2)
+            state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+            if len(asked) and (reason := outputs_without(run.opened, state, asked.tolist(), along=True, certain=True)):
+                reason = f": at t = {t:g} s {reason} is not"
+                break
+        warn(f"{self.name}: the gradients of judge by {by} are not finite{reason}")
 
     def _weighed(
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
@@ -218,8 +240,12 @@ class Judging(Simulation):
         doutputs = self._derivatives_of_rows(run.rows, problem, k, 3)  # (nt, k, noutputs)
         dintegrals = self._derivatives_of_rows(run.rows, problem, k, 4)
         places = np.searchsorted(weights.times, run.rows[:, 0])
-        found = np.einsum("mto,tko->mk", weights.outputs[:, places], doutputs)
-        found += np.einsum("mn,kn->mk", weights.integrals, dintegrals[-1])
+        found = np.zeros((len(wanted), k))
+        for i, of in enumerate(weights.outputs[:, places]):  # what has no weight may be infinite
+            rows, outputs = np.nonzero(of)
+            found[i] = of[rows, outputs] @ doutputs[rows, :, outputs]
+            asked = np.flatnonzero(weights.integrals[i])
+            found[i] += weights.integrals[i, asked] @ dintegrals[-1][:, asked].T
         for i, f in enumerate(wanted):
             if isinstance(f, AtEvent):
                 c = crossings[f.event]

@@ -10,6 +10,7 @@ import numpy as np
 
 from .arrays import Array, Numbers, is_finite, largest, normalise
 from .errors import SimulationError, SingularLoopError
+from .infinite import culprit, outputs_without
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
@@ -292,6 +293,8 @@ class Simulation(MotionRun):
         dq, du, doutputs = (
             self._derivatives_of_rows(run.rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)
         )
+        if self._gives_outputs:
+            self._look_at_outputs(problem, run, outputs, doutputs)
         extra: dict[str, Any] = {}
         if "energies" in self._functions and nt:
             extra["energy"] = lambda: self._energies_over(t, q, u, problem)
@@ -335,6 +338,17 @@ class Simulation(MotionRun):
         given_dt = row[len(row) - k - 1 : -1] if pace < 0.0 else None
         return crossing(event, self.output_names.index(event.output), t, values, derivatives, rates, pace, given_dt)
 
+    def _look_at_outputs(self, problem: Problem, run: Run, outputs: Array, doutputs: Array) -> None:
+        """Warn of outputs without a finite value, or derivative, at a time of the result."""
+        of = ~(np.isfinite(outputs) & np.isfinite(doutputs).all(axis=0))
+        if not of.any():
+            return
+        row, among = int(np.argwhere(of)[0, 0]), np.flatnonzero(of.any(axis=0)).tolist()
+        t, q, u = float(run.rows[row, 0]), self._of_rows(run.rows[row], 1), self._of_rows(run.rows[row], 2)
+        state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+        found = outputs_without(run.opened, state, among, along=bool(len(doutputs)))
+        warn(f"{self.name}: outputs of simulate, or their derivatives, are not finite at t = {t:g} s: {found}")
+
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """Kinetic and potential energy over time, (nt, 2)."""
         inputs = self._inputs_over(t, problem)
@@ -365,6 +379,15 @@ class Simulation(MotionRun):
             f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "
             f"{condition:.2g}), {DEAD_POINT}: {way}"
         )
+
+    def _what_is_infinite(self, problem: Problem, run: Run) -> str:
+        """The force that has no finite value, or derivative, at the last state that is known."""
+        t, q, u = problem.start, problem.q, problem.u
+        if len(run.rows) and run.rows[-1, 0] > t:
+            t, q, u = float(run.rows[-1, 0]), self._of_rows(run.rows[-1], 1), self._of_rows(run.rows[-1], 2)
+        state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+        found = culprit(run.opened, state, along=bool(len(problem.dq)))
+        return found and f": {found}"
 
     def _cause(self, problem: Problem, run: Run) -> str:
         """The same without what loops have to do with it."""
@@ -399,7 +422,7 @@ class Simulation(MotionRun):
                     f"allow, become large ones of dependent speeds"
                 )
             case "not finite":
-                return f"the motion ends {at}: the time derivative of {entry} is not finite"
+                return f"the motion ends {at}: the time derivative of {entry} is not finite{self._what_is_infinite(problem, run)}"
             case "too many steps":
                 made = run.counts["steps"] + run.counts["rejected"]
                 return (

@@ -1,0 +1,111 @@
+"""Motions with derivatives that begin, or stay, where plain rules give 0 times infinity; what is said where there is none."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import codegen
+from codegen.model import parse_model
+from codegen.runtime import At, Final, SimulationError, Solver
+
+HERTZ = """\
+model: hertz
+gravity: [0, 0, -9.81]
+parameters: {k: 1e4, m: 0.5, n: 1.5}
+bodies:
+  ball: {parent: ground, joint: {type: prismatic, axis: z}, mass: m}
+  other: {parent: ground, joint: {type: prismatic, axis: z}, mass: m}
+forces:
+  floor: {type: joint, joint: ball, value: "k*max(0, -q.ball)**n"}
+initial: {q: {ball: 0.05}}
+outputs: {h: {value: q.ball}, root: {value: sqrt(0.05 - q.ball)*k}, below: {value: 1/(q.ball - 0.05)}}
+"""
+P = np.array([1e4, 0.5, 1.5])
+NAMES = ["k", "m", "n"]
+
+
+@pytest.fixture(scope="module")
+def hertz(tmp_path_factory: pytest.TempPathFactory) -> Solver:
+    folder = tmp_path_factory.mktemp("hertz") / "hertz"
+    codegen.generate(parse_model(HERTZ), folder)
+    return codegen.load(folder)
+
+
+def bounce(p: np.ndarray) -> float:
+    """The height after 0.15 s."""
+    k, m, n = p
+    found = solve_ivp(
+        lambda t, x: [x[1], -9.81 + k * max(0.0, -x[0]) ** n / m],
+        (0, 0.15),
+        [0.05, 0.0],
+        "DOP853",
+        rtol=1e-12,
+        atol=1e-14,
+    )
+    return float(found.y[0, -1])
+
+
+def test_a_bouncing_ball_beside_outputs_that_nobody_asks_for(hertz: Solver) -> None:
+    expected = [(bounce(P + e) - bounce(P - e)) / (2 * e.sum()) for e in np.diag(1e-6 * P)]
+    with pytest.warns(RuntimeWarning, match="the value of below"):
+        run = hertz.simulate([0, 0.15], sensitivities=NAMES, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(run.dq[:, -1, 0], expected, rtol=1e-5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for method in ("forward", "adjoint"):
+            judged = hertz.judge(0.15, [Final("h"), At("h", 0.0)], wrt=NAMES, method=method, rtol=1e-10, atol=1e-12)
+            np.testing.assert_allclose(judged.gradients, [expected, [0.0] * 3], rtol=1e-5)
+
+
+def test_outputs_of_weight_zero_are_skipped_and_others_named(hertz: Solver) -> None:
+    q, u = np.array([0.05, 0.0]), np.zeros(2)
+    states = np.tile(q, (5, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for q_of in (q, states):
+            found = hertz.output_gradients(q_of, 0 * q_of, weights=[1.0, 0.0, 0.0])
+            np.testing.assert_array_equal(found.q, np.broadcast_to([[1.0, 0.0]], found.q.shape))
+            assert not found.p.any()
+    with pytest.warns(RuntimeWarning, match=r"not finite: the derivative of root by q\.ball"):
+        hertz.output_gradients(q, u, weights=[0.0, 1.0, 0.0])
+    with pytest.warns(RuntimeWarning, match=r"at t = 0 s the derivative of root by q\.ball is not"):
+        hertz.judge(0.01, At("root", 0.0), wrt=["q0.ball"], method="adjoint")
+
+
+FORCES = {
+    "on joint a": ("{type: joint, joint: a, value: sqrt(q.a)*k}", r"the force on joint a by q\.a is not \(force law: "),
+    "on a body": ("{type: force, on: b, value: [k*sqrt(velocity.b.x), 0, 0]}", r"body b \(force law: on b; .* by "),
+    "a spring": (
+        "{type: spring, from: ground, to: b, stiffness: k*sqrt(t)}",
+        "the coefficients of spring law by t are not",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_messages_name_the_force_and_the_variable(tmp_path: Path, name: str) -> None:
+    law, message = FORCES[name]
+    text = f"""\
+model: rooted
+parameters: {{k: 2.0}}
+bodies:
+  a: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}
+  b: {{parent: ground, joint: {{type: free}}, mass: 1, inertia: {{xx: 1, yy: 1, zz: 1}}}}
+forces:
+  law: {law}
+initial: {{q: {{b: [1, 0, 0, 1, 0, 0, 0]}}}}
+"""
+    codegen.generate(parse_model(text), tmp_path / "rooted", target="both")
+    solver = codegen.load(tmp_path / "rooted")
+    q, u = [0.0, 1, 0, 0, 1, 0, 0, 0], np.zeros(7)
+    for call in (lambda: solver.jacobians(q, u), lambda: solver.gradients(q, u, weights=np.eye(7))):
+        with pytest.warns(RuntimeWarning, match=message):
+            call()
+    if name == "on joint a":
+        with pytest.raises(SimulationError, match=message):
+            solver.simulate([0, 1], sensitivities=["q0.a"])
