@@ -1,5 +1,6 @@
 """Accelerations of an imported SDF beside those of Drake's reading of the same file."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,11 @@ def plant_of(file: str) -> Any:
     from pydrake.multibody.plant import MultibodyPlant
 
     plant = MultibodyPlant(0.0)
-    Parser(plant).AddModels(file)
+    parser = Parser(plant)
+    for folder in Path(file).parent.iterdir():
+        if folder.is_dir() and not parser.package_map().Contains(folder.name):
+            parser.package_map().Add(folder.name, str(folder))
+    parser.AddModels(file)
     plant.Finalize()
     return plant
 
@@ -52,7 +57,9 @@ def accelerations(plant: Any, name: str, found: Any, engine: Any, seed: int) -> 
     set_q, set_v = plant.GetPositions(context), plant.GetVelocities(context)
     free: list[tuple[str, Any]] = []
     for joint_name, own in found.joints.items():
-        joint = joints[joint_name]
+        local = joint_name.rpartition("::")[2]  # Drake has joints in the model of their child
+        alike = [joint for name_, joint in joints.items() if name_.rpartition("::")[2] == local]
+        joint = joints[joint_name] if joint_name in joints or len(alike) != 1 else alike[0]
         if joint.num_velocities() != 1:
             raise LookupError(f"joint {joint_name} has {joint.num_velocities()} speeds")
         angle, rate = rng.uniform(-1.2, 1.2), rng.normal()

@@ -105,7 +105,10 @@ def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
         message = _doubt(body, dirt)
         if message is None:
             continue
-        if repair:
+        if body.inertia.mass == 0:
+            what = "no body has an inertia without mass; kept as it is: give it a mass"
+            found.append(body.link.place.problem(f"{message}; {what}", "warning"))
+        elif repair:
             before = body.inertia.matrix
             body.inertia.matrix = nearest_inertia(before) if before.any() else _ball(body.inertia.mass)
             body.tolerated = False
@@ -130,6 +133,8 @@ def _doubt(body: ImportedBody, dirt: float) -> str | None:
             return None
         return f"{name} is zero, as of a point"
     low, middle, high = (float(m) for m in np.linalg.eigvalsh(matrix / scale) * scale)
+    if body.inertia.mass == 0 and not body.merged:
+        return f"{name} stands without mass"
     seen = f"{low:.6g}, {middle:.6g} and {high:.6g}"
     if low < -PSD_TOLERANCE * scale and low < -dirt:
         body.tolerated = True

@@ -18,7 +18,7 @@ from ..model.errors import Problem, nearest
 from ..model.positions import shortened
 from .files import Files
 from .mjcf_files import MjcfFiles
-from .mjcf_forces import PassiveForces, law, terms_of
+from .mjcf_forces import PassiveForces, damper_law, spring_law, terms_of
 from .naming import free_name, made_name
 from .placement import Placement, direction, of_quaternion, plus
 from .robot import (
@@ -253,7 +253,7 @@ class _Reader:
             joint.damping = damping
         elif single:
             self.robot.terms.append(
-                JointTerm(joint.name, text := law(damping, more, "u.{}"), (joint.name,) * text.count("{}"))
+                JointTerm(joint.name, text := damper_law(damping, more, "u.{}"), (joint.name,) * text.count("{}"))
             )
         else:
             self.robot.leave_out(
@@ -273,7 +273,7 @@ class _Reader:
         if not np.any(more):
             joint.stiffness, joint.rest = stiffness, rest
         else:
-            text = law(stiffness, more, terms_of([(1.0, "q.{}")], -rest))
+            text = spring_law(stiffness, more, terms_of([(1.0, "q.{}")], -rest))
             self.robot.terms.append(JointTerm(joint.name, text, (joint.name,) * text.count("{}")))
         if np.any(_row(model, "jnt_springyield", k)):
             self.robot.leave_out("springyield of a joint", joint.place, Effect.DIFFERS, "here the spring is elastic")

@@ -54,14 +54,28 @@ def _scaled(factor: float, text: str) -> str:
     return f"-{whole}" if factor == -1 else whole if factor == 1 else f"{number(factor)}*{whole}"
 
 
-def law(factor: float, more: Any, of: str) -> str:
-    """-x (factor + more[0] |x| + more[1] x^2 ...), which is MuJoCo's polynomial."""
+def spring_law(factor: float, more: Any, of: str) -> str:
+    """-x (factor + more[0] x + more[1] x^2 ...), MuJoCo's polynomial of a spring."""
+    return _law(factor, more, of, [_powered(of, k + 1) for k in range(np.size(more))])
+
+
+def damper_law(factor: float, more: Any, of: str) -> str:
+    """-x (factor + more[0] |x| + more[1] x^2 ...), MuJoCo's polynomial of a damper."""
+    powers = [_powered(f"abs({of})" if k % 2 == 0 else of, k + 1) for k in range(np.size(more))]
+    return _law(factor, more, of, powers)
+
+
+def _powered(text: str, power: int) -> str:
+    whole = f"({text})" if " " in text and not text.startswith("abs(") else text
+    return whole if power == 1 else f"{whole}**{power}"
+
+
+def _law(factor: float, more: Any, of: str, powers: list[str]) -> str:
     whole = f"({of})" if " " in of else of
     parts = [number(factor)] if factor else []
-    for k, value in enumerate(np.ravel(more)):
+    for value, power in zip(np.ravel(more), powers, strict=True):
         if value:
-            power = f"abs({of})" if k == 0 else f"{whole}**2" if k == 1 else f"abs({of})**{k + 1}"
-            parts.append(_scaled(float(value), power))
+            parts.append(f"{number(float(value))}*{power}")
     if not parts:
         return ""
     if len(parts) == 1 and factor:
@@ -215,10 +229,10 @@ class PassiveForces:
             beyond, below = (terms_of([(1.0, length.value)], -v) if v else length.value for v in (high, low))
             stretch = beyond if low == high else f"max({beyond}, 0) + min({below}, 0)"
             end = "_spring" if has_damper and length.segments else ""
-            self.act(f"{named}{end}", length, law(stiffness, more["stiffness"], stretch), 1.0)
+            self.act(f"{named}{end}", length, spring_law(stiffness, more["stiffness"], stretch), 1.0)
         if has_damper:
             end = "_damper" if has_spring and length.segments else ""
-            self.act(f"{named}{end}", length, law(damping, more["damping"], length.rate), 1.0)
+            self.act(f"{named}{end}", length, damper_law(damping, more["damping"], length.rate), 1.0)
 
     def rotor(self, t: int, armature: float, what: str, place: Place) -> None:
         """The inertia of a tendon, or of what drives it: that of a joint, where the tendon has one."""
@@ -344,10 +358,13 @@ class PassiveForces:
             if joint >= 0:  # MuJoCo's polynomial is that of the joint's own speed
                 gear = float(model.actuator_gear[a][0])
                 own = self.of_joint(joint, 1.0)
-                self.act("", own, law(damping, more, own.rate), gear * gear)
+                self.act("", own, damper_law(damping, more, own.rate), gear * gear)
             else:
                 self.act(
-                    f"{model.actuator(a).name or f'actuator_{a}'}_damper", length, law(damping, [], length.rate), 1.0
+                    f"{model.actuator(a).name or f'actuator_{a}'}_damper",
+                    length,
+                    damper_law(damping, [], length.rate),
+                    1.0,
                 )
         elif is_damped:
             self.robot.leave_out("damping of an actuator", place, Effect.DIFFERS)

@@ -134,6 +134,9 @@ class _Reader(RobotReader):
             self.robot.leave_out("a further <world>", other.line, Effect.NONE, "the first is read")
         chosen = named[0] if named else worlds[0]
         gravity = chosen.first("gravity")
+        if gravity is None:
+            said = "the world has no <gravity>; SDF means 0 0 -9.8 then, in m/s^2"
+            self.robot.warnings.append(chosen.problem(said, "warning"))
         self.robot.gravity = as_three(self.content(gravity, 3, _GRAVITY))
         return self.scopes.world(chosen, version)
 
@@ -243,7 +246,12 @@ class _Reader(RobotReader):
         for child in element.children:
             if child.tag not in ("pose", "mass", "inertia", "density", "auto_inertia_params"):
                 self.leave_out(child)
-        frame = self.frames.pose(self.one(element, "pose"))
+        pose = self.one(element, "pose")
+        if pose is not None and "relative_to" in pose.attributes:
+            self.robot.leave_out(
+                "attribute 'relative_to' in <inertial>", place_of(pose), Effect.UNKNOWN, "SDF has none there"
+            )
+        frame = self.frames.pose(pose)
         mass = self.content(self.one(element, "mass"), 1, (1.0,))[0]
         if mass < 0:
             self.wrong(element, f"the mass is {mass:g}; at least 0 kg is needed")

@@ -118,8 +118,12 @@ class Frames:
 
         def found() -> Placement:
             at = self.relative_to(parent, home, model.pose, model.element) @ self.pose(model.pose)
-            if not model.placement_frame or model.is_merged:
+            if not model.placement_frame:
                 return at
+            if model.is_merged:  # its names are those of the parent: find the frame as if the model stood in its origin
+                alone = Frames(self.values)
+                alone.placed[id(parent), f"::{id(model)}"] = Placement()
+                return at @ alone.named(parent, model.placement_frame, model.element).inverse()
             return at @ self.named(model, model.placement_frame, model.element).inverse()
 
         return self.once(parent, f"::{id(model)}", asked, found)

@@ -203,6 +203,13 @@ class JointReader:
         inertia, ratio = (element.first(f"drake:{word}") for word in ("rotor_inertia", "gear_ratio"))
         if inertia is None:
             return 0.0
+        axis = element.first("axis")
+        limit = axis.first("limit") if axis is not None else None
+        effort = limit.first("effort") if limit is not None else None
+        if effort is not None and self.reader.content(effort, 1, (1.0,))[0] == 0:
+            what = "a joint of effort 0 has no motor in Drake"
+            self.reader.robot.leave_out("<drake:rotor_inertia>", place_of(inertia), Effect.NONE, what)
+            return 0.0
         n = self.reader.content(ratio, 1, (1.0,))[0]
         value = self.reader.content(inertia, 1, (0.0,))[0]
         if value < 0:

@@ -159,7 +159,7 @@ class Scopes:
             self.wrong(element, f'<{element.tag}> has no name; name="..." is needed')
             return None
         if "::" in name or name == "world" or re.fullmatch("__.*__", name):
-            self.wrong(element, f"name {shortened(name)} means something else in SDF; choose a name without :: and __")
+            self.wrong(element, f"name {shortened(name)} is reserved in SDF; choose another one, without :: and __")
             return None
         other = scope.items.get(name) or scope.models.get(name)
         if other is not None:
@@ -192,8 +192,6 @@ class Scopes:
             element.attributes.get("placement_frame", "").strip() if frame is None else frame.text.strip(),
             static is not None and is_true(static.text), merged,
         )  # fmt: skip
-        if frame is None and include is not None and include.first("pose") is not None:
-            scope.placement_frame = ""  # the pose of an <include> is that of the model's own frame
         if merged:
             self.fill(names, scope, element, chain)
             return

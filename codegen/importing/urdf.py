@@ -78,7 +78,7 @@ _ATTRIBUTES: Final = {
     "parent_axis": {"xyz"}, "child_axis": {"xyz"}, "constraint": {"name", "type"},
 }  # fmt: skip
 _XACRO: Final = (
-    "the file is a xacro, which Pinocchio and others do not read either; expand it first: xacro FILE > robot.urdf"
+    "the file is a xacro, which puts something in the place of this; expand it first: xacro FILE > robot.urdf"
 )
 _QUATERNIONS_SINCE: Final = (1, 1)
 """The version of URDF that has quat_xyzw."""

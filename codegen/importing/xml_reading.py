@@ -31,6 +31,8 @@ _KINDS: Final = ((stat.S_ISSOCK, "a socket"), (stat.S_ISBLK, "a device"))
 _ENDINGS: Final = {b"<!--": b"-->", b"<![CDATA[": b"]]>", b"<?": b"?>"}
 _OPENINGS: Final = re.compile(rb"<!--|<!\[CDATA\[|<\?")
 _NOT_A_LINE_END: Final = re.compile(rb"[^\r\n]+")
+_LATE_DECLARATION: Final = re.compile(rb"(?:\xef\xbb\xbf)?((?:\s|<!--\s*-->)*)(<\?xml\s[^>]*\?>)")
+_ENCODING: Final = re.compile(rb"""encoding\s*=\s*["']([A-Za-z0-9._-]+)["']""")
 _NEEDED: Final = "a URDF, MJCF or SDF file is needed"
 
 
@@ -112,13 +114,12 @@ def parse_xml(data: bytes | str, file: str) -> Element:
     from defusedxml import DefusedXmlException
     from defusedxml.expatreader import create_parser
 
+    encoding: str | None = None
     if isinstance(data, str):
-        data = data.encode("utf-8", "surrogatepass")
-        encoding: str | None = "utf-8"
-    else:
-        encoding = None
-    text, lines = _tolerated(data)
-    handler = _Handler(file, lines)
+        data, encoding = data.encode("utf-8", "surrogatepass"), "utf-8"
+    text, declared = _tolerated(data)
+    encoding = encoding or declared
+    handler = _Handler(file)
     parser: Any = create_parser(forbid_dtd=True)
     parser.setContentHandler(handler)
     source = InputSource(file)
@@ -136,7 +137,7 @@ def parse_xml(data: bytes | str, file: str) -> Element:
         message = (
             f"this is not XML: {error.getMessage()}; every <element> needs its </element>, every attribute its quotes"
         )
-        line, column = (error.getLineNumber() or 1) + lines, (error.getColumnNumber() or 0) + 1
+        line, column = error.getLineNumber() or 1, (error.getColumnNumber() or 0) + 1
         raise ModelError([Problem(file, line, column, "", message)]) from None
     except (SAXException, LookupError, ValueError) as error:  # encodings; characters that no text has
         raise ModelError([Problem(file, 1, 1, "", f"this is not XML: {error}; write the file in UTF-8")]) from None
@@ -145,19 +146,13 @@ def parse_xml(data: bytes | str, file: str) -> Element:
     return handler.root
 
 
-def _tolerated(data: bytes) -> tuple[bytes, int]:
-    """The text without what only a strict parser refuses, every byte in its place; and how many lines were cut off before it.
+def _tolerated(data: bytes) -> tuple[bytes, str | None]:
+    """The text without what only a strict parser refuses, every byte in its place; and an encoding that was taken out.
 
-    Comments become blank ones, and blanks before a declaration are cut off.
+    Comments become blank ones, and so does a declaration that does not stand at the beginning.
     """
     if b"\0" in data[:4] or data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data, 0  # of two or four bytes a character
-    mark = b"\xef\xbb\xbf"
-    rest = data.removeprefix(mark).lstrip()
-    lines = 0
-    if rest.startswith(b"<?xml") and len(rest) < len(data):
-        before = data[: len(data) - len(rest)]
-        lines, data = before.count(b"\n"), rest
+        return data, None  # of two or four bytes a character
     found, place = [], 0
     while (opening := _OPENINGS.search(data, place)) is not None:
         ending = _ENDINGS[opening[0]]
@@ -169,7 +164,14 @@ def _tolerated(data: bytes) -> tuple[bytes, int]:
         else:
             found.append(data[place : end + len(ending)])
         place = end + len(ending)
-    return b"".join([*found, data[place:]]), lines
+    text = b"".join([*found, data[place:]])
+    late = _LATE_DECLARATION.match(text)
+    if late is None or not late[1]:
+        return text, None
+    encoding = _ENCODING.search(late[2])
+    name = None if encoding is None else encoding[1].decode("ascii", "replace")
+    start, end = late.span(2)
+    return text[:start] + _NOT_A_LINE_END.sub(_blanks, late[2]) + text[end:], name
 
 
 def _blanks(match: re.Match[bytes]) -> bytes:
@@ -179,10 +181,9 @@ def _blanks(match: re.Match[bytes]) -> bytes:
 class _Handler(ContentHandler):
     """Takes what the parser finds."""
 
-    def __init__(self, file: str, lines: int) -> None:
+    def __init__(self, file: str) -> None:
         super().__init__()
         self.file = file
-        self.lines = lines
         self.root: Element | None = None
         self.open: list[tuple[Element, list[str]]] = []
         self.count = 0
@@ -192,7 +193,7 @@ class _Handler(ContentHandler):
         self.locator = locator
 
     def place(self) -> tuple[int, int]:
-        return (self.locator.getLineNumber() or 1) + self.lines, (self.locator.getColumnNumber() or 0) + 1
+        return self.locator.getLineNumber() or 1, (self.locator.getColumnNumber() or 0) + 1
 
     def problem(self, message: str) -> Problem:
         return Problem(self.file, *self.place(), "", message)

@@ -1,0 +1,256 @@
+"""What acts in an MJCF without control, where its parts come from, and what of its files is read."""
+
+import os
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from mujoco_agreement import of_mujoco, ours_of
+
+import codegen
+from codegen.cli import main
+from codegen.reference import RecursiveEngine
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo reads MJCF: pip install mujoco")
+
+ARM = """\
+<mujoco>
+<option gravity="0.4 0.3 -9.81"><flag contact="disable" {flag}/></option>
+<worldbody>
+<site name="s0" pos="0.1 0.2 2"/>
+<body name="a" pos="0 0 1" {body}><joint name="ja" axis="0 1 0" ref="10" {joint}/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/><site name="s1" pos=".2 0 .1"/>
+<body name="b" pos=".4 0 0"><joint name="jb" type="slide" axis="0.2 1 1"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".03"/><site name="s2" pos=".2 0 .1"/><site name="s3" pos=".1 .3 .1"/>
+</body></body>
+</worldbody>
+<tendon>{tendon}</tendon>
+<actuator>{actuator}</actuator>
+{more}
+</mujoco>
+"""
+SUM = '<fixed name="t" {}><joint joint="ja" coef="1"/><joint joint="jb" coef="-2"/></fixed>'
+ONE = '<fixed name="t" {}><joint joint="jb" coef="-2"/></fixed>'
+PATH = '<spatial name="t" {}><site site="s0"/><site site="s1"/><site site="s2"/><site site="s3"/></spatial>'
+PULLEY = PATH.replace('<site site="s2"/>', '<pulley divisor="2"/><site site="s1"/><site site="s2"/>').replace(
+    '<site site="s3"/>', ""
+)
+POWERS = 'stiffness="5 2 1" damping="1 3"'
+
+CASES = {
+    "springs by powers": {"joint": POWERS + ' springref="30"'},
+    "no springs": {"joint": 'stiffness="5" damping="1"', "flag": 'spring="disable"', "tendon": SUM.format('stiffness="3"')},
+    "no dampers": {"joint": 'stiffness="5" damping="1"', "flag": 'damper="disable"', "tendon": SUM.format('damping="3"')},
+    "gravcomp": {"body": 'gravcomp="0.7"'},
+    "gravcomp without gravity": {"body": 'gravcomp="0.7"', "flag": 'gravity="disable"'},
+    "a rotor and its damper": {"actuator": '<motor joint="ja" gear="5" armature="0.3" damping="0.2"/>'},
+    "a damper by powers": {"actuator": '<motor joint="ja" gear="3" damping="0.2 0.1"/>', "flag": 'actuation="disable"'},
+    "a position servo": {"actuator": '<position joint="ja" kp="10" kv="3" gear="2"/><position joint="jb" kp="5"/>'},
+    "a damping ratio": {"actuator": '<position joint="ja" kp="10" dampratio="0.7"/>'},
+    "a velocity servo": {"actuator": '<velocity joint="jb" kv="3" gear="-2"/>'},
+    "an integrated servo": {"actuator": '<intvelocity joint="jb" kp="3"/>'},
+    "a general one": {"actuator": '<general joint="ja" gainprm="2" biastype="affine" biasprm="1 -3 -.5"/>'},
+    "a damper": {"actuator": '<damper joint="ja" kv="3" ctrlrange="0.5 1"/>'},
+    "a range without 0": {"actuator": '<position joint="ja" kp="3" ctrlrange="0.5 1"/>'},
+    "a range that is not kept": {
+        "actuator": '<position joint="ja" kp="3" ctrlrange="0.5 1"/>', "flag": 'clampctrl="disable"',
+    },
+    "a limited force": {"actuator": '<position joint="ja" kp="30" forcerange="-2 1.5"/>'},
+    "no actuation": {"actuator": '<position joint="ja" kp="30"/>', "flag": 'actuation="disable"'},
+    "a tendon between joints": {"tendon": SUM.format('stiffness="3" damping="2" springlength="0.3"')},
+    "a slack tendon": {"tendon": SUM.format('stiffness="3" springlength="-.2 .1"')},
+    "a tendon by powers": {"tendon": SUM.format('stiffness="3 1" damping="2 1" springlength="0.3"')},
+    "the rotor of a tendon": {"tendon": ONE.format('armature="0.4"')},
+    "a servo of a tendon": {"tendon": SUM.format(""), "actuator": '<position tendon="t" kp="3" kv="0.5" gear="2"/>'},
+    "rotor of a servo of a tendon": {"tendon": ONE.format(""), "actuator": '<motor tendon="t" gear="2" armature=".1"/>'},
+    "damper of a servo of a tendon": {"tendon": SUM.format(""), "actuator": '<motor tendon="t" gear="2" damping=".4"/>'},
+    "a tendon along points": {"tendon": PATH.format('stiffness="30" damping="2" springlength="0.9"')},
+    "a slack tendon along points": {"tendon": PATH.format('stiffness="30" springlength="0 1.2"')},
+    "a tendon with a pulley": {"tendon": PULLEY.format('stiffness="30" damping="1" springlength="0.9"')},
+    "a servo of a tendon along points": {"tendon": PULLEY.format(""), "actuator": '<position tendon="t" kp="9" gear="3"/>'},
+}  # fmt: skip
+
+
+def text_of(**parts):
+    empty = dict.fromkeys(("flag", "body", "joint", "tendon", "actuator", "more"), "")
+    return ARM.format(**{**empty, **parts})
+
+
+def apart(path, found, seeds=3):
+    """How far accelerations are from those of MuJoCo, relative to the largest."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    tree = replace(found.model, loops=())
+    names = SimpleNamespace(
+        initial=(np.zeros(len(tree.coordinate_names)), np.zeros(len(tree.speed_names))),
+        coordinate_names=list(tree.coordinate_names), speed_names=list(tree.speed_names),
+    )  # fmt: skip
+    engine, data, rng, worst = RecursiveEngine(tree), mujoco.MjData(model), np.random.default_rng(2), 0.0
+    for _ in range(seeds):
+        data.qpos[:] = model.qpos0
+        mujoco.mj_integratePos(model, data.qpos, rng.normal(size=model.nv), 0.6)
+        data.qvel[:] = rng.normal(size=model.nv)
+        mujoco.mj_forward(model, data)
+        q, u, T = of_mujoco(model, data, found, names)
+        right = ours_of(model, data, T, data.qacc)
+        worst = max(worst, float(np.abs(engine.accelerations(q, u) - right).max() / np.abs(right).max()))
+    return worst
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_acts_without_control_is_read(tmp_path, name):
+    path = tmp_path / "arm.xml"
+    path.write_text(text_of(**CASES[name]))
+    found = codegen.import_model(path)
+    assert not found.differences
+    assert apart(path, found) < 1e-10, found.text
+    same = codegen.from_mujoco(mujoco.MjModel.from_xml_path(str(path)))
+    assert (
+        same.text.partition("\nmodel: ")[2].partition("\n")[2]
+        == found.text.partition("\nmodel: ")[2].partition("\n")[2]
+    )
+
+
+SILENT = {
+    "dry friction": {"joint": 'frictionloss="2"'},
+    "a spring that yields": {"joint": 'stiffness="5" springyield="1"'},
+    "a rotor of several joints": {"tendon": SUM.format('armature="0.4"')},
+    "a muscle": {"actuator": '<muscle joint="ja" lengthrange="0.5 1"/>'},
+    "a medium": {"more": '<option density="1000"/>'},
+    "a tendon round a geom": {
+        "tendon": '<spatial stiffness="9"><site site="s0"/><geom geom="g"/><site site="s2"/></spatial>',
+        "body": '><geom name="g" size=".05" pos="0 0 .2"/', "joint": "",
+    },
+    "friction of a tendon": {"tendon": SUM.format('frictionloss="0.4"')},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SILENT)
+def test_what_changes_the_dynamics_is_listed_as_such(tmp_path, name):
+    path = tmp_path / "arm.xml"
+    path.write_text(text_of(**SILENT[name]))
+    found = codegen.import_model(path)
+    assert found.differences and all(line.endswith(" the dynamics differ") for line in found.differences)
+    assert set(found.differences) <= set(found.left_out)
+
+
+def test_disabled_constraints_leave_loops_open(tmp_path):
+    path = tmp_path / "arm.xml"
+    equality = '<equality><connect body1="b" anchor=".3 0 0"/></equality>'
+    for flag, loops in (("", 1), ('equality="disable"', 0), ('constraint="disable"', 0)):
+        path.write_text(text_of(flag=flag, more=equality))
+        assert len(codegen.import_model(path).model.loops) == loops
+
+
+def test_a_joint_held_by_an_equality_is_locked(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(text_of(more='<equality><joint joint1="ja" polycoef="0.3 0 0 0 0"/></equality>'))
+    found = codegen.import_model(path)
+    assert "motion:\n  a: 0.3\n" in found.text and found.model.nu == 1
+
+
+KEYS = """<keyframe><key name="home" qpos="0.5 0.2" qvel="1 2"/><key name="folded" qpos="1 0"/></keyframe>"""
+
+
+def test_the_model_begins_in_a_keyframe(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(text_of(more=KEYS))
+    zero = float(np.radians(10))
+    found = codegen.import_model(path)
+    assert f"q: {{a: {0.5 - zero!r}, b: 0.2}}\n  u: {{a: 1, b: 2}}" in found.text and "keyframe home" in found.text
+    assert any(line.startswith("<key> (line") for line in found.left_out)
+    assert f"q: {{a: {1 - zero!r}}}" in codegen.import_model(path, key="folded").text
+    assert "initial:" not in codegen.import_model(path, key="").text
+    with pytest.raises(
+        codegen.ModelError, match="--key hme: there is no keyframe of that name; there are home, folded; did you"
+    ):
+        codegen.import_model(path, key="hme")
+
+
+def test_the_keyframe_of_a_free_body(tmp_path):
+    path = tmp_path / "drone.xml"
+    key = '<key qpos="1 2 3 0 2 0 0 1 0 0 0" qvel="1 2 3 4 5 6 7 8 9"/>'
+    body = '<body name="d"><freejoint/><geom size=".1"/><body><joint type="ball"/><geom size=".1" pos="1 0 0"/></body></body>'
+    path.write_text(f"<mujoco><worldbody>{body}</worldbody><keyframe>{key}</keyframe></mujoco>")
+    found = codegen.import_model(path)
+    assert "d: [1, 2, 3, 0, 1, 0, 0]" in found.text
+    assert "d: [4, 5, 6, 1, -2, -3]" in found.text  # half a turn about x: the velocity in the body's axes
+    assert "[7, 8, 9]" in found.text
+    assert found.model.name == "drone"
+
+
+# ---- files -----------------------------------------------------------------------------------------------------------
+
+CHILD = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="ja" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/><site name="s"/></body></worldbody>
+<actuator><position joint="ja" kp="10"/></actuator><sensor><jointpos joint="ja"/></sensor></mujoco>"""
+INCLUDING = '<mujoco><include file="child.xml"/></mujoco>'
+ATTACHED = '<asset><model name="m" file="child.xml"/></asset><worldbody><attach model="m" prefix="x_"/></worldbody>'
+ATTACHING = f"<mujoco>{ATTACHED}</mujoco>"
+
+
+@pytest.mark.parametrize("text", [INCLUDING, ATTACHING], ids=["include", "attach"])
+def test_what_comes_from_other_files_is_read_and_listed(tmp_path, text):
+    (tmp_path / "child.xml").write_text(CHILD)
+    path = tmp_path / "scene.xml"
+    path.write_text(text)
+    found = codegen.import_model(path)
+    assert "value: -10*q." in found.text and found.model.name == "scene"
+    listed = [line.partition(":")[0] + line.partition(":")[2].partition(":")[0] for line in found.left_out]
+    assert any(line.startswith("<site> (line child.xml") for line in listed), found.left_out
+    assert any(line.startswith("<actuator> (line child.xml") for line in listed), found.left_out
+    assert any(line.startswith("<sensor> (line child.xml") for line in listed), found.left_out
+
+
+def test_files_elsewhere_are_read_on_request_only(tmp_path):
+    folder, other = tmp_path / "robot", tmp_path / "other"
+    folder.mkdir(), other.mkdir()
+    (other / "child.xml").write_text(CHILD)
+    path = folder / "scene.xml"
+    names = ["../other/child.xml", str(other / "child.xml")]
+    os.symlink(other / "child.xml", folder / "link.xml")
+    for name in [*names, "link.xml"]:
+        for text in (INCLUDING, ATTACHING):
+            path.write_text(text.replace("child.xml", name))
+            with pytest.raises(
+                codegen.ModelError, match=r"scene.xml:1:\d+: file '.*' of <\w+> is outside .* --package-path"
+            ):
+                codegen.import_model(path)
+            assert codegen.import_model(path, package_paths=[other]).model.nu == 1
+    (other / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    mesh = '<asset><mesh name="m" file="{}"/></asset><worldbody><body><joint/><geom type="mesh" mesh="m"/></body></worldbody>'
+    for compiler, name in (
+        ("", "../other/m.obj"),
+        ('<compiler meshdir="../other"/>', "m.obj"),
+        ('<compiler assetdir="../other"/>', "m.obj"),
+    ):
+        path.write_text(f"<mujoco>{compiler}{mesh.format(name)}</mujoco>")
+        with pytest.raises(codegen.ModelError, match="of <mesh> is outside"):
+            codegen.import_model(path)
+        assert codegen.import_model(path, package_paths=[other]).model.nu == 1
+
+
+def test_pipes_and_copies_without_end_are_refused(tmp_path):
+    path = tmp_path / "scene.xml"
+    os.mkfifo(tmp_path / "child.xml")
+    path.write_text(INCLUDING)
+    with pytest.raises(codegen.ModelError, match="is not read: it is a named pipe"):
+        codegen.import_model(path)
+    body = '<body><joint/><geom size="1"/></body>'
+    for copies in (
+        f'<replicate count="30000000" offset="0 0 1">{body}</replicate>',
+        f'<replicate count="3000"><replicate count="3000">{body}</replicate></replicate>',
+        '<body><composite type="particle" count="1000 1000 1000" spacing="1"><geom size=".1"/></composite></body>',
+    ):
+        path.write_text(f"<mujoco>\n<worldbody>\n{copies}</worldbody></mujoco>")
+        with pytest.raises(
+            codegen.ModelError, match=r"scene.xml:3:\d+: the model would have more than 200000 elements"
+        ):
+            codegen.import_model(path)
+
+
+def test_the_command_takes_the_key(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.xml").write_text(text_of(more=KEYS))
+    assert main(["import", "arm.xml", "-o", "-", "--key", "folded"]) == 0
+    assert "keyframe folded" in capsys.readouterr().out
