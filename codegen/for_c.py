@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -112,19 +113,24 @@ def _filled(words: Iterable[str]) -> list[str]:
 
 def _rows(model: Model) -> list[str]:
     """Rows of the table of names."""
-    units = [" ".join(p.unit.replace("|", "\\|").split()) for p in model.parameters]
+    units = [" ".join(p.unit.split()) for p in model.parameters]
     parameters = [
         f"{p.name} = {float(p.value)!r} {unit}".rstrip() for p, unit in zip(model.parameters, units, strict=True)
     ]
     outputs = [o.name for o in model.outputs]
     return [
-        f"| {title} ({len(names)}) | {_some(names, 40)} |"
+        f"| {title} ({len(names)}) | {_as_markdown(_some(names, 40))} |"
         for title, names in (
             ("coordinates q", model.coordinate_names), ("speeds u", model.speed_names), ("design parameters p", parameters),
             ("inputs", model.inputs), ("outputs", outputs),
         )
         if names
     ]  # fmt: skip
+
+
+def _as_markdown(text: str) -> str:
+    """Text that Markdown shows as it is: ``N*m*s`` has no emphasis. An underscore within a word means nothing there."""
+    return re.sub(r"[\\`*\[\]<>|~&$#]|(?<!\w)_|_(?!\w)", r"\\\g<0>", text)
 
 
 def _loops_or_couplings(manifest: Mapping[str, Any]) -> str:

@@ -146,3 +146,24 @@ def test_a_changed_default_compiles_nothing_anew(tmp_path, monkeypatch):
     assert list(solver.parameters) == [1.25, 0.02] and solver.initial[0][0] == 0.75
     text = (folder / "rod_model.h").read_text()
     assert "1.25," in text and "0.75," in text
+
+
+def test_units_and_names_are_shown_as_they_are(tmp_path):
+    """Markdown would make emphasis of N*m*s, a link of [x], and a cell's end of |."""
+    text = PENDULUM_OF_UNITS.replace("UNIT", "N*m*s/rad | [kg] <m> `s` $x$ ~y~ _z_ a_b")
+    codegen.generate(codegen.parse_model(text), tmp_path / "units", compile=False)
+    (row,) = [
+        line for line in (tmp_path / "units" / "README.md").read_text().splitlines() if line.startswith("| design")
+    ]
+    assert r"N\*m\*s/rad \| \[kg\] \<m\> \`s\` \$x\$ \~y\~ \_z\_ a_b" in row and row.endswith(" |")
+    assert r"\_odd\_ = 2.0" in row
+
+
+PENDULUM_OF_UNITS = """\
+model: units
+parameters:
+  L: {value: 1.0, unit: "UNIT"}
+  _odd_: {value: 2.0}
+bodies:
+  rod: {parent: ground, joint: {type: revolute, axis: y}, mass: L, com: [_odd_, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+"""

@@ -67,8 +67,13 @@ def setting(p: dict[str, Any]) -> str:
     return f"{p['method']} {p['rtol']:.2g}" + ("" if p["atol"] == p["rtol"] else f", atol {p['atol']:.2g}")
 
 
+def error_of(p: dict[str, Any]) -> str:
+    """The error of a point; of a motion that ended before its end, that it did."""
+    return size(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended']}"
+
+
 def point_row(p: dict[str, Any]) -> list[str]:
-    ended = "" if p["ended"] == "finished" else f"ended: {p['ended'][:60]}"
+    ended = "" if p["ended"] == "finished" else error_of(p)[:72]
     return [
         setting(p),
         size(p["error"]),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..runtime.standalone.whole_file import MARK
-from .lines import PEER_HEAD, peer_row, plain, robot_head, robot_row, setting, size, time
+from .lines import PEER_HEAD, error_of, peer_row, plain, robot_head, robot_row, setting, size, time
 from .measuring import exponent
 from .problem import JOINT, SPEED
 
@@ -89,7 +89,10 @@ def page_of(results: dict[str, Any]) -> str:
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table."""
-    return "\n".join("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows))
+    return "\n".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |"
+        for line in (head, ["---"] * len(head), *rows)
+    )
 
 
 def _motions(motions: dict[str, Any]) -> list[str]:
@@ -109,7 +112,7 @@ def _motions(motions: dict[str, Any]) -> list[str]:
         rows = [
             [
                 setting(p),
-                size(p["error"]),
+                error_of(p),
                 str(p["evaluations"]),
                 str(p["steps"]),
                 str(p["rejected"]),

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib.util
 import os
 import pickle
+import stat
 import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import BinaryIO
 
 import jinja2
+
+OPTIONS: dict[str, bool] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+"""How templates are compiled."""
 
 
 class KeptBeside(jinja2.BytecodeCache):
     """Keeps compiled templates where Python would keep what modules in their folder are compiled to, if it keeps that.
 
-    A template is compiled anew when it has changed, or Jinja or Python have. To compile them takes a fifth of the time for which
-    gcc waits; where nothing can be written it is done each time.
+    A template is compiled anew when it has changed, or the options here, Jinja or Python have. To compile them takes a fifth of
+    the time for which gcc waits; where nothing can be written it is done each time. What is kept is code that runs: a file that
+    belongs to another user than the templates and this process, or that others can write to, is not read.
 
     Parameters
     ----------
@@ -28,15 +35,24 @@ class KeptBeside(jinja2.BytecodeCache):
 
     def __init__(self, folder: Path) -> None:
         self.place = Path(importlib.util.cache_from_source(str(folder / "templates.py")))
+        self.owners = {os.geteuid()} if hasattr(os, "geteuid") else {0}
+        with contextlib.suppress(OSError):
+            self.owners.add(folder.stat().st_uid)
 
     def _file(self, bucket: jinja2.bccache.Bucket) -> Path:
-        return self.place.with_name(f"{bucket.key}.{self.place.suffixes[0][1:]}-jinja-{jinja2.__version__}")
+        options = hashlib.sha256(repr(sorted(OPTIONS.items())).encode()).hexdigest()[:8]
+        return self.place.with_name(f"{bucket.key}.{self.place.suffixes[0][1:]}-jinja-{jinja2.__version__}-{options}")
+
+    def _is_ours(self, file: BinaryIO) -> bool:
+        found = os.fstat(file.fileno())
+        return found.st_uid in self.owners and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
         """Fill a bucket with what is kept, if that is of the same source."""
         damaged = EOFError, ValueError, pickle.UnpicklingError
         with contextlib.suppress(OSError, *damaged), open(self._file(bucket), "rb") as file:
-            bucket.load_bytecode(file)
+            if self._is_ours(file):
+                bucket.load_bytecode(file)
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
         """Keep what a bucket holds."""
@@ -45,8 +61,9 @@ class KeptBeside(jinja2.BytecodeCache):
         file = self._file(bucket)
         hidden = file.with_name(f"{file.name}.{os.getpid()}")
         with contextlib.suppress(OSError):
-            file.parent.mkdir(parents=True, exist_ok=True)
-            hidden.write_bytes(bucket.bytecode_to_string())
+            file.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+            with open(os.open(hidden, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as made:
+                made.write(bucket.bytecode_to_string())
             hidden.replace(file)
 
 
@@ -57,9 +74,9 @@ def environment() -> jinja2.Environment:
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader([str(f) for f in folders]),
         undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
+        trim_blocks=OPTIONS["trim_blocks"],
+        lstrip_blocks=OPTIONS["lstrip_blocks"],
+        keep_trailing_newline=OPTIONS["keep_trailing_newline"],
         bytecode_cache=KeptBeside(next((f for f in folders if f.is_dir()), folders[0])),
     )
 

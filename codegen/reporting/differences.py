@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 COARSE, CURVED = 1e-3, 1e-5
 """A relative step, and the relative error of a one-sided difference with it where udot is no straight line."""
 
+QUATERNION = ("qw", "qx", "qy", "qz")
+"""Coordinates that do not change one at a time."""
+
 STEPS = 10.0 ** np.arange(-16.0, 0.01, 0.5)
 """Steps h of the differences, relative to the size of what is changed."""
 
@@ -43,23 +46,25 @@ def differences(
     Returns
     -------
     dict or None
-        ``by`` (a parameter, or a coordinate of a model that has none), ``steps``, ``forward``, ``central``, ``exact``, and
-        ``reference``, what errors are against.
+        ``by`` (a parameter; a coordinate or a speed where no parameter matters), ``steps``, ``forward``, ``central``, ``exact``,
+        and ``reference``, what errors are against.
     """
-    name, seeds, size = _direction(model, solver, state)
+    chosen = _direction(model, solver, state)
+    if chosen is None:
+        why = "the accelerations depend on no parameter, independent coordinate or speed at that state"
+        skipped.append(Skipped("finite differences", why))
+        return None
+    name, seeds, size = chosen
     at = state.q, state.u, None, state.inputs, state.t
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         dudot = solver.sensitivities(*at, **seeds)[1][0]
-    derivative = references.get(name)
+    derivative = references.get(name) if "dp" in seeds else None
     if derivative is not None:
         reference, exact = f"the generic engine in {DIGITS} digits", relative(dudot, derivative)
     else:
         derivative = np.array([mpmath.mpf(float(x)) for x in dudot], dtype=object)
         reference, exact = "the exact derivative of the generated solver", None
-    if not any(derivative):
-        skipped.append(Skipped("finite differences", f"the derivative by {name} vanishes"))
-        return None
     curves: dict[str, list[float | None]] = {"forward": [], "central": []}
     middle = _moved(solver, state, seeds, 0.0)
     for h in STEPS * size:
@@ -77,27 +82,35 @@ def differences(
     }
 
 
-def _direction(model: Model, solver: Solver, state: State) -> tuple[str, dict[str, Any], float]:
-    """What is changed: the first parameter that udot is no straight line of, else the first with a derivative; of a model without
-    parameters the first independent coordinate."""
-    at = state.q, state.u, None, state.inputs, state.t
-    if solver.np:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            dudot = solver.sensitivities(*at, dp=np.eye(solver.np))[1]
-        i = next((i for i in range(solver.np) if _is_curved(solver, state, i, dudot[i])), None)
-        if i is None:
-            i = next((i for i, row in enumerate(dudot) if np.any(row)), 0)
-        return model.parameter_names[i], {"dp": np.eye(solver.np)[i : i + 1]}, abs(float(solver.parameters[i])) or 1.0
-    i = solver.coordinate_names.index(solver.independent_names[0])
-    return solver.coordinate_names[i], {"dq": np.eye(solver.nq)[i : i + 1]}, 1.0
+def _direction(model: Model, solver: Solver, state: State) -> tuple[str, dict[str, Any], float] | None:
+    """What is changed, by name, the seed of that, and its size: the first parameter, independent coordinate or speed that udot is
+    no straight line of, parameters before the others; else the first with a derivative; None where nothing has one."""
+    kinds = [
+        ("dp", model.parameter_names, list(zip(model.parameter_names, np.abs(solver.parameters).tolist(), strict=True))),
+        ("dq", solver.coordinate_names, [(n, 1.0) for n in solver.independent_names if n.rpartition(".")[2] not in QUATERNION]),
+        ("du", solver.speed_names, [(n, 1.0) for n in solver.independent_speed_names]),
+    ]  # fmt: skip
+    straight = None
+    for kind, names, candidates in kinds:
+        for name, value in candidates:
+            size = value or 1.0
+            seeds: dict[str, Any] = {kind: np.eye(len(names))[[names.index(name)]]}
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)
+                derivative = solver.sensitivities(state.q, state.u, None, state.inputs, state.t, **seeds)[1][0]
+            if _is_curved(solver, state, seeds, COARSE * size, derivative):
+                return name, seeds, size
+            if straight is None and np.any(derivative):
+                straight = name, seeds, size
+        if straight is not None and kind == "dp":  # a parameter is what a report is about
+            return straight
+    return straight
 
 
-def _is_curved(solver: Solver, state: State, i: int, derivative: Array) -> bool:
+def _is_curved(solver: Solver, state: State, seeds: dict[str, Array], h: float, derivative: Array) -> bool:
     """Whether a coarse difference is off by more than rounding: of a straight line it never is, and there is no V."""
-    h = COARSE * (abs(float(solver.parameters[i])) or 1.0)
     size = np.max(np.abs(derivative), initial=0.0)
-    ahead, middle = (_moved(solver, state, {"dp": np.eye(solver.np)[i : i + 1]}, x) for x in (h, 0.0))
+    ahead, middle = (_moved(solver, state, seeds, x) for x in (h, 0.0))
     return bool(size > 0 and ahead is not None and middle is not None
                 and np.max(np.abs((ahead - middle) / h - derivative)) > CURVED * size)  # fmt: skip
 
@@ -106,12 +119,13 @@ def _moved(solver: Solver, state: State, seeds: dict[str, Array], h: float) -> A
     """udot a step away, loops closed again; None where they do not close."""
     p = solver.parameters + h * seeds["dp"][0] if "dp" in seeds else solver.parameters
     q = state.q + h * seeds["dq"][0] if "dq" in seeds else state.q
+    u = state.u + h * seeds["du"][0] if "du" in seeds else state.u
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             if solver.closure_names:
-                q, _ = solver.assemble(q, state.u, p)
-            return np.asarray(solver.accelerations(q, state.u, p, state.inputs, state.t))
+                q, u = solver.assemble(q, u, p, state.inputs, state.t)
+            return np.asarray(solver.accelerations(q, u, p, state.inputs, state.t))
     except (AssemblyError, SingularLoopError, SingularJointError, ValueError):
         return None
 

@@ -51,6 +51,9 @@ last digits are not to be had. By the next one it is judged how far it is right.
 LOST, LEAST = 1e-3, 1e-3
 """A motion whose reference is known no better, a chaotic one, is halved, down to this part of what was asked for."""
 
+EXACT = 1e-11
+"""An error below which a motion is exact but for rounding; a method that has one errs by more at its loosest tolerance."""
+
 FACTORS = 20
 """So often an implicit method factors its matrices, at least; where that is too much it is left out."""
 
@@ -147,8 +150,18 @@ def motions(
             continue
         looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
         found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped, core)
+    if _is_rounding(found["methods"]):
+        why = "every method integrates this motion exactly, as one at constant acceleration: errors are rounding at any tolerance"
+        skipped.append(Skipped("work and precision", why))
+        found["methods"] = {}
     found["conditions"] = conditions(solver, end, method, skipped)
     return found
+
+
+def _is_rounding(methods: dict[str, list[dict[str, Any]]]) -> bool:
+    """Whether the errors of all methods are rounding at their loosest settings already, so that they say nothing of methods."""
+    points = [p for several in methods.values() for p in several]
+    return bool(points) and all(max(p["error"], p["sensitivity_error"] or 0.0) < EXACT for p in points)
 
 
 def sensitivities(model: Model) -> list[str]:
@@ -213,11 +226,13 @@ def _values(solver: Solver, names: Sequence[str]) -> Array:
     return np.array([solver.parameters[solver.parameter_names.index(name)] for name in names])
 
 
-def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str, Any] | None:
-    """One point of a diagram; None if the motion did not come to its end."""
+def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str, Any] | str:
+    """One point of a diagram; or why the motion did not come to its end."""
     x, turn = timed(solver, s, core)
-    if isinstance(x, str) or x.t[-1] != best.t[-1]:
-        return None
+    if isinstance(x, str):
+        return x
+    if x.t[-1] != best.t[-1]:
+        return f"it ended at {x.t[-1]:.4g} of {best.t[-1]:g} s: {x.stats['reason']}"
     error, sensitivity_error = _errors(x, best, _values(solver, s.names))
     return {
         "setting": s.end / s.steps if s.steps else s.tolerance, "error": error,
@@ -247,7 +262,8 @@ def _adaptive(
     points: list[dict[str, Any]] = []
     for i, e in enumerate(exponents):
         point = _point(solver, Setting(end, names, method, 10.0**-e), best, core)
-        if point is None:
+        if isinstance(point, str):
+            skipped.append(Skipped(f"a motion by {method} at the tolerance {10.0**-e:.0e}", point))
             continue
         points.append(point)
         if point["operations"] > COSTLIEST and (left := len(exponents) - i - 1):
@@ -263,7 +279,7 @@ def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory, c
     points: list[dict[str, Any]] = []
     for steps in FIXED:
         point = _point(solver, Setting(end, names, "rk4", FIXED_TOLERANCE, steps), best, core)
-        if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
+        if not isinstance(point, str) and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
             if 2 * point["operations"] > COSTLIEST:  # the next takes twice as many
                 break

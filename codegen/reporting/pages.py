@@ -303,7 +303,7 @@ def _motions(data: dict[str, Any]) -> list[Section]:
             f"Shorter than the {data['asked']:g} s asked for" + (f": {data['ended']}." if "ended" in data else ".")
         )
     head = ["method", "tolerance or step", "error", "error of sensitivities", "evaluations", "time in C"]
-    sections = [_section("Work and precision", text, "work_precision", [_table("", head, rows)])]
+    sections = [_section("Work and precision", text, "work_precision", [_table("", head, rows)])] if rows else []
     if data.get("conditions"):
         rows = [[k.replace("_", " "), number(max(v))] for k, v in data["conditions"].items() if k != "t"]
         sections.append(_section("Conditions along the motion", [], "conditions", [_table("", ["", "largest"], rows)]))

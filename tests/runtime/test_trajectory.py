@@ -1,6 +1,7 @@
 """Trajectories: names, drifts, what they show, tables, files bit for bit, and pictures."""
 
 import builtins
+import io
 import json
 import os
 import pickle
@@ -668,3 +669,40 @@ def test_what_to_install_is_told(monkeypatch, tmp_path, module, extra, act):
 def test_an_npz_is_one_of_zip(tmp_path):
     make().save(tmp_path / "run.npz")
     assert zipfile.is_zipfile(tmp_path / "run.npz")
+
+
+SIZES = {
+    (10**11,): "100000000000",
+    (2**62, 2**62): "needs",
+    (3,): "damaged",
+    (-1,): "damaged",
+    (10**9, 1): "8000000000 bytes",
+}
+
+
+@pytest.mark.parametrize("shape", SIZES)
+def test_shapes_that_are_not_there_take_no_memory(tmp_path, shape):
+    """An array of a few bytes whose header tells of 800 GB."""
+    make().save(tmp_path / "run.npz")
+    with zipfile.ZipFile(tmp_path / "run.npz") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    text = io.BytesIO()
+    np.lib.format.write_array_header_1_0(text, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    members["q.npy"] = text.getvalue() + bytes(80)
+    with zipfile.ZipFile(tmp_path / "run.npz", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    with pytest.raises(
+        TrajectoryFileError, match=rf"is damaged or was changed: .*{SIZES[shape] if shape[0] > 3 else ''}"
+    ):
+        Trajectory.load(tmp_path / "run.npz")
+
+
+def test_a_deep_header_is_damage(tmp_path):
+    make().save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    for text in (b"[" * 200000, b'{"format": ' + b"[" * 200000, b"9" * 10000):
+        np.savez(tmp_path / "run.npz", **arrays | {"header": np.frombuffer(text, np.uint8)})
+        with pytest.raises(TrajectoryFileError, match="is damaged or was changed: its header cannot be read"):
+            Trajectory.load(tmp_path / "run.npz")

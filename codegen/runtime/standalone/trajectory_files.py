@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import zipfile
 import zlib
@@ -33,6 +34,12 @@ EVENTS = b"ordernm_events"
 
 EXTRA = {"energy": ("energy.kinetic", "energy.potential"), "closure": ("loops.closure",)}
 """Columns that only Parquet files have; no output has a dot in its name."""
+
+DAMAGE = (
+    ValueError, TypeError, EOFError, KeyError, OverflowError, MemoryError, RecursionError, zipfile.BadZipFile, zlib.error,
+    NotImplementedError, SyntaxError,
+)  # fmt: skip
+"""What NumPy raises for archives that it did not write like that."""
 
 Words = dict[str, Any]
 
@@ -112,14 +119,29 @@ def _read_npz(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
         with archive as opened:
             if HEADER not in opened:
                 raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: it is another file of NumPy's")
+            _check_sizes(opened.zip)
             arrays = {name: opened[name] for name in opened.files}
     except (OSError, TrajectoryFileError) as error:
         if isinstance(error, OSError) and error.errno is None:  # NumPy's, for a file that is cut short
             raise TrajectoryFileError(damaged(path, error)) from None
         raise
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+    except DAMAGE as error:
         raise TrajectoryFileError(damaged(path, error)) from None
     return _header(path, arrays.pop(HEADER).tobytes()), arrays
+
+
+def _check_sizes(archive: zipfile.ZipFile) -> None:
+    """Raise ValueError for an array whose shape says that it has more or fewer numbers than there are: none is made for it."""
+    for member in archive.infolist():
+        with archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            read_header = (
+                np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            )
+            shape, _, kind = read_header(file)
+            needed, there = math.prod(shape) * kind.itemsize, member.file_size - file.tell()
+        if needed != there:
+            raise ValueError(f"{member.filename} has the shape {shape}, which needs {needed} bytes, and {there} bytes")
 
 
 def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
@@ -143,7 +165,7 @@ def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]
         if EVENTS in metadata:
             arrays["events"] = np.frombuffer(metadata[EVENTS]).reshape(len(header["events"]), -1)
         return header, arrays
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, MemoryError) as error:
         raise TrajectoryFileError(damaged(path, f"{type(error).__name__} {error}")) from None
 
 
@@ -174,7 +196,7 @@ def _header(path: str | os.PathLike[str], text: bytes) -> Words:
     try:
         header = json.loads(text)
         seen = header.pop("format"), header.pop("version")
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise TrajectoryFileError(damaged(path, f"its header cannot be read ({error})")) from None
     if seen[0] != FORMAT:
         raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: its format is {seen[0]!r}, not {FORMAT!r}")
