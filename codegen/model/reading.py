@@ -488,6 +488,14 @@ class Reader:
             self.report(at, sub, error.message)
             return None
 
+    def coordinate(self, expression: Expression, at: Instance, sub: Path_) -> str | None:
+        """The coordinate that ``q.NAME`` names, without its ``q.``; None after a problem."""
+        try:
+            return at.part.name(name_of(expression.tree, self.numbers(at))[2:])
+        except ExpressionError as error:
+            self.report(at, sub, error.message)
+            return None
+
     # --- entries ------------------------------------------------------------------------------------------------
 
     def section(self, name: str, parts: Iterable[Part] | None = None) -> Iterator[Instance]:

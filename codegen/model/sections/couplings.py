@@ -6,13 +6,12 @@ from pydantic_core import PydanticCustomError
 
 from ..entries import parse_name
 from ..errors import nearest
-from ..expressions import Expression, ExpressionError, combine
+from ..expressions import Expression, combine
 from ..joints import JointType
 from ..model import Coupling, Term, coupling, joint_coordinates
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader, some
-from ..repetition import name_of
 from ..schema import CouplingEntry
 from .bodies import BodySection
 
@@ -100,10 +99,8 @@ def _term(name: str, joints: Joints, factor: Expression) -> Term:
 
 def _coordinate(reader: Reader, at: Instance, sub: Path_, reference: Expression, joints: Joints) -> str | None:
     """The single coordinate that a name means, or None after a problem."""
-    try:
-        name = at.part.name(name_of(reference.tree, reader.numbers(at))[2:])
-    except ExpressionError as error:
-        reader.report(at, sub, error.message)
+    name = reader.coordinate(reference, at, sub)
+    if name is None:
         return None
     if name.partition(".")[0] in reader.broken:
         return None

@@ -88,10 +88,10 @@ class Meaning:
 
     def prescribed(self, reference: Expression, key: str) -> tuple[str, str] | None:
         reader = self.reader
-        found = reader.reference(reference, self.at, (key,))
+        found = reader.coordinate(reference, self.at, (key,))
         if found is None:
             return None
-        name, known = found[2:], [n[2:] for n in reader.prescribed if n[:2] == "q."]
+        name, known = found, [n[2:] for n in reader.prescribed if n[:2] == "q."]
         if name not in known:
             own = [n for n in known if n.rpartition(".")[0] == name]
             hint = f"; write one of {some(own)}" if own else nearest(name, known)
