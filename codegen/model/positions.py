@@ -232,7 +232,19 @@ def _packed(event: Any) -> int:
 class _Frame:
     """A mapping or list that is being read."""
 
-    __slots__ = ("data", "event", "expects_key", "key", "key_event", "merges", "places", "size")
+    __slots__ = (
+        "cut",
+        "cut_at",
+        "data",
+        "event",
+        "expects_key",
+        "is_flow",
+        "key",
+        "key_event",
+        "merges",
+        "places",
+        "size",
+    )
 
     def __init__(self, data: Any, places: Any, event: Any) -> None:
         self.data = data
@@ -243,6 +255,14 @@ class _Frame:
         self.key_event: Any = None
         self.merges: list[Any] = []
         self.size = 1
+        self.is_flow = bool(getattr(event, "flow_style", False))
+        self.cut = ""
+        self.cut_at: Any = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the last value has an open parenthesis, so that what follows a comma belongs to it."""
+        return self.cut.count("(") > self.cut.count(")")
 
 
 class _Composer:
@@ -259,6 +279,8 @@ class _Composer:
     def compose(self, events: Iterator[Any]) -> Any:
         for event in events:
             kind = type(event)
+            if kind is yaml.ScalarEvent and self.stack and self.stack[-1].cut_at is not None and self.joined(event):
+                continue
             if kind is yaml.ScalarEvent:
                 # nothing written, as after "forces:" with every line commented out
                 value = None if event.style in (None, "") and event.value in ("", "~", "null") else event.value
@@ -267,6 +289,7 @@ class _Composer:
                 self.tag(event)
                 self.anchor(event, value)
                 self.add(value, event, 1)
+                self.may_be_cut(value, event)
             elif kind is yaml.MappingStartEvent or kind is yaml.SequenceStartEvent:
                 self.open({} if kind is yaml.MappingStartEvent else [], event)
             elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
@@ -278,6 +301,38 @@ class _Composer:
                 if self.documents == 2:
                     self.note(event, "a second YAML document begins here; a model file holds one")
         return self.root
+
+    def may_be_cut(self, value: Any, event: Any) -> None:
+        """Note a value within braces or brackets that ends at a comma within its parentheses."""
+        frame = self.stack[-1] if self.stack else None
+        if frame is None or not frame.is_flow or value is None or event.style not in (None, ""):
+            return
+        if isinstance(frame.data, list) or (frame.expects_key and frame.key is not None):
+            frame.cut = value
+            frame.cut_at = event if frame.is_open else None
+
+    def joined(self, event: Any) -> bool:
+        """Whether a text belongs to the value before it, from which YAML has cut it at a comma: it is put there."""
+        frame = self.stack[-1]
+        if event.style not in (None, ""):
+            frame.cut_at = None
+            return False
+        if not frame.is_open or (not event.value and isinstance(frame.data, dict)):
+            if not frame.is_open:
+                frame.cut_at = None
+            return not event.value  # the missing value of what was taken for a key
+        frame.cut += f", {event.value}"
+        key: Any = len(frame.data) - 1 if isinstance(frame.data, list) else frame.key
+        frame.data[key] = frame.cut
+        if not frame.is_open:
+            start = f"{key}: " if isinstance(key, str) else ""
+            self.note(
+                frame.cut_at,
+                f'a comma within {{ }} or [ ] ends the value; put quotes around it: {start}"{_cut(frame.cut)}"',
+            )
+            if isinstance(frame.data, list):
+                frame.cut_at = None
+        return True
 
     def note(self, event: Any, message: str) -> None:
         mark: Any = event.start_mark
