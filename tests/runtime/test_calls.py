@@ -1,5 +1,6 @@
 """How Python calls the C: both ways of cffi, and results in `out=`; `test_single_calls` has calls with one state."""
 
+import sys
 import sysconfig
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError, Jacobians
-from codegen.runtime.standalone import build, caller
+from codegen.runtime.standalone import caller
 from codegen.runtime.standalone.jacobians import JACOBIANS
 
 SEEDS = ("dq", "du", "dp", "dinputs")
@@ -81,7 +82,7 @@ def test_headers_that_do_not_compile_are_done_without(pendulum, monkeypatch, tmp
 
 def test_the_caller_is_compiled_once_for_each_python(packages, pendulum, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(build.sys, "platform", "linux")
+    monkeypatch.setattr(sys, "platform", "linux")
 
     def callers():
         return sorted((tmp_path / "cache" / "ordernm" / "ordernm_call").glob("*.so"))
