@@ -51,6 +51,9 @@ def take_sensitivities(
     ------
     ValueError
     """
+    if names == () and dq0 is None and du0 is None:
+        nothing = [np.empty((0, n)) for n in (solver.nq, solver.nu, solver.np)]
+        return Directions((), nothing[0], nothing[1], nothing[2], None, False)
     known = names_of(solver)
     wanted = apart(known, (names,) if isinstance(names, str) else tuple(names))
     given = dq0 is not None or du0 is not None

@@ -77,30 +77,27 @@ class Problem:
         c = ffi.new("ordernm_problem *")
         self.kept = [c]
 
-        doubles, keep = ffi.typeof("double[]"), self.kept.append
+        def point(to: Any, name: str, x: Array | None) -> None:
+            """Have a member of a struct point to an array; to nothing without entries."""
+            if x is not None and x.size:
+                if not x.flags.c_contiguous or x.dtype != np.float64:
+                    x = np.ascontiguousarray(x, float)
+                held = ffi.from_buffer("double[]", x)
+                self.kept.append(held)
+                setattr(to, name, held)
 
-        def pointer(x: Array | None) -> Any:
-            if x is None or not x.size:
-                return ffi.NULL
-            if not x.flags.c_contiguous or x.dtype != np.float64:
-                x = np.ascontiguousarray(x, float)
-            held = ffi.from_buffer(doubles, x)
-            keep(held)
-            return held
-
-        c.system = system
-        c.method = METHODS.index(self.method)
-        c.p, c.q, c.u = pointer(self.p), pointer(self.q), pointer(self.u)
-        c.ndirections = len(self.dp)
-        c.dq, c.du, c.dp = pointer(self.dq), pointer(self.du), pointer(self.dp)
-        c.inputs.degree = self.inputs.degree
-        c.inputs.count = len(self.inputs.values)
-        c.inputs.knots = pointer(self.inputs.knots)
-        c.inputs.values = pointer(self.inputs.values)
-        c.inputs.directions = pointer(self.dinputs)
-        c.start, c.end = self.start, self.end
-        c.ntimes, c.times = len(self.times), pointer(self.times)
-        c.step, c.fixed, c.largest_step, c.most_steps = self.step, self.fixed, self.largest_step, self.most_steps
+        for name in ("p", "q", "u", "dq", "du", "dp", "times", "atol_directions"):
+            point(c, name, getattr(self, name))
+        for name in ("start", "end", "step", "fixed", "largest_step", "most_steps", "rtol", "poor", "looked_at"):
+            if x := getattr(self, name):  # others are zero as they are
+                setattr(c, name, x)
+        c.system, c.method = system, METHODS.index(self.method)
+        c.ndirections, c.ntimes = len(self.dp), len(self.times)
+        inputs, of_motion = c.inputs, self.inputs
+        inputs.degree, inputs.count = of_motion.degree, len(of_motion.values)
+        point(inputs, "knots", of_motion.knots)
+        point(inputs, "values", of_motion.values)
+        point(inputs, "directions", self.dinputs)
         counting = self.atol
         if system.nfree_q + system.nfree_u < system.nq + system.nu:
             counting = self.atol[
@@ -111,8 +108,7 @@ class Problem:
                     *(range(system.nq) if not system.nfree_q + system.nfree_u else ()),
                 ]
             ]
-        c.rtol, c.atol, c.atol_directions = self.rtol, pointer(counting), pointer(self.atol_directions)
-        c.poor, c.looked_at = self.poor, self.looked_at
+        point(c, "atol", counting)
         if self.integrals:
             integrals = ffi.new("int[]", list(self.integrals))
             self.kept.append(integrals)

@@ -61,18 +61,22 @@ class MotionRun(States, Partitions):
         self._ask_for_functions(problem, keep_steps)
         opened, began = self._opened, time.perf_counter()
         several = len(partitions_of(self._manifest)) > 1
-        run = Run(np.empty((0, 0)), "", {})
         rows: list[Array] = []
+        segments: list[Segment] = []
+        events: list[tuple[int, Array]] = []
         constant = problem.fixed or problem.method == "rk4"
         left = replace(problem, poor=POOR_OF_CONSTANT_STEPS if constant else POOR) if several else problem
         before: Array | None = None
         tried: set[int] = set()
         while True:
             segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
-            self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
-            run.events.extend(_new_events(run.events, segment))
+            if before is not None:
+                self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
+            events += _new_events(events, segment) if segment.events else []
             rows.append(found[1:] if before is not None and not len(left.times) else found)
-            run.segments.append(segment)
+            segments.append(segment)
+            if segment.grazed:
+                warn(touched(segment.opened.manifest, segment.grazed - 1))
             if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
                 break
             tried = {opened.number} if segment.counts["t"] > left.start else tried | {opened.number}
@@ -80,29 +84,28 @@ class MotionRun(States, Partitions):
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
-        run.rows = np.concatenate(rows) if len(rows) > 1 else rows[0]
-        run.reason, run.singular, run.component = segment.reason, segment.singular, segment.component
-        if run.reason == "end" and problem.kink:
-            run.reason = problem.kink
-        counts = [s.counts for s in run.segments]
-        run.counts = counts[0] | {"partitions_changed": len(counts) - 1, "seconds": time.perf_counter() - began}
-        for segment in run.segments:
-            if segment.grazed:
-                warn(touched(segment.opened.manifest, segment.grazed - 1))
-        if len(counts) > 1:
-            run.counts |= {name: sum(c[name] for c in counts) for name in SUMMED}
-            run.counts |= {name: max(c[name] for c in counts) for name in ("condition", "stiffness")}
-            run.counts["t"] = counts[-1]["t"]
-        used = {
-            "closing_steps": bool(self.closure_names), "condition": bool(self.closure_names), "partitions_changed": several,
-            "jacobians": problem.method == "radau", "factorizations": problem.method == "radau",
-            "stiffness": problem.method == "dop853" and not problem.fixed,
-        }  # fmt: skip
-        run.counts = {name: n for name, n in run.counts.items() if used.get(name, True)}
-        return run
+        counts = segment.counts | {"partitions_changed": len(segments) - 1, "seconds": time.perf_counter() - began}
+        if len(segments) > 1:
+            of_segments = [s.counts for s in segments]
+            counts |= {name: sum(c[name] for c in of_segments) for name in SUMMED}
+            counts |= {name: max(c[name] for c in of_segments) for name in ("condition", "stiffness")}
+        unused = [] if several else ["partitions_changed"]
+        if not self.closure_names:
+            unused += ["closing_steps", "condition"]
+        if problem.method != "radau":
+            unused += ["jacobians", "factorizations"]
+        if problem.method != "dop853" or problem.fixed:
+            unused.append("stiffness")
+        for name in unused:
+            del counts[name]
+        reason = problem.kink if segment.reason == "end" and problem.kink else segment.reason
+        whole = np.concatenate(rows) if len(rows) > 1 else rows[0]
+        return Run(whole, reason, counts, segment.singular, segment.component, events, segments)
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
+        if "left_out" not in self._manifest:
+            return
         along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
         several = len(partitions_of(self._manifest)) > 1
         jacobian = problem.method == "radau"
@@ -172,9 +175,9 @@ class MotionRun(States, Partitions):
             return math.inf
         return float(np.abs(du).max())
 
-    def _carry_integrals(self, problem: Problem, before: Array | None, rows: list[Array], last: Array) -> None:
+    def _carry_integrals(self, problem: Problem, before: Array, rows: list[Array], last: Array) -> None:
         """Integrals, which every segment begins at zero, go on from those of the segment before."""
-        if before is None or not problem.integrals:
+        if not problem.integrals:
             return
         k = len(problem.dp)
         for part in (*rows, last):
@@ -186,12 +189,12 @@ class MotionRun(States, Partitions):
     def _of_rows(self, rows: Array, part: int, problem: Problem | None = None) -> Array:
         """The values of a part, (..., n), of rows (..., row): t, q, u, outputs, integrals."""
         integrals = len(problem.integrals) if problem else 0
-        start, size, _ = _places_in_rows(self.nq, self.nu, self.noutputs, integrals)[part]
+        start, size, _ = places_in_rows(self.nq, self.nu, self.noutputs, integrals)[part]
         return rows[..., start : start + size]
 
     def _derivatives_of_rows(self, rows: Array, problem: Problem, k: int, part: int) -> Array:
         """Their derivatives, (..., k, n); a view."""
-        parts = _places_in_rows(self.nq, self.nu, self.noutputs, len(problem.integrals))
+        parts = places_in_rows(self.nq, self.nu, self.noutputs, len(problem.integrals))
         values = parts[-1][0] + parts[-1][1]
         _, size, before = parts[part]
         start = values + k * before
@@ -211,7 +214,7 @@ class MotionRun(States, Partitions):
         c = problem.in_c(ffi, system)
         room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
-        size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c)
+        size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c) if keep_steps else 1
         r = ffi.new("ordernm_results *")
         full: list[Array] = []
         steps: list[Array] = []
@@ -242,7 +245,7 @@ class MotionRun(States, Partitions):
 
         rows = more_rows()
         kept = more_steps() if keep_steps else None
-        told = time.perf_counter()
+        told, precise = time.perf_counter(), 0
         while True:
             try:
                 reason = REASONS[library.ordernm_go(motion, r, SLICE)]
@@ -252,9 +255,9 @@ class MotionRun(States, Partitions):
             except KeyboardInterrupt:
                 reason = "interrupted"
             if reason == "imprecise":
-                address = _precise(opened)
-                r.as_is = not address
-                system.precise = ffi.cast("const ordernm_precise *", address)
+                precise = _precise(opened)
+                r.as_is = not precise
+                system.precise = ffi.cast("const ordernm_precise *", precise)
             elif reason == "full":
                 if r.count == r.capacity:
                     full.append(rows)
@@ -274,10 +277,11 @@ class MotionRun(States, Partitions):
         if kept is not None:
             steps.append(kept[: r.steps_count])
             heads.append(None)
-        last = np.zeros(size)
+        last = rows[:0]
         # where a constant step is poor it is one of its stages that is, not the state from which a row is made
         poor = r.condition_here if reason == "poor" else None
         if reason in ("poor", "undetermined"):
+            last = np.zeros(size)
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
@@ -298,14 +302,14 @@ class MotionRun(States, Partitions):
             events,
             r.condition_here if poor is None else poor,
             r.next_step,
-            int(ffi.cast("intptr_t", system.precise)),
+            precise,
             r.grazed,
         )
         return segment, found, last
 
 
 @lru_cache(64)
-def _places_in_rows(nq: int, nu: int, noutputs: int, integrals: int) -> tuple[tuple[int, int, int], ...]:
+def places_in_rows(nq: int, nu: int, noutputs: int, integrals: int) -> tuple[tuple[int, int, int], ...]:
     """Of t, q, u, outputs and integrals in a row of results: where they begin, how many there are, and of how many derivatives
     come before theirs."""
     sizes = (1, nq, nu, noutputs, integrals)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Numbers, is_finite, largest, normalise
+from .arrays import Array, Numbers, filled, is_finite, largest, normalise
 from .errors import SimulationError, SingularLoopError
 from .infinite import culprit, outputs_without
 from .motion_directions import Directions, take_sensitivities
@@ -17,7 +17,7 @@ from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import Inputs
 from .motion_kinks import first_kink, known_of, times_of
 from .motion_problem import METHODS, Problem, Run
-from .motion_run import MotionRun, Progress
+from .motion_run import MotionRun, Progress, places_in_rows
 from .motion_switches import switch_words
 from .signals import take_inputs
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
@@ -51,8 +51,15 @@ MEANINGLESS = 1e10
 """Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
 
 
+ENDED = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}
+"""Reasons of trajectories that have not failed, by those of motions."""
+
+
 class Simulation(MotionRun):
     """Integration over time."""
+
+    _names: Trajectory | None = None
+    """What the trajectories of the last motion's sensitivities have in common."""
 
     def simulate(
         self, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
@@ -113,13 +120,15 @@ class Simulation(MotionRun):
         problem, directions = self._problem(
             t, q, u, p, inputs, sensitivities, dq0, du0, rtol, atol, atol_sensitivities, method, step, largest_step, most_steps
         )  # fmt: skip
-        wanted = take_events(self.output_names, events)
-        problem.events = tuple(
-            (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in wanted
-        )
+        wanted = take_events(self.output_names, events) if events != () else ()
+        if wanted:
+            problem.events = tuple(
+                (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in wanted
+            )
         run = self._run(problem, progress)
         trajectory = self._trajectory(problem, directions, run)
-        trajectory.events = tuple(self._crossing(wanted[i], row, problem, directions.k) for i, row in run.events)
+        if wanted:
+            trajectory.events = tuple(self._crossing(wanted[i], row, problem, directions.k) for i, row in run.events)
         if run.reason == "end":
             for e in wanted:
                 if e.stop:
@@ -188,15 +197,14 @@ class Simulation(MotionRun):
             raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
         if method == "rk4" and step is None:
             raise ValueError("method 'rk4' takes constant steps: give step, s")
-        sizes = {"rtol": rtol, "step": step, "largest_step": largest_step, "most_steps": most_steps}
-        for name, x in sizes.items():
+        for name, x in (("rtol", rtol), ("step", step), ("largest_step", largest_step), ("most_steps", most_steps)):
             if x is not None and not (isinstance(x, (int, float, np.number)) and math.isfinite(x) and x > 0):
                 raise ValueError(f"{name} is {x!r}, expected a positive number")
         if rtol < SMALLEST_TOLERANCE:
             raise ValueError(
                 f"rtol is {rtol:g}, below the rounding of floating-point numbers; allowed are {SMALLEST_TOLERANCE:g} and more"
             )
-        p_all = self._arguments.take({"p": p}, self._left_out)[0]["p"]
+        p_all = self._arguments.defaults["p"] if p is None else self._arguments.take({"p": p}, self._left_out)[0]["p"]
         if p_all.ndim != 1:
             raise ValueError(
                 f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; codegen.simulate_many takes more"
@@ -287,30 +295,48 @@ class Simulation(MotionRun):
 
     def _trajectory(self, problem: Problem, directions: Directions, run: Run) -> Trajectory:
         """Rows of results as arrays with names."""
-        nt, k = len(run.rows), directions.k
-        t = run.rows[:, 0].copy()
-        q, u, outputs = (self._of_rows(run.rows, i).copy() for i in (1, 2, 3))
-        dq, du, doutputs = (
-            self._derivatives_of_rows(run.rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)
-        )
-        if self._gives_outputs:
-            self._look_at_outputs(problem, run, outputs, doutputs)
-        extra: dict[str, Any] = {}
+        rows, nt, k = run.rows, len(run.rows), directions.k
+        (_, *parts, _), shown = places_in_rows(self.nq, self.nu, self.noutputs, 0), self._shown
+        t = rows[:, 0].copy()
+        q, u, outputs = [rows[:, start : start + size].copy() for start, size, _ in parts]
+        if k:
+            derivatives = [self._derivatives_of_rows(rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)]
+        else:
+            derivatives = [np.empty((0, nt, size)) for _, size, _ in parts]
+        if shown:
+            self._look_at_outputs(problem, run, outputs, derivatives[2])
+        arrays = {
+            "t": t, "q": q, "u": u, "dq": derivatives[0], "du": derivatives[1], "outputs": outputs[:, :shown],
+            "doutputs": derivatives[2][..., :shown], "p": problem.p.copy(),
+            "inputs": problem.inputs.values[0] if problem.inputs.knots is None else None,
+        }  # fmt: skip
+        later: dict[str, Any] = {"energy": None, "closure": None}
         if "energies" in self._functions and nt:
-            extra["energy"] = lambda: self._energies_over(t, q, u, problem)
+            later["energy"] = lambda: self._energies_over(t, q, u, problem)
         if self.closure_names and nt:
-            extra["closure"] = lambda: self._gaps_over(t, q, u, problem)
-        ended = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}.get(run.reason)
-        stats = {"method": problem.method, "reason": ended or self._why_it_ended(problem, run)} | run.counts
-        manifest = self._manifest
-        shown = self.noutputs if self._gives_outputs else 0
+            later["closure"] = lambda: self._gaps_over(t, q, u, problem)
+        ended = ENDED.get(run.reason) or self._why_it_ended(problem, run)
+        stats = {"method": problem.method, "reason": ended, **run.counts}
+        if self._names is None or self._names.sensitivity_names != directions.names:
+            self._names = self._no_motion(directions.names)
+        return self._names.like_this(arrays, later, stats)
+
+    @property
+    def _shown(self) -> int:
+        """How many outputs trajectories have."""
+        return self.noutputs if self._gives_outputs else 0
+
+    def _no_motion(self, sensitivity_names: tuple[str, ...]) -> Trajectory:
+        """A trajectory without times, which has the names and units of all."""
+        manifest, shown, k = self._manifest, self._shown, len(sensitivity_names)
+        q, u, outputs = (np.empty((0, n)) for n in (self.nq, self.nu, shown))
+        dq, du, doutputs = (np.empty((k, *x.shape)) for x in (q, u, outputs))
         return Trajectory(
-            self.name, t, q, u, dq, du, outputs[..., :shown], doutputs[..., :shown], coordinate_names=self.coordinate_names,
+            self.name, [], q, u, dq, du, outputs, doutputs, coordinate_names=self.coordinate_names,
             speed_names=self.speed_names, output_names=self.output_names[:shown], parameter_names=self.parameter_names,
-            input_names=self.signal_names, sensitivity_names=directions.names,
+            input_names=self.signal_names, sensitivity_names=sensitivity_names,
             coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
             output_units=manifest.get("output_units", ())[:shown], parameter_units=manifest.get("parameter_units", ()),
-            p=problem.p, inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
         )  # fmt: skip
 
     def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
@@ -493,6 +519,8 @@ def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Ar
 
 def _interval(t: Any) -> tuple[float, float, Array]:
     """Start, end and times of results."""
+    if type(t) is float and 0.0 < t < math.inf:
+        return 0.0, t, np.empty(0)
     try:
         times = np.asarray(t, float)
     except (TypeError, ValueError) as error:
@@ -518,7 +546,7 @@ def _rise(times: Array) -> bool:
 def _tolerances(name: str, given: Any, shape: tuple[int, ...]) -> Array:
     """One tolerance, or one for each."""
     if type(given) is float and 0.0 < given < math.inf:
-        return np.full(shape, given)
+        return filled(shape, given)
     try:
         found = np.broadcast_to(np.asarray(given, float), shape).copy()
     except (TypeError, ValueError):

@@ -126,6 +126,14 @@ class Trajectory:
         if len(set(self.sensitivity_names)) < k:
             raise ValueError(f"names of sensitivities must differ: {some(self.sensitivity_names)}")
 
+    def like_this(
+        self, arrays: Mapping[str, Array | None], later: Mapping[str, Later], stats: dict[str, Any]
+    ) -> Trajectory:
+        """Another motion with the same names and units; its arrays are taken as they are."""
+        found = Trajectory.__new__(Trajectory)
+        found.__dict__ = {**self.__dict__, **arrays, "_later": later, "stats": stats}
+        return found
+
     # -- series by name --------------------------------------------------------------------------------------------------
 
     @property
