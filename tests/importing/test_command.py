@@ -93,3 +93,14 @@ def test_neither_mujoco_nor_pinocchio_is_imported_for_a_urdf(here):
         "sys.exit(bool({'mujoco', 'pinocchio'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(("program", "arguments"), [("main", ["import", "arm.urdf"]), ("generate_main", ["arm.yaml"])])
+def test_an_interrupt_while_modules_are_imported_is_a_message(here, program, arguments):
+    """Ctrl-C before a command runs, while Python imports what its options need."""
+    stop = "import sys, codegen.cli; from codegen.deferred import deferred\n"
+    stop += "class Stop:\n    def find_spec(self, name, *rest):\n"
+    stop += "        if name.startswith('codegen.'): raise KeyboardInterrupt\n"
+    stop += f"sys.meta_path.insert(0, Stop()); sys.exit(codegen.cli.{program}({arguments}))"
+    ended = subprocess.run([sys.executable, "-c", stop], capture_output=True, text=True, check=False)
+    assert ended.returncode == 130 and "interrupted" in ended.stderr and "Traceback" not in ended.stderr

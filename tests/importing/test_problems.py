@@ -2,6 +2,7 @@
 
 import random
 import re
+import time
 
 import numpy as np
 import pytest
@@ -105,6 +106,20 @@ def test_depth_and_entities_do_no_harm():
     outside = '<!DOCTYPE l [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot>&a;</robot>'
     with pytest.raises(codegen.ModelError, match="a document type"):
         parse_xml(outside, "x")
+
+
+def test_hostile_files_are_refused_in_linear_time():
+    with pytest.raises(codegen.ModelError, match=r"x:1:13: a document type \(DOCTYPE\)"):
+        parse_xml("<!DOCTYPE r [<!ATTLIST a x CDATA '" + "d" * 100_000 + "'>]><r>" + "<a/>" * 10_000 + "</r>", "x")
+
+    def seconds(text):
+        start = time.process_time()
+        parse_xml(text, "x")
+        return time.process_time() - start
+
+    for piece in ("words <b/>", "<!-- -- -->", "<b/>"):  # text between elements was once added up
+        short, long = (f"<r>{piece * n}</r>" for n in (5_000, 40_000))
+        assert min(seconds(long) for _ in range(2)) < 40 * min(seconds(short) for _ in range(3))
 
 
 # ---- mimic joints, mass and inertia ----------------------------------------------------------------------------------
