@@ -21,6 +21,11 @@ REPEATED = 1e-7
 ZERO = 3e-7
 """An eigenvalue below this part of the largest cannot be told from zero: a double one moves by the root of rounding."""
 
+NO_NUMBER = complex(np.nan, np.nan)
+
+SPLITS = 1e-9
+"""Derivatives of branches that differ by less than this, against the largest, are those of one eigenvalue."""
+
 UNDECIDED = 1e-5
 """An error of an eigenvalue that is larger than this, against the largest eigenvalue, leaves the sign of its real part open."""
 
@@ -140,13 +145,15 @@ class Linearization:
     ) -> Complex:
         """Derivatives of `eigenvalues`, (k, 2n), with respect to k parameters; arguments are those of `sensitivities`.
 
-        With left and right eigenvectors y and x they are ``y^H dA x / (y^H x)``. A repeated eigenvalue has no such derivative:
-        it is NaN, and a warning says so.
+        With left and right eigenvectors y and x they are ``y^H dA x / (y^H x)``. A repeated eigenvalue with as many
+        eigenvectors, in the columns of X and the rows of Y, splits: along each parameter alone its branches have the
+        derivatives that are the eigenvalues of ``(Y X)^-1 Y dA X``, in the order of their real, then imaginary parts. Where
+        they differ, a warning says so. With fewer eigenvectors there is no derivative: it is NaN in both parts, with a warning.
         """
         dA = self.sensitivities(parameters, moving=moving).A
         values, right = self._solved()
         repeated = _repeated(self.A, values, right)
-        found = np.full((len(dA), len(values)), np.nan + 0j)
+        found = np.full((len(dA), len(values)), NO_NUMBER)
         if not repeated.all():
             # a defective A has no inverse of its eigenvectors, and only simple eigenvalues are wanted
             left = _left(self.A, values)
@@ -154,9 +161,27 @@ class Linearization:
             with np.errstate(all="ignore"):
                 found = np.einsum("ia,kab,bi->ki", left, dA, right) / of_left
         if repeated.any():
-            found[:, repeated] = np.nan
-            some = ", ".join(f"{x:.4g}" for x in values[repeated][:6])
-            warn(f"eigenvalues {some} are repeated, to rounding: they have no derivatives, which are NaN")
+            split, defective = [], []
+            for places in _clusters(self.A, values, repeated):
+                of = _derivatives_of_branches(self.A, values[places], dA)
+                found[:, places] = NO_NUMBER if of is None else of
+                if of is None:
+                    defective.append(values[places[0]])
+                elif np.abs(of - of.mean(axis=1, keepdims=True)).max(initial=0.0) > SPLITS * np.abs(of).max(
+                    initial=0.0
+                ):
+                    split.append(values[places[0]])
+            if defective:
+                some = ", ".join(f"{x:.4g}" for x in defective[:6])
+                warn(
+                    f"eigenvalues {some} are repeated, to rounding, with too few eigenvectors: their derivatives are NaN"
+                )
+            if split:
+                some = ", ".join(f"{x:.4g}" for x in split[:6])
+                warn(
+                    f"eigenvalues {some} are repeated, to rounding: derivatives are those of the branches that they split into "
+                    f"along each parameter alone, and do not add up along several"
+                )
         return found
 
     @property
@@ -182,6 +207,33 @@ def _left(A: Array, values: Complex) -> Complex:
         left.remove(nearest)
         rows[i] = vectors[:, nearest]  # of A^T, not of A^H: y^H itself
     return rows
+
+
+def _clusters(A: Array, values: Complex, repeated: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Places of eigenvalues that are the same to rounding."""
+    left, found = np.flatnonzero(repeated), []
+    while len(left):
+        same = np.abs(values[left] - values[left[0]]) <= 4 * REPEATED * np.abs(values).max(initial=0.0)
+        found.append(left[same])
+        left = left[~same]
+    return found
+
+
+def _derivatives_of_branches(A: Array, values: Complex, dA: Array) -> Complex | None:
+    """Derivatives of the branches (k, m) that an eigenvalue of m eigenvectors splits into; None where it has fewer."""
+    m = len(values)
+    shifted = A - values.mean() * np.eye(len(A))
+    left, size, right = np.linalg.svd(shifted)
+    if len(size) > m and not size[-m] <= 1e3 * REPEATED * max(size[0], float(np.abs(A).max())):
+        return None
+    X, Y = right[-m:].conj().T, left[:, -m:].conj().T
+    both = Y @ X
+    if np.linalg.svd(both, compute_uv=False)[-1] < np.sqrt(REPEATED):
+        return None
+    found = np.linalg.eigvals(np.linalg.solve(both, Y @ dA @ X))
+    sign = 1.0 if values[0].imag >= 0.0 else -1.0  # conjugates in the order of their partners
+    order = np.lexsort((sign * found.imag, np.round(found.real, 12)), axis=-1)
+    return np.take_along_axis(found, order, axis=-1).astype(complex)
 
 
 def _repeated(A: Array, values: Complex, right: Complex) -> NDArray[np.bool_]:
