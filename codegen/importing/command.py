@@ -74,6 +74,8 @@ def run(options: argparse.Namespace) -> tuple[Imported, Path | None]:
             "exact_angles",
         )
     }
+    if options.output == "-" and options.force:
+        raise ExistsError("--force is for a file that -o replaces, and -o - prints; leave it out")
     found = import_model(options.file, package_paths=options.package_path, **chosen)
     if options.output == "-":
         return found, None

@@ -155,6 +155,10 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     """
     chosen = Options(**options)
     file = os.fspath(path)
+    for folder in chosen.package_paths:
+        if not os.path.isdir(folder):
+            message = f"{os.fspath(folder)} is no folder; give one that holds packages, or leave it out"
+            raise ModelError([Problem(file, None, None, "--package-path", message)])
     data = read_robot_file(file)
     root = parse_xml(data, file)
     files = Files(Path(file), chosen.package_paths)
@@ -212,6 +216,10 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
         from .mjcf import read_mjcf
 
         _refuse(root, "--base", options.base, "for URDF; MJCF says itself what stands on the ground")
+        if options.exact_angles:
+            raise ModelError(
+                [root.problem("--exact-angles is for URDF and SDF; MJCF has degrees, or quaternions: leave it out")]
+            )
         _refuse(root, "--model", options.model, "for a world of SDF, which may have several models; an MJCF is one")
         return read_mjcf(root, Path(root.file), files, options.key)
     if root.tag == "sdf":
