@@ -2,6 +2,7 @@
 
 import sys
 
-from .cli import main
+from .entry import ordernm
 
-sys.exit(main())
+if __name__ == "__main__":
+    sys.exit(ordernm())

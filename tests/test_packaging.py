@@ -115,8 +115,8 @@ def test_the_wheel_says_what_it_needs_and_installs_both_commands(wheel):
     needed = [line for line in metadata.splitlines() if line.startswith("Requires-Dist:") and "extra ==" not in line]
     assert len(needed) == len(project["dependencies"])
     commands = archive.read(f"ordernm-{__version__}.dist-info/entry_points.txt").decode()
-    assert "generate = codegen.cli:generate_main" in commands
-    assert "ordernm = codegen.cli:main" in commands
+    assert "generate = codegen.entry:generate" in commands
+    assert "ordernm = codegen.entry:ordernm" in commands
 
 
 def test_an_installed_generate_works_outside_the_checkout(generated):

@@ -319,3 +319,27 @@ def test_main_without_a_command_is_usage(capsys):
     with pytest.raises(SystemExit) as end:
         main([])
     assert end.value.code == 2 and "usage: ordernm" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["ordernm", "generate"])
+def test_ctrl_c_while_modules_are_imported_is_no_traceback(command):
+    """Before the command begins, and before anything of it can handle a signal."""
+    program = f"""
+import builtins, sys
+real = builtins.__import__
+def interrupted(name, globals=None, locals=None, fromlist=(), level=0):
+    if "main" in (fromlist or ()) or "generate_main" in (fromlist or ()):
+        raise KeyboardInterrupt
+    return real(name, globals, locals, fromlist, level)
+from codegen import entry
+builtins.__import__ = interrupted
+sys.exit(entry.{command}())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stderr) == (130, f"{command}: interrupted before it began\n")
+    real = program.replace(
+        '"main" in (fromlist or ()) or "generate_main" in (fromlist or ())',
+        '"argparse" in name or level and "bench" in name',
+    )
+    done = subprocess.run([sys.executable, "-c", real, "--help"], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 130 and "Traceback" not in done.stderr

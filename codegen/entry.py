@@ -1,0 +1,28 @@
+"""Where commands begin: what they need is imported here, so that Ctrl-C meanwhile is no traceback either."""
+
+import sys
+
+
+def ordernm() -> int:
+    """``ordernm COMMAND``."""
+    try:
+        from .cli import main
+
+        return main()
+    except KeyboardInterrupt:
+        return _interrupted("ordernm")
+
+
+def generate() -> int:
+    """``generate MODEL``."""
+    try:
+        from .cli import generate_main
+
+        return generate_main()
+    except KeyboardInterrupt:
+        return _interrupted("generate")
+
+
+def _interrupted(command: str) -> int:
+    sys.stderr.write(f"{command}: interrupted before it began\n")
+    return 130
