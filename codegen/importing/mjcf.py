@@ -18,7 +18,7 @@ from ..model.errors import Problem, nearest
 from ..model.positions import shortened
 from .files import Files
 from .mjcf_files import MjcfFiles
-from .mjcf_forces import PassiveForces, damper_law, spring_law, terms_of
+from .mjcf_forces import PassiveForces, damper_law, disabled, spring_law, terms_of
 from .naming import free_name, made_name
 from .placement import Placement, direction, of_quaternion, plus
 from .robot import (
@@ -89,7 +89,7 @@ def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(said.append)  # which else go to a file in the working directory
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model = mujoco.MjModel.from_xml_path(str(path.resolve()))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise ModelError([_said(file, str(error))]) from None
     finally:
@@ -159,8 +159,7 @@ class _Reader:
 
     def disabled(self, *words: str) -> bool:
         """Whether one of some flags is disabled."""
-        bits = _mujoco().mjtDisableBit
-        return any(int(self.model.opt.disableflags) & int(getattr(bits, f"mjDSBL_{word}")) for word in words)
+        return disabled(_mujoco(), self.model, *words)
 
     def unique(self, kind: str, count: int) -> list[str]:
         """Names of all objects of a kind; those that have none get one."""
@@ -412,11 +411,12 @@ class _Reader:
         collides = np.any(model.geom_contype) and np.any(model.geom_conaffinity)
         if collides and not self.disabled("CONTACT", "CONSTRAINT"):
             robot.leave_out("contacts of geoms", None, Effect.STOPS)
-        for name in _MEDIUM:
+        is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # both together disable the rest too
+        for name in _MEDIUM if is_passive else ():
             if np.any(getattr(model.opt, name)):
                 robot.leave_out(f"{name} of the medium", None, Effect.DIFFERS)
         for b in range(1, int(model.nbody)):
-            if model.body_gravcomp[b]:
+            if model.body_gravcomp[b] and is_passive:
                 robot.lifted[self.links[b]] = float(model.body_gravcomp[b])
         if np.any(model.body_mocapid >= 0):
             robot.leave_out("mocap of bodies", None, Effect.NONE, "they stand still")

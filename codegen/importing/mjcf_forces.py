@@ -83,6 +83,14 @@ def _law(factor: float, more: Any, of: str, powers: list[str]) -> str:
     return f"-{whole}*({' + '.join(parts).replace('+ -', '- ')})"
 
 
+def disabled(mujoco: Any, model: Any, *words: str) -> bool:
+    """Whether one of some flags is disabled; before MuJoCo 3.3 springs and dampers have one together."""
+    bits = mujoco.mjtDisableBit
+    both = getattr(bits, "mjDSBL_PASSIVE", 0)
+    masks = (int(getattr(bits, f"mjDSBL_{w}", both if w in ("SPRING", "DAMPER") else 0)) for w in words)
+    return any(int(model.opt.disableflags) & mask for mask in masks)
+
+
 class PassiveForces:
     """Gives a robot the forces of a compiled model's tendons and actuators.
 
@@ -111,10 +119,6 @@ class PassiveForces:
         self.place = place
         self.lengths: dict[int, Length | None] = {}
         self.data: Any = None
-
-    def disabled(self, word: str) -> bool:
-        """Whether a flag is disabled."""
-        return bool(int(self.model.opt.disableflags) & int(getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{word}")))
 
     def read(self) -> None:
         """Add everything."""
@@ -207,10 +211,14 @@ class PassiveForces:
         more = {
             p: np.ravel(getattr(model, f"tendon_{p}poly", np.zeros((t + 1, 1)))[t]) for p in ("stiffness", "damping")
         }
-        has_spring = bool(stiffness or np.any(more["stiffness"])) and not self.disabled("SPRING")
-        has_damper = bool(damping or np.any(more["damping"])) and not self.disabled("DAMPER")
+        has_spring = bool(stiffness or np.any(more["stiffness"])) and not disabled(self.mujoco, model, "SPRING")
+        has_damper = bool(damping or np.any(more["damping"])) and not disabled(self.mujoco, model, "DAMPER")
         robot.leave_out("<tendon>", place, Effect.NONE, "its spring and damper are read, its path is not drawn")
-        if friction and not self.disabled("FRICTIONLOSS") and not self.disabled("CONSTRAINT"):
+        if (
+            friction
+            and not disabled(self.mujoco, model, "FRICTIONLOSS")
+            and not disabled(self.mujoco, model, "CONSTRAINT")
+        ):
             robot.leave_out("frictionloss of a tendon", place, Effect.DIFFERS, "dry friction")
         if np.any(model.tendon_limited[t]):
             robot.leave_out("range of a tendon", place, Effect.STOPS)
@@ -286,7 +294,7 @@ class PassiveForces:
         else:
             length = None
         self.reflected(a, place, length, target if to_joint else -1)
-        if self.disabled("ACTUATION") or self.is_off(a):
+        if disabled(self.mujoco, model, "ACTUATION") or self.is_off(a):
             return
         law_ = self.affine(a)
         if law_ is None:
@@ -317,7 +325,7 @@ class PassiveForces:
         model, mujoco = self.model, self.mujoco
         bias, gain, dynamics = (int(getattr(model, f"actuator_{word}type")[a]) for word in ("bias", "gain", "dyn"))
         control = 0.0
-        if model.actuator_ctrllimited[a] and not self.disabled("CLAMPCTRL"):
+        if model.actuator_ctrllimited[a] and not disabled(self.mujoco, model, "CLAMPCTRL"):
             low, high = (float(v) for v in model.actuator_ctrlrange[a])
             control = min(max(0.0, low), high)
         if bias not in (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)):
@@ -344,7 +352,7 @@ class PassiveForces:
         armature = float(np.ravel(getattr(model, "actuator_armature", zeros)[a])[0])
         damping = float(np.ravel(getattr(model, "actuator_damping", zeros)[a])[0])
         more = np.ravel(getattr(model, "actuator_dampingpoly", zeros)[a])
-        is_damped = bool(damping or np.any(more)) and not self.disabled("DAMPER")
+        is_damped = bool(damping or np.any(more)) and not disabled(self.mujoco, model, "DAMPER")
         if not armature and not is_damped:
             return
         if armature:

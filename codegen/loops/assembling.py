@@ -345,7 +345,10 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
     if angle > 3:
         advice = "its faces are turned by pi against each other: turn one of them, or reverse an axis in its body"
     elif outcome.residual < 1e-3 and rank < len(owner):
-        advice = "an overconstrained loop closes only if its lengths and axes fit exactly: give them with all digits"
+        advice = (
+            "an overconstrained loop closes only if its lengths and axes fit exactly, or conditions that follow from others "
+            f"fit to loop_tolerance, {model.loop_tolerance:g}: give lengths and axes with all digits, or a larger loop_tolerance"
+        )
     else:
         advice = (
             "links may be too short or too long, or the other coordinates too far off: check lengths and axes, and the "

@@ -26,6 +26,8 @@ def test_a_random_file_moves_as_drake_says(tmp_path, start):
         except RuntimeError as error:
             assert "would have to be reversed" in str(error)  # a screw that Drake does not turn round
             continue
+        if plant.num_velocities() == 0:
+            continue
         found = codegen.import_model(path)
         engine = RecursiveEngine(replace(found.model, loops=()))
         ours, right = accelerations(plant, "robot", found, engine, seed)
