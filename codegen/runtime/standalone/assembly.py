@@ -79,6 +79,11 @@ class Assembly:
         self._initial = np.array(package["initial"]["q"], float)
         rest = [0.0] * (len(package["input_names"]) + 1) if self.timed else []
         self._x = np.array([*package["parameters"], *rest], float)
+        initial: list[float] = self._initial.tolist()
+        self._others = [(i, initial[i]) for i in self.follower.others.tolist()]
+        self._independents = [
+            (i, initial[i], ALIAS * float(self.newton.scale[i])) for i in self.follower.independent.tolist()
+        ]
         self._parts: Parts | None = None
         self.placing = (*package["parameter_names"], *((*package["input_names"], "t") if self.timed else ()))
 
@@ -112,6 +117,14 @@ class Assembly:
                 far |= (x[..., self.newton.np :] != self._x[self.newton.np :]).any(axis=-1)
             found &= far
         return found
+
+    def may_be_turned(self, q: Array) -> bool:
+        """The same of one state (nq,), sooner; where motion is prescribed, the initial state is one of them at any time."""
+        numbers = q.tolist()
+        for i, initial in self._others:
+            if numbers[i] != initial:
+                return False
+        return self.timed or any(abs(numbers[i] - initial) > far for i, initial, far in self._independents)
 
     def close(self, q: Array, x: Array, called: Sequence[tuple[int, ...]]) -> Array:
         """Coordinates (n, nq) of n guesses with their loops closed; `called` are the places of the states in their batch.

@@ -67,18 +67,17 @@ class PointMotion:
 Motion = TypeVar("Motion", FrameMotion, PointMotion)
 
 
-def frames_from(
-    frames: Array, accelerations: Array | None, bodies: Sequence[int], names: tuple[str, ...]
-) -> FrameMotion:
-    """Frames of some bodies from the numbers of all: (..., 18 nbodies) and (..., 6 nbodies) or None."""
-    x = frames.reshape(*frames.shape[:-1], frames.shape[-1] // 18, 18)[..., list(bodies), :]
-    found = FrameMotion(
-        names, x[..., :9].reshape(*x.shape[:-1], 3, 3), x[..., 9:12], x[..., 12:15], x[..., 15:]
-    )  # fmt: skip
+def frames_from(frames: Array, accelerations: Array | None, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
+    """Frames of some bodies from the numbers of all: (..., 18 nbodies) and (..., 6 nbodies) or None.
+
+    `bodies` is an index of the axis of bodies: a slice, a list, or the number of one, whose arrays are without that axis.
+    """
+    x = frames.reshape(*frames.shape[:-1], frames.shape[-1] // 18, 18)[..., bodies, :]
+    rotation = x[..., :9].reshape(*x.shape[:-1], 3, 3)
     if accelerations is None:
-        return found
-    a = accelerations.reshape(*accelerations.shape[:-1], accelerations.shape[-1] // 6, 6)[..., list(bodies), :]
-    return replace(found, angular_acceleration=a[..., :3], acceleration=a[..., 3:])
+        return FrameMotion(names, rotation, x[..., 9:12], x[..., 12:15], x[..., 15:])
+    a = accelerations.reshape(*accelerations.shape[:-1], accelerations.shape[-1] // 6, 6)[..., bodies, :]
+    return FrameMotion(names, rotation, x[..., 9:12], x[..., 12:15], x[..., 15:], a[..., :3], a[..., 3:])
 
 
 def with_ground(frames: FrameMotion, tangents: bool) -> FrameMotion:

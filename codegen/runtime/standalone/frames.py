@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -55,9 +56,8 @@ class Frames(Package):
         FrameMotion
             In the ground frame.
         """
-        chosen, names, single = self._bodies(bodies)
-        found = self._frames((q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
-        return alone(found) if single else found
+        chosen, names = self._bodies(bodies)
+        return self._frames((q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
 
     def frame_sensitivities(
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -72,10 +72,9 @@ class Frames(Package):
         FrameMotion
             Derivatives, with the k directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
         """
-        chosen, names, single = self._bodies(bodies)
+        chosen, names = self._bodies(bodies)
         given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
-        values, tangents = self._frames_along(given, along, accelerations, chosen, names)
-        return (alone(values), alone(tangents)) if single else (values, tangents)
+        return self._frames_along(given, along, accelerations, chosen, names)
 
     def frame_jacobians(
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -89,10 +88,9 @@ class Frames(Package):
             Rows: angular velocity, velocity, along the ground's axes. Columns of dependent speeds are zero, as what follows from
             the independent ones is in the columns of these; so times u it is the velocity. It does not depend on u.
         """
-        chosen, names, single = self._bodies(bodies)
+        chosen, names = self._bodies(bodies)
         _, along = self._by_speeds(q, p, inputs, t, chosen, names)
-        found = _columns(along.angular_velocity, along.velocity)
-        return found[..., 0, :, :] if single else found
+        return _columns(along.angular_velocity, along.velocity)
 
     def points(
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -171,15 +169,17 @@ class Frames(Package):
         """Speeds, zero where they are left out."""
         return np.zeros(self.nu) if u is None else u
 
-    def _bodies(self, bodies: Bodies) -> tuple[list[int], tuple[str, ...], bool]:
-        """Numbers of bodies, their names, and whether one was asked for alone."""
+    def _bodies(self, bodies: Bodies) -> tuple[Any, tuple[str, ...]]:
+        """Where bodies are among all, an index that one alone makes a number, and their names."""
         known = self._known_bodies("frames")
         if bodies is None:
-            return list(range(len(known))), tuple(known), False
-        names = (bodies,) if isinstance(bodies, str) else tuple(_several(bodies, "bodies"))
-        return [_place(n, known, "bodies") for n in names], names, isinstance(bodies, str)
+            return slice(None), known
+        if isinstance(bodies, str):
+            return _place(bodies, known, "bodies"), (bodies,)
+        names = tuple(_several(bodies, "bodies"))
+        return [_place(n, known, "bodies") for n in names], names
 
-    def _known_bodies(self, member: str) -> list[str]:
+    def _known_bodies(self, member: str) -> tuple[str, ...]:
         """Names of the model's bodies.
 
         Raises
@@ -187,14 +187,17 @@ class Frames(Package):
         AttributeError
             The package was generated without frames.
         """
-        if "bodies" not in self._manifest:
+        found = self._body_names
+        if found is None:
             raise AttributeError(self._why_not(member))
-        found: list[str] = self._manifest["bodies"]
         return found
 
-    def _frames(
-        self, given: Sequence[Any], accelerations: bool, bodies: Sequence[int], names: tuple[str, ...]
-    ) -> FrameMotion:
+    @functools.cached_property
+    def _body_names(self) -> tuple[str, ...] | None:
+        """Names of the model's bodies; None in a package without frames."""
+        return tuple(self._manifest["bodies"]) if "bodies" in self._manifest else None
+
+    def _frames(self, given: Sequence[Any], accelerations: bool, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
         found = self._values("frames", given)[0]
         a = self._values("frame_accelerations", given)[0] if accelerations else None
         return frames_from(found, a, bodies, names)
@@ -204,16 +207,15 @@ class Frames(Package):
         given: Sequence[Any],
         along: Sequence[Any],
         accelerations: bool,
-        bodies: Sequence[int],
+        bodies: Any,
         names: tuple[str, ...],
     ) -> tuple[FrameMotion, FrameMotion]:
         found = self._along("frame_sensitivities", given, along)
         a = self._along("frame_acceleration_sensitivities", given, along) if accelerations else (None, None)
-        values, tangents = (frames_from(x, y, bodies, names) for x, y in zip(found, a, strict=True))
-        return values, tangents
+        return frames_from(found[0], a[0], bodies, names), frames_from(found[1], a[1], bodies, names)
 
     def _by_speeds(
-        self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Sequence[int], names: tuple[str, ...]
+        self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Any, names: tuple[str, ...]
     ) -> tuple[FrameMotion, FrameMotion]:
         """Frames at rest, and their derivatives by each speed."""
         unit = np.eye(self.nu)

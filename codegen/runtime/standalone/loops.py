@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .arguments import placing
-from .arrays import Array, Shape
+from .arrays import Array, Shape, largest
 from .assembly import ROUNDING, Assembly
 from .functions import STATE
 from .states import States
 from .targets import Opened
+
+POSITION = ("position",)
 
 
 class Loops(States):
@@ -22,6 +24,27 @@ class Loops(States):
     def _use(self, opened: Opened) -> None:
         super()._use(opened)
         self._assembly = Assembly(opened)
+
+    def _consistent(self, given: Sequence[Any]) -> tuple[Array, Array] | None:
+        if not self.closure_names:
+            return super()._consistent(given)
+        speeds = self._one_state("completion", given) if self._is_closed(given) else None
+        return None if speeds is None else (given[0].copy(), speeds[0])
+
+    def _consistent_along(self, given: Sequence[Any], seeds: Sequence[Any]) -> tuple[Array, Array, Array, Array] | None:
+        if not self.closure_names:
+            return super()._consistent_along(given, seeds)
+        if self._watched or not self._is_closed(given):
+            return None
+        found = self._one_state("completion_sensitivities", given, seeds)
+        return None if found is None else (given[0].copy(), *found)
+
+    def _is_closed(self, given: Sequence[Any]) -> bool:
+        """Whether that is one state in plain arrays whose coordinates assembly leaves as they are."""
+        if self._arguments.quaternions:
+            return False
+        gaps = self._one_state("closure", given, None, None, POSITION)
+        return gaps is not None and largest(gaps[0]) <= ROUNDING and not self._assembly.may_be_turned(given[0])
 
     def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         q_new = super()._assembled(arrays, batch)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from .arrays import Array, Numbers, Times
+from .arrays import Array, Indices, Numbers, Times
 from .package import Package
 
 
@@ -57,13 +58,20 @@ class Reactions(Package):
         joints, loops = self._of_joints(values[0]), _of_loops(values[1:], values[0])
         return joints, loops, self._of_joints(tangents[0]), _of_loops(tangents[1:], tangents[0])
 
+    @functools.cached_property
+    def _joint_links(self) -> tuple[Indices | None, Indices]:
+        """The link of each body's joint, None where these are all links in order; and the bodies on fixed joints."""
+        links = np.array(self._manifest["joint_links"], dtype=int)
+        every = np.array_equal(links, np.arange(len(self._manifest["links"])))
+        return None if every else links, np.flatnonzero(links < 0)
+
     def _of_joints(self, wrenches: Array) -> Array:
         """Those of the joints of bodies, from those of links."""
-        batch = wrenches.shape[:-1]
-        links = wrenches.reshape(*batch, wrenches.shape[-1] // 6, 6)
-        of_bodies = np.array(self._manifest["joint_links"], dtype=int)
+        of_bodies, fixed = self._joint_links
+        links = wrenches.reshape(*wrenches.shape[:-1], wrenches.shape[-1] // 6, 6)
+        if of_bodies is None:
+            return links
         joints: Array = links.take(of_bodies, axis=-2)
-        fixed = np.flatnonzero(of_bodies < 0)
         if len(fixed):
             joints[..., fixed, :] = math.nan
         return joints

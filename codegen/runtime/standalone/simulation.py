@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Numbers, filled, is_finite, largest, normalise
+from .arrays import Array, Numbers, all_finite, filled, is_finite, largest, normalise
 from .errors import SimulationError, SingularLoopError
 from .infinite import culprit, outputs_without
 from .motion_directions import Directions, take_sensitivities
@@ -366,6 +366,8 @@ class Simulation(MotionRun):
 
     def _look_at_outputs(self, problem: Problem, run: Run, outputs: Array, doutputs: Array) -> None:
         """Warn of outputs without a finite value, or derivative, at a time of the result."""
+        if all_finite(outputs) and all_finite(doutputs):
+            return
         of = ~(np.isfinite(outputs) & np.isfinite(doutputs).all(axis=0))
         if not of.any():
             return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -83,6 +83,9 @@ class States(Package):
         if q is None or u is None:
             first = self._initial_values(p)
             q, u = first[0] if q is None else q, first[1] if u is None else u
+        consistent = self._consistent((q, u, p, inputs, t))
+        if consistent is not None:
+            return consistent
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
         q_new = self._assembled(arrays, batch, follow)
         return q_new, self._completed(q_new, arrays, batch)
@@ -97,6 +100,9 @@ class States(Package):
         Only the independent entries of the seeds are read; the dependent ones follow from closure. `follow` as for
         `assemble`.
         """
+        consistent = self._consistent_along((q, u, p, inputs, t), (dq, du, dp, dinputs, dt))
+        if consistent is not None:
+            return consistent
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
         along, k, batch = take_directions(self._arguments, seeds(dq, du, dp, dinputs, dt), arrays, batch)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
@@ -189,6 +195,24 @@ class States(Package):
             with contextlib.suppress(SingularLoopError, AssemblyError):
                 return self.initial_state(p)[name == "u"]
         return self._initial_values(p)[name == "u"]
+
+    def _consistent(self, given: Sequence[Any]) -> tuple[Array, Array] | None:
+        """A copy of q and u where they are one state in plain arrays, consistent as it is; None of anything else."""
+        # the C says whether they are plain
+        if self._arguments.quaternions or self._one_state("coordinate_rates", given) is None:
+            return None
+        return given[0].copy(), given[1].copy()
+
+    def _consistent_along(self, given: Sequence[Any], seeds: Sequence[Any]) -> tuple[Array, Array, Array, Array] | None:
+        """The same with its derivatives along seeds."""
+        if self._arguments.quaternions:
+            return None
+        rates = self._one_state("coordinate_rate_sensitivities", given, seeds)
+        if rates is None:
+            return None
+        k = len(rates[1])
+        dq, du = (filled((k, n), 0.0 if x is None else x) for n, x in zip((self.nq, self.nu), seeds, strict=False))
+        return given[0].copy(), given[1].copy(), dq, du
 
     def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         """Assembled coordinates, (*batch, nq)."""
