@@ -52,7 +52,7 @@ BRANCHES: Final[dict[str, Callable[[Sequence[Tree]], Tree]]] = {
 """Functions that have branches, with the switching functions of their arguments."""
 
 PARTLY_DEFINED: Final = ("sqrt", "log", "asin", "acos")
-"""Functions whose argument has bounds: a branch of it that is held may leave them, so switches in it are not held."""
+"""Functions whose argument has bounds. A branch of it that is held may leave them, so switches in it are located, not held."""
 
 
 def branching(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
@@ -159,10 +159,13 @@ class Switches:
         self._by_value: dict[Tree, Switch] = {}
         self._held: dict[Tree, Tree] = {}
         self._within: dict[Tree, frozenset[int]] = {}
+        self._located: dict[Tree, list[int]] = {}
 
     def add(self, tree: Tree, place: str, output: int | None = None) -> None:
         """Find the switches of an expression of a force, or of an output."""
-        for number in self._numbers(self.hold(tree)):
+        held = self.hold(tree)
+        located = {n for part in _inner_first(tree) for n in self._located.get(part, ())} if self._located else set()
+        for number in sorted(self._numbers(held) | located):
             switch = self.found[number]
             if place not in switch.places:
                 switch.places.append(place)
@@ -190,8 +193,10 @@ class Switches:
     def _hold(self, tree: Tree) -> Tree:
         kind = tree[0]
         if kind == "**" and not _is_whole(tree[2]):
+            self._locate(tree, tree[1])
             return (kind, tree[1], self.hold(tree[2]))
         if kind == "call" and tree[1] in PARTLY_DEFINED:
+            self._locate(tree, tree[2])
             return tree
         if _is_smooth_step(tree):
             return tree
@@ -200,12 +205,21 @@ class Switches:
         arguments = tuple(self.hold(a) for a in tree[2:])
         if tree[1] not in BRANCHES or not any(self._varies(n) for n in Expression(tree).names):
             return (kind, tree[1], *arguments)
-        value = BRANCHES[tree[1]](arguments)
+        return (kind, HELD + tree[1], *arguments, ("name", f"{MODE}{self._switch(tree, arguments).number}"))
+
+    def _switch(self, call: Tree, arguments: tuple[Tree, ...]) -> Switch:
+        """The switch of a function of some arguments, which is made if it is the first."""
+        value = BRANCHES[call[1]](arguments)
         switch = self._by_value.get(value)
         if switch is None:
-            switch = self._by_value[value] = Switch(len(self.found), tree, value)
+            switch = self._by_value[value] = Switch(len(self.found), call, value)
             self.found.append(switch)
-        return (kind, HELD + tree[1], *arguments, ("name", f"{MODE}{switch.number}"))
+        return switch
+
+    def _locate(self, tree: Tree, inner: Tree) -> None:
+        """Find switches in the argument of a function that is defined for some numbers only."""
+        if tree not in self._located:
+            self._located[tree] = [self._switch(call, call[2:]).number for call in branching(inner, self._varies)]
 
     def _numbers(self, tree: Tree) -> frozenset[int]:
         """The switches in a held tree."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from motion.models import Made, parsed
 
-from codegen.runtime import Final, Integral, SimulationError
+from codegen.runtime import AtEvent, Event, Final, Integral, SimulationError
 
 JUMPS = """
 model: jumping
@@ -137,3 +137,104 @@ def test_a_block_that_sticks_is_told_by_name(made: Callable[..., Made], method: 
     assert stopped.t[-1] == pytest.approx(2 * math.pi / math.sqrt(10), rel=1e-7)
     assert stopped["x"][-1] == pytest.approx(-0.1, abs=1e-7)
     assert stopped.stats["steps"] < 500
+
+
+ALONE = """
+model: alone
+parameters: {{mu: 0.4, a: 1.0, s: 0.5, k: 5.0}}
+bodies: {{block: {{parent: ground, joint: {{type: {joint}}}, mass: 1, inertia: {{zz: 1, xx: 1, yy: 1}}}}}}
+forces: {{f: {{{force}}}}}
+initial: {{q: {{block: {q}}}, u: {{block: {u}}}}}
+outputs: {{x: {{value: q.block}}, v: {{value: u.block}}, step: {{value: "if(q.block > s, 1, 3)"}}}}
+"""
+
+
+def alone(force: str, q: float, u: float) -> str:
+    """A block of 1 kg with a force."""
+    value = f'type: joint, joint: block, value: "{force}"'
+    return ALONE.format(joint="prismatic, axis: x", force=value, q=q, u=u)
+
+
+def test_rest_at_a_kink_and_with_friction_goes_on(made: Callable[..., Made]) -> None:
+    for force in ("-a*q.block - mu*sign(u.block)", "-a*abs(q.block) - u.block*abs(u.block)"):
+        run = made(parsed, alone(force, 0.0, 0.0)).solver.simulate(5.0, sensitivities=["a", "mu"])
+        assert run.ended == "finished" and not run.q.any() and not run.dq.any() and run.stats["steps"] < 50
+
+
+def test_a_block_that_friction_holds_does_not_move(made: Callable[..., Made]) -> None:
+    solver = made(parsed, alone("-a*q.block - mu*sign(u.block)", 0.2, 0.0)).solver
+    with pytest.raises(SimulationError, match=r"at t = 0 s: where sign\(u\.block\) .* sticks or slides"):
+        solver.simulate(5.0)
+
+
+def test_switches_that_accumulate_end_a_motion(made: Callable[..., Made]) -> None:
+    """Fuller's problem: the state comes to rest after infinitely many switches in a finite time."""
+    solver = made(parsed, alone("-a*sign(q.block) - mu*sign(u.block)", 1.0, 0.0)).solver
+    with pytest.raises(SimulationError, match="changes its branch faster and faster") as ended:
+        solver.simulate(20.0)
+    v, ratio = (
+        math.sqrt(1.2),
+        0.6 / 1.4,
+    )  # each half swing is that part of the one before, and takes the root of it in time
+    at_rest = (v / 0.6 + v / 1.4) / (1 - math.sqrt(ratio))
+    assert ended.value.trajectory.t[-1] == pytest.approx(at_rest, abs=1e-6)
+    assert ended.value.trajectory.stats["steps"] < 2000
+
+
+def test_a_switch_that_is_only_touched_is_told(made: Callable[..., Made]) -> None:
+    """Thrown up to the very height from which on another force acts."""
+    solver = made(parsed, alone("if(q.block > s, -2, -1)", 0.0, 1.0)).solver
+    with pytest.warns(RuntimeWarning, match=r"only touches where s >= q\.block in forces\.f\.value"):
+        solver.simulate(1.5, sensitivities=["s"])
+
+
+def test_a_branch_without_a_value_beyond_its_switch_is_told(made: Callable[..., Made]) -> None:
+    solver = made(parsed, alone("if(q.block > s, -5 - sqrt(q.block - s), -1)", 1.0, 0.0)).solver
+    with pytest.warns(RuntimeWarning, match=r"derivatives lack that jump; write max\(0, \.\.\)"):
+        solver.simulate(0.5, sensitivities=["s"])
+
+
+def test_an_event_where_a_force_jumps(made: Callable[..., Made]) -> None:
+    """From 1 m with -12 m/s^2: 0.5 m are passed at sqrt((1 - s)/6)."""
+    solver = made(parsed, alone("if(q.block > s, -12*a, -6)", 1.0, 0.0)).solver
+    event = Event("step", 2.0, stop=False)
+    (met,) = solver.simulate(0.5, sensitivities=["a", "s"], events=[event]).events
+    t = math.sqrt(0.5 / 6)
+    assert met.t == pytest.approx(t, rel=1e-12)
+    np.testing.assert_allclose(met.dt, [-t / 2, -1 / (12 * t)], rtol=1e-9)
+    np.testing.assert_allclose([met.q[0], met.u[0]], [0.5, -12 * t], rtol=1e-12)
+    np.testing.assert_allclose(met.dq[:, 0], [0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(met.du[:, 0], [-6 * t, 1 / t], rtol=1e-9)
+    with pytest.warns(RuntimeWarning, match="known to method='forward' only"):
+        assert np.isnan(solver.judge(0.5, AtEvent("t", event), wrt=["s"], method="adjoint").gradients).all()
+
+
+def swung(k: float, u: float = 10.0, end: float = 1.0) -> float:
+    """A torsion spring from 2 rad at a speed: its angle jumps from pi to -pi."""
+    w, a, t, turns = math.sqrt(k), 2.0, 0.0, 0.0
+    while True:
+        size, phase = math.hypot(a, u / w), math.atan2(u / w, a)
+        x = (phase - math.acos(math.pi / size)) / w if size > math.pi else math.inf
+        if not 0 <= x < end - t:
+            break
+        a, u = -math.pi, -a * w * math.sin(w * x) + u * math.cos(w * x)
+        t, turns = t + x, turns + 2 * math.pi
+    return turns + a * math.cos(w * (end - t)) + u / w * math.sin(w * (end - t))
+
+
+@pytest.mark.parametrize("way", ["forward", "adjoint"])
+def test_a_torsion_spring_at_half_a_turn(made: Callable[..., Made], way: str) -> None:
+    force = "type: torsion, from: ground, to: block, axis: z, stiffness: k"
+    solver = made(parsed, ALONE.format(joint="revolute, axis: z", force=force, q=2.0, u=10.0)).solver
+    found = solver.judge(1.0, Final("x"), wrt=["k", "u0.block"], method=way)
+    assert found.values[0] == pytest.approx(swung(5.0), rel=1e-9)
+    by = [derivative(swung, 5.0, 1e-3), derivative(lambda u: swung(5.0, u), 10.0, 1e-3)]
+    np.testing.assert_allclose(found.gradients[0], by, rtol=1e-7)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_steps_that_are_made_again_keep_their_modes(jumping: Any, integrator: str) -> None:
+    wanted = [Final("band"), Final("slope"), Final("kink"), Integral("high")]
+    options: dict[str, Any] = {"wrt": NAMES, "inputs": [0.0], "method": "adjoint", "integrator": integrator}
+    found = [jumping.judge(1.0, wanted, memory=memory, rtol=1e-11, atol=1e-11, **options) for memory in (2**28, 2**15)]
+    assert np.array_equal(found[0].gradients, found[1].gradients)

@@ -123,8 +123,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     const int switching = s->switches != 0;
     m->held = ordernm_take(&of, (s->nswitches + 1)*sizeof(int));
     if (at) ordernm_hold_switches(m);
-    double **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed};
-    for (int i = 0; i < 4; ++i) *of_switches[i] = ordernm_numbers(&of, s->nswitches);
+    double **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go};
+    for (int i = 0; i < 5; ++i) *of_switches[i] = ordernm_numbers(&of, s->nswitches);
     m->dswitches = ordernm_numbers(&of, (long)s->nswitches*LANES);
     m->switch_along = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);
     m->switch_time = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);

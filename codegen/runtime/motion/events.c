@@ -12,6 +12,9 @@ static const double BEHIND = 1e-300;
 enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24, MOST_PLACES = PARTS + 1 + EVENT_SAMPLES };
 static const double SAME_PLACE = 1e-7; /* in parts of the step */
 
+/* A switching function that turns as near to zero, in parts of its range in the step, touches it. */
+static const double TOUCHING = 1e-12;
+
 /* Beside a pose where a loop loses rank, in parts of the step. */
 static const double CUT_BEHIND = 0.1;
 
@@ -79,6 +82,23 @@ static int nearest(ordernm_motion *m, double h, int e, double at[3], double g[3]
     return 0;
 }
 
+/* Whether a switching function comes to zero at a place among n, and turns there, where derivatives are wanted. */
+static int touches(const ordernm_motion *m, int e, const double *y, int i, int n)
+{
+    const int k = e - m->problem->nevents;
+    if (k < 0 || m->system->switch_kind[m->held[k]] != ORDERNM_SIGN || !(m->ngroups || m->results->steps)) return 0;
+    double range = 0.0;
+    for (int j = 0; j < n; ++j) range = fmax(range, fabs(y[j]));
+    return y[i] >= 0.0 && y[i] <= TOUCHING*range && y[i - 1] > y[i] && y[i + 1] > y[i];
+}
+
+static int touched(ordernm_motion *m, double h, double part, int e)
+{
+    const int status = within(m, h, part, m->within);
+    if (!status) ordernm_touch(m, m->t + part*h, m->held[e - m->problem->nevents]);
+    return status;
+}
+
 /* An output where it may turn, and it is searched how near it comes to its level, among n places of which is known what it is there;
  * returns what a function returned. */
 static int look_at_turn(ordernm_motion *m, double h, int e, double turn, double *x, double *y, int *n)
@@ -96,11 +116,12 @@ static int look_at_turn(ordernm_motion *m, double h, int e, double turn, double 
     }
     for (int k = -1; k <= 1; k += 2) /* it may turn beside, where the polynomial is not the output */
         if (i + k > 0 && i + k < *n - 1 && fabs(y[i + k]) < fabs(y[i])) i += k;
-    if (!(y[i]*y[i - 1] > 0.0 && y[i]*y[i + 1] > 0.0 && fabs(y[i]) <= fabs(y[i - 1]) && fabs(y[i]) <= fabs(y[i + 1]))) return 0;
-    double place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
-    status = nearest(m, h, e, place, value);
-    x[i] = place[1], y[i] = value[1];
-    return status;
+    if (y[i]*y[i - 1] > 0.0 && y[i]*y[i + 1] > 0.0 && fabs(y[i]) <= fabs(y[i - 1]) && fabs(y[i]) <= fabs(y[i + 1])) {
+        double place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
+        if ((status = nearest(m, h, e, place, value))) return status;
+        x[i] = place[1], y[i] = value[1];
+    }
+    return touches(m, e, y, i, *n) ? touched(m, h, x[i], e) : 0;
 }
 
 /* The first part of a step in which an output crosses its level: its ends, and outputs there. 0 if there is none; else 1, or what a

@@ -171,6 +171,7 @@ struct ordernm_motion {
     double accumulating;      /* when the passing of switches that is counted began ... */
     long passed;              /* ... and how often switches have been passed since */
     int last_passed;          /* the switch that was passed last */
+    double *let_go;           /* [nswitches] modes before they were let go for a step; else 0 */
     int not_held;             /* steps in a row that were refused because held rates have no value */
     double *switch_time;      /* [ngroups][LANES] derivatives of the time of the switch that was crossed last */
     int switched;             /* modes have changed between the step before and this one */
@@ -256,6 +257,7 @@ int ordernm_pass_switches(ordernm_motion *m);
 int ordernm_hold_again(ordernm_motion *m);
 int ordernm_accumulates(const ordernm_motion *m);
 int ordernm_let_go(ordernm_motion *m);
+void ordernm_touch(ordernm_motion *m, double t, int k);
 int ordernm_follow_inputs(ordernm_motion *m);
 void ordernm_keep_modes(const ordernm_motion *m, double *row);
 void ordernm_take_modes(ordernm_motion *m, const double *row);

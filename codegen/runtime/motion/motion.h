@@ -165,6 +165,7 @@ typedef struct {
     double t;                 /* how far it has come */
     int singular;             /* what the function returned that failed */
     int grazed;               /* 0, or 1 + a switch that was touched only: derivatives do not exist from there on */
+    int not_held;             /* 0, or 1 + a switch that was passed where rates beyond it have no value: its jump is not in derivatives */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set: there is nothing in long double */

@@ -57,7 +57,7 @@ static double mode_of(const ordernm_motion *m, int k)
     return sign_of(x);
 }
 
-/* The modes of switches that the rates of this motion depend on are held. */
+/* The modes of switches that the rates of this motion depend on are held, and of those in outputs that events are of. */
 void ordernm_hold_switches(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;
@@ -66,8 +66,12 @@ void ordernm_hold_switches(ordernm_motion *m)
     if (!s->switches) return;
     for (int k = 0; k < s->nswitches; ++k) {
         int held = s->drives[k];
-        for (int i = 0; i < s->nswitch_outputs && !held; ++i)
-            for (int n = 0; s->switch_of_output[2*i] == k && n < m->nx; ++n) held |= p->integrals[n] == s->switch_of_output[2*i + 1];
+        for (int i = 0; i < s->nswitch_outputs && !held; ++i) {
+            if (s->switch_of_output[2*i] != k) continue;
+            const int output = s->switch_of_output[2*i + 1];
+            for (int n = 0; n < m->nx; ++n) held |= p->integrals[n] == output;
+            for (int n = 0; n < p->nevents; ++n) held |= p->events[n].output == output;
+        }
         if (held) m->held[m->nheld++] = k;
     }
 }
@@ -186,6 +190,18 @@ int ordernm_choose_modes(ordernm_motion *m, double t, const double *z)
     return 0;
 }
 
+/* A switching function comes to zero and turns, at the state in m->trial: derivatives do not exist where rates jump there. */
+void ordernm_touch(ordernm_motion *m, double t, int k)
+{
+    const double mode = m->modes[k];
+    double *const one = m->error[0], *const other = m->error[1];
+    if (ordernm_rates_of(m, t, m->trial, one, 0, 0, RATES | INTEGRALS)) return;
+    m->modes[k] = -mode;
+    const int status = ordernm_rates_of(m, t, m->trial, other, 0, 0, RATES | INTEGRALS);
+    m->modes[k] = mode;
+    if (!status && jumps(m, one, other)) m->results->grazed = k + 1;
+}
+
 /* Counts switches that are passed, again and again in a time that is nothing beside the motion's. */
 static void count(ordernm_motion *m, int k)
 {
@@ -259,7 +275,11 @@ int ordernm_let_go(ordernm_motion *m)
     int held = 0;
     if (++m->not_held < FEW_REFUSED) return 0;
     for (int i = 0; i < m->nheld; ++i) held |= m->modes[m->held[i]] != 0.0;
-    for (int i = 0; i < m->nheld; ++i) m->modes[m->held[i]] = 0.0;
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        if (m->modes[k] != 0.0) m->let_go[k] = m->modes[k];
+        m->modes[k] = 0.0;
+    }
     m->not_held = 0;
     return held && !ordernm_rates(m, m->t, m->z, m->rate[0]);
 }
@@ -280,6 +300,8 @@ int ordernm_hold_again(ordernm_motion *m)
         const int free = m->modes[k] == 0.0;
         if (free || kind[k] == ORDERNM_TURN) m->modes[k] = mode_of(m, k); /* angles are those near where the step begins */
         m->switched |= free && m->modes[k] != 0.0;
+        if (kind[k] == ORDERNM_SIGN && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;
+        m->let_go[k] = 0.0;
     }
     return 0;
 }

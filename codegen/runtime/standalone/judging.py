@@ -129,6 +129,10 @@ class Judging(Simulation):
             gradients = back.q @ dq.T + back.u @ du.T + back.p @ directions.dp.T
             if dinputs is not None:
                 gradients = gradients + np.einsum("mci,kci->mk", back.inputs, dinputs)
+            unknown = [
+                i for i, f in enumerate(wanted) if isinstance(f, AtEvent) and crossings[f.event].pace == BY_STATE
+            ]
+            gradients[unknown] = np.nan
             run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
         else:
             gradients = np.zeros((len(wanted), 0))

@@ -143,8 +143,9 @@ class Segment:
         Of the loops at the end, and the step that would be tried there.
     precise : int
         The address of the functions in long double, where the motion came near a pose at which a loop loses rank; else 0.
-    grazed : int
-        1 and the number of a switch that the motion has only touched, where there is one with derivatives; else 0.
+    grazed, not_held : int
+        1 and the number of a switch that the motion has only touched, or beyond which its branch has no value, where there is one
+        with derivatives; else 0.
     """
 
     opened: Opened
@@ -161,6 +162,7 @@ class Segment:
     next_step: float
     precise: int
     grazed: int
+    not_held: int
 
 
 @dataclass(slots=True, eq=False)

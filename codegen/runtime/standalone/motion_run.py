@@ -15,7 +15,7 @@ from .arrays import Array
 from .errors import CompileError, NoCompilerError, SingularLoopError
 from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
-from .motion_switches import touched
+from .motion_switches import not_held, touched
 from .partitions import Partitions
 from .states import States
 from .targets import Opened, partitions_of
@@ -77,6 +77,8 @@ class MotionRun(States, Partitions):
             segments.append(segment)
             if segment.grazed:
                 warn(touched(segment.opened.manifest, segment.grazed - 1))
+            if segment.not_held and (len(problem.dp) or keep_steps):
+                warn(not_held(segment.opened.manifest, segment.not_held - 1))
             if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
                 break
             tried = {opened.number} if segment.counts["t"] > left.start else tried | {opened.number}
@@ -304,6 +306,7 @@ class MotionRun(States, Partitions):
             r.next_step,
             precise,
             r.grazed,
+            r.not_held,
         )
         return segment, found, last
 

@@ -18,3 +18,12 @@ def touched(manifest: Mapping[str, Any], number: int) -> str:
         f"the motion only touches where {switch_words(manifest, number)} changes its branch: derivatives do not exist there, "
         f"and those that are returned are of one side"
     )
+
+
+def not_held(manifest: Mapping[str, Any], number: int) -> str:
+    """What is said of a switch that was passed where its branch has no value beyond it."""
+    return (
+        f"the motion passes where {switch_words(manifest, number)} changes its branch, and one branch has no value beyond it, "
+        f"as a root of a negative number: if the force jumps there, derivatives lack that jump; write max(0, ..) in the root "
+        f"or power"
+    )
