@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from .axes import Vector
 from .entries import Entry
 from .expressions import Expression
+from .motions import Motion
 from .places import Face, Point
 
 
@@ -60,6 +61,9 @@ class EntryReader(Protocol):
 
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         """The joint that is named, or None after a problem with it or with the entry."""
+
+    def placed(self, joint: NamedJoint) -> tuple[Face, Face, tuple[Motion, ...], tuple[Vector, ...]]:
+        """The frames of a joint in its body and in the parent, its motion, and its axes."""
 
     def prescribed(self, reference: Expression, key: str) -> tuple[str, str] | None:
         """The prescribed coordinate that is named, and the unit of a force along it, or None after a problem."""

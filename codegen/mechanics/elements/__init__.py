@@ -9,6 +9,7 @@ from ...model.forces import (
     Bushing,
     Force,
     ForceElement,
+    JointLoad,
     Spring,
     Torque,
     Torsion,
@@ -17,6 +18,7 @@ from .along_line import AlongLineLaw
 from .bushing import BushingLaw
 from .element import Law
 from .force import ForceLaw
+from .joint_load import JointLoadLaw
 from .spring import SpringLaw
 from .torque import TorqueLaw
 from .torsion import TorsionLaw
@@ -26,6 +28,7 @@ __all__ = ["LAWS"]
 LAWS: Final[dict[type[ForceElement], Law]] = {
     Spring: SpringLaw(),
     Force: ForceLaw(),
+    JointLoad: JointLoadLaw(),
     Torque: TorqueLaw(),
     Torsion: TorsionLaw(),
     Bushing: BushingLaw(),

@@ -15,6 +15,7 @@ from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .in_joint import FrictionEntry, InJointEntry, LimitEntry
 from .joint_force import JointForce, JointForceEntry
+from .joint_load import JointLoad
 from .line_law import LineLaw, LineLawError
 from .line_laws import LINE_LAWS
 from .spring import Spring, SpringEntry
@@ -32,6 +33,7 @@ __all__ = [
     "ForceEntry",
     "InJointEntry",
     "JointForce",
+    "JointLoad",
     "Spring",
     "Torque",
     "Torsion",

@@ -12,6 +12,7 @@ from ..entry_reader import EntryReader
 from ..errors import count_of_values
 from ..expressions import Expression
 from .force_element import ForceElement, ForceEntry
+from .joint_load import JointLoad, along_freedoms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,8 +34,8 @@ class JointForceEntry(ForceEntry):
     joint: Reference
     value: Annotated[tuple[Expr, ...], WrapValidator(list_or_one)]
 
-    def read(self, x: EntryReader) -> JointForce | None:
-        values = tuple(x.bound(e, "value", i, scope="motion") for i, e in enumerate(self.value))
+    def read(self, x: EntryReader) -> JointForce | JointLoad | None:
+        values = tuple(x.bound(e, "value", i, scope="measured") for i, e in enumerate(self.value))
         joint = x.joint(self.joint, "joint", self)
         if joint is None:
             return None
@@ -44,4 +45,8 @@ class JointForceEntry(ForceEntry):
             message = f"{count_of_values(len(values))} for the {joint.type} joint {joint.name!r}; {needed}"
             x.report(("value",), message)
             return None
-        return JointForce(x.name, joint.body, values)
+        points = x.measured(*values)
+        if not points:
+            return JointForce(x.name, joint.body, values)
+        body, frame, motion, axes = x.placed(joint)
+        return JointLoad(x.name, body, frame, along_freedoms(motion, axes, values), measured=points)

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..axes import Vector
-from ..entries import Entry
+from ..entries import ZERO, Entry
 from ..entry_reader import NamedJoint
 from ..errors import nearest
 from ..expressions import Expression
 from ..model import joint_coordinates
+from ..motions import Motion
 from ..parts import Instance
 from ..places import GROUND, Face, Point
 from ..reading import Reader, is_measured, some
@@ -85,6 +86,11 @@ class Meaning:
         if body is None or not (reader.is_whole(entry) and reader.is_whole(body)):
             return None
         return NamedJoint(joint, index, body.joint.name, joint_coordinates(joint, body.joint.name)[1])
+
+    def placed(self, joint: NamedJoint) -> tuple[Face, Face, tuple[Motion, ...], tuple[Vector, ...]]:
+        body = self.bodies.bodies[joint.body]
+        at = body.joint
+        return Face(joint.body, (ZERO, ZERO, ZERO)), Face(body.parent, at.at, at.rotation), at.kind.motion, at.axes
 
     def prescribed(self, reference: Expression, key: str) -> tuple[str, str] | None:
         reader = self.reader

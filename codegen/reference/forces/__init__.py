@@ -10,6 +10,7 @@ from ...model.forces import (
     Force,
     ForceElement,
     JointForce,
+    JointLoad,
     Spring,
     Torque,
     Torsion,
@@ -18,6 +19,7 @@ from .along_line import AlongLineLaw
 from .bushing import BushingLaw
 from .force import ForceLaw
 from .joint_force import JointForceLaw
+from .joint_load import JointLoadLaw
 from .law import End, Law, Wrench
 from .spring import SpringLaw
 from .torque import TorqueLaw
@@ -27,6 +29,7 @@ __all__ = ["LAWS", "End", "Law", "Wrench"]
 
 LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     JointForce: JointForceLaw(),
+    JointLoad: JointLoadLaw(),
     Spring: SpringLaw(),
     Force: ForceLaw(),
     Torque: TorqueLaw(),
