@@ -257,6 +257,9 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     problems: list[Problem] = []
     names = names_for(robot.links)
     is_side = options.loops is not None and not is_gepettos(options.loops)
+    if options.loops is not None and not is_side and robot.format != "URDF":
+        message = "a robot.yaml of Gepetto's is for URDF; write the loops in the model format"
+        raise ModelError([Problem(os.fspath(options.loops), 1, 1, "", message)])
     side = read_side_file(options.loops, robot, names) if is_side and options.loops is not None else SideFile()
     problems += _mimic(robot, options)
     held = {link for closing in robot.closings for link, _ in (closing.start, closing.end)} | side.links
@@ -271,6 +274,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     problems += too_large or check_inertias(robot, bodies, options.repair)
     parameters = Parameters()
     problems += parameters.ask(requested_words(options.parameterize), bodies, names, robot.file)
+    problems += _check_lifted(robot, bodies)
     if any(p.severity == "error" for p in problems):
         raise ModelError(sorted(problems, key=lambda p: (p.severity != "error", p.line or 0)))
     robot.warnings += problems
@@ -293,6 +297,17 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         },
         renamed={link: new for link, new in names.items() if link != new},
     )
+
+
+def _check_lifted(robot: Robot, bodies: Bodies) -> list[Problem]:
+    """Masses and centres of mass that shall be parameters, though forces of numbers carry the weight."""
+    found = []
+    for name in robot.lifted:
+        body = bodies.all.get(bodies.holders[name][0])
+        if body is not None and body.words & {"mass", "com"}:
+            message = f"link {shortened(name)} has a force that carries its weight, which would not follow a parameter"
+            found.append(robot.links[name].place.problem(f"{message}; leave mass and com of it out of --parameterize"))
+    return found
 
 
 def _lift(robot: Robot, bodies: Bodies) -> None:

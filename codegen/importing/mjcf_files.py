@@ -159,11 +159,11 @@ class MjcfFiles:
         if sizes and math.prod(_whole(attributes.get(key, "1")) for key in sizes) > MAX_PIXELS:
             what = " x ".join(attributes.get(key, "1") for key in sizes)
             self.problems.append(element.problem(f"{what} points of <{element.tag}>; at most {MAX_PIXELS} are read"))
-        if element.tag == "size":
-            for key, text in attributes.items():
-                if key.startswith(("nuser", "nkey")) and _whole(text) > MAX_SIZE:
-                    message = f"{key} of <size> is {shortened(text)}; at most {MAX_SIZE} is read"
-                    self.problems.append(element.problem(message))
+        keys = {"size": ("nuser", "nkey"), "numeric": ("size",), "mesh": ("params",)}.get(element.tag, ())
+        for key, text in attributes.items():
+            if keys and key.startswith(keys) and math.prod(map(_whole, text.split())) > MAX_SIZE:
+                message = f"{key} of <{element.tag}> is {shortened(text)}; at most {MAX_SIZE} is read"
+                self.problems.append(element.problem(message))
 
     def check_file(self, element: Element, name: str) -> None:
         """Find out whether a file that MuJoCo would read may be read."""
@@ -189,6 +189,8 @@ class MjcfFiles:
         if element.tag == "attach":
             model = self.models.get(element.attributes.get("model", ""))
             total += 0 if model is None else self.weight(model, within)
+        if element.tag == "include" and (found := self.included.get(id(element))) is not None:
+            total += self.weight(found, within)
         if element.tag in _COPIES:
             counts = element.attributes.get("count", "1").split()[: _COPIES[element.tag]]
             total *= max(1, math.prod(_whole(count) for count in counts))

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from .naming import made_name
+from .placement import of_quaternion
 from .robot import WORLD, BodyForce, Effect, JointTerm, Mark, Place, Robot, RobotJoint
 from .words import number
 
@@ -118,7 +119,6 @@ class PassiveForces:
         self.origin = origin
         self.place = place
         self.lengths: dict[int, Length | None] = {}
-        self.data: Any = None
 
     def read(self) -> None:
         """Add everything."""
@@ -184,11 +184,15 @@ class PassiveForces:
         return Length(terms_of(value, constant), terms_of(rate), of, {}, segments)
 
     def apart(self, a: int, b: int) -> float:
-        """The distance of two sites of one body."""
-        if self.data is None:
-            self.data = self.mujoco.MjData(self.model)
-            self.mujoco.mj_kinematics(self.model, self.data)
-        return float(np.linalg.norm(self.data.site_xpos[a] - self.data.site_xpos[b]))
+        """The distance of two sites of one rigid body."""
+        ends = []
+        for site in (a, b):
+            body, at = int(self.model.site_bodyid[site]), self.model.site_pos[site]
+            while body != int(self.model.body_weldid[body]):
+                turn = of_quaternion(*map(float, self.model.body_quat[body]))
+                at, body = self.model.body_pos[body] + turn @ at, int(self.model.body_parentid[body])
+            ends.append(at)
+        return float(np.linalg.norm(ends[0] - ends[1]))
 
     def mark(self, site: int) -> str:
         """A site as a point."""

@@ -56,6 +56,16 @@ _MEANT: Final = {
 """Elements that have no place in a model: what they are, and what their absence does."""
 
 
+_SWITCHES: Final = ("wind", "enable_wind", "kinematic", "velocity_decay", "self_collide")
+
+
+def _is_off(element: Element) -> bool:
+    """Whether an element and what is in it say nothing but zero or false."""
+    words = element.text.lower().split()
+    own = all(word == "false" or word.strip("+-0.") == "" for word in words)
+    return own and all(map(_is_off, element.children))
+
+
 def read_sdf(root: Element, files: Files, exact_angles: bool = False, chosen: str | None = None) -> Robot:
     """The robot of an SDF file; with `exact_angles`, 1.5708 means pi/2.
 
@@ -199,6 +209,7 @@ class _Reader(RobotReader):
 
     def leave_out(self, element: Element) -> None:
         what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
+        effect = Effect.NONE if element.tag in _SWITCHES and _is_off(element) else effect
         self.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
 
     def leave_out_rest(self, world: Scope, group: list[str]) -> None:

@@ -232,3 +232,38 @@ def test_the_command_takes_the_key(tmp_path, monkeypatch, capsys):
     (tmp_path / "arm.xml").write_text(text_of(more=KEYS))
     assert main(["import", "arm.xml", "-o", "-", "--key", "folded"]) == 0
     assert "keyframe folded" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<mujoco>\n<include file="copies.xml"/></mujoco>',
+        '<mujoco>\n<custom><numeric name="n" size="2000000000"/></custom></mujoco>',
+        '<mujoco>\n<size nuser_body="2000000000"/></mujoco>',
+        '<mujoco>\n<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset></mujoco>',
+        '<mujoco>\n<asset><texture name="t" builtin="flat" width="100000" height="100000"/></asset></mujoco>',
+    ],
+)  # fmt: skip
+def test_sizes_that_no_machine_has_are_refused(tmp_path, text):
+    copies = '<replicate count="1e7" offset="0 0 1"><geom size="1"/></replicate>'
+    (tmp_path / "copies.xml").write_text(f"<mujoco><worldbody>{copies}</worldbody></mujoco>")
+    path = tmp_path / "scene.xml"
+    path.write_text(text)
+    with pytest.raises(codegen.ModelError, match=r"at most|more than 200000 elements"):
+        codegen.import_model(path)
+
+
+def test_a_weight_that_is_carried_is_no_parameter(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(text_of(body='gravcomp="0.7"'))
+    with pytest.raises(codegen.ModelError, match="which would not follow a parameter"):
+        codegen.import_model(path, parameterize="a:mass")
+    assert "a_length" in codegen.import_model(path, parameterize="a:length").text
+
+
+def test_a_robot_yaml_is_for_urdf(tmp_path):
+    (tmp_path / "robot.yaml").write_text("closed_loop: []\n")
+    path = tmp_path / "arm.xml"
+    path.write_text(text_of())
+    with pytest.raises(codegen.ModelError, match=r"robot.yaml:1:1: a robot.yaml of Gepetto's is for URDF"):
+        codegen.import_model(path, loops=tmp_path / "robot.yaml")

@@ -240,6 +240,15 @@ def test_a_link_without_gravity_is_carried(tmp_path):
     assert "b_lift: {type: force, on: b_com, value: [0, 0, 19.62]}" in found.text
 
 
+def test_switches_that_are_off_have_no_effect(tmp_path):
+    off = "<kinematic>0</kinematic><velocity_decay><linear>0.0</linear></velocity_decay><self_collide>False</self_collide>"
+    text = ARM.replace("<inertial>", f"{off}<inertial>", 1)
+    assert not imported(tmp_path, sdf(world("<wind/>" + model(text)))).differences
+    on = text.replace("<kinematic>0", "<kinematic>true").replace("0.0<", "0.1<")
+    found = imported(tmp_path, sdf(world("<wind><linear_velocity>0 0 1</linear_velocity></wind>" + model(on))))
+    assert [line.partition(" (")[0] for line in found.differences] == ["<wind>", "<kinematic>", "<velocity_decay>"]
+
+
 # ---- what is wrong -------------------------------------------------------------------------------------------------------
 
 AUTO = '<link name="a"><inertial auto="true"/>{}</link>'
