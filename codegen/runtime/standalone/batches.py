@@ -78,8 +78,9 @@ class Batches:
         How many work on a batch.
     """
 
-    def __init__(self, target: Any, folder: Path, manifest: Mapping[str, Any]):
+    def __init__(self, target: Any, folder: Path, manifest: Mapping[str, Any], sealed: str = ""):
         self.threads = 1
+        self._sealed = sealed
         self._target, self._ffi, self._folder = target, target.ffi, folder
         self._model: str = manifest["name"]
         self._workspace: int = manifest["workspace"]
@@ -192,7 +193,7 @@ class Batches:
         with self._lock:
             if part not in self._libraries:
                 try:
-                    path, ffi = build_apart(self._folder, self._model, part).library(), self._ffi
+                    path, ffi = build_apart(self._folder, self._model, part, self._sealed).library(), self._ffi
                     ffi.cdef(declared, override=True)
                     self._libraries[part] = ffi.dlopen(str(path), ffi.RTLD_NOW | flags)
                 except (CompileError, NoCompilerError, OSError) as error:

@@ -14,6 +14,7 @@ from typing import Any
 
 from .compiler import CFLAGS, COMMAND, STANDARD, Stop, compiler_version, find_compiler, optimization, processor, run_all
 from .errors import CompileError, NoCompilerError
+from .manifest import refuse_another
 from .user_cache import PRIVATE, in_cache, make_private, trusted, user_cache
 
 FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
@@ -43,6 +44,8 @@ class Build:
         The library of some functions, where it is not to have all.
     number, units
         What it is called in C, and its units, which are compiled side by side; see ``libraries`` of ``model.json``.
+    sealed : str
+        The seal of the package's manifest when it was opened: a package that was generated anew since is refused.
     """
 
     def __init__(
@@ -53,8 +56,10 @@ class Build:
         part: str = "",
         number: int = 0,
         units: Sequence[int] = (),
+        sealed: str = "",
     ):
         self.folder = folder
+        self.sealed = sealed
         self.name = name
         self.part = part
         self.number = number
@@ -104,8 +109,9 @@ class Build:
 
         Raises
         ------
-        NoCompilerError, CompileError
+        NoCompilerError, CompileError, PackageError
         """
+        refuse_another(self.folder, self.sealed)
         key = self.key()
         found = None if rebuild else self.found(key)
         if found is not None:
@@ -191,9 +197,9 @@ def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
                 waiting.append(found)
 
 
-def build_apart(folder: Path, name: str, part: str) -> Build:
+def build_apart(folder: Path, name: str, part: str, sealed: str = "") -> Build:
     """How ``NAME_<part>.c`` becomes a library: "states", "four" or "precise", which include ``NAME.c``, or "threads"."""
-    build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"])
+    build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], sealed=sealed)
     if part in FLAGS and CFLAGS not in os.environ:
         build.flags = list(FLAGS[part])
     if part == "threads":
@@ -201,12 +207,15 @@ def build_apart(folder: Path, name: str, part: str) -> Build:
     return build
 
 
-def builds(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Build]:
+def builds(folder: Path, manifest: Mapping[str, Any], sealed: str = "") -> dict[str, Build]:
     """What a package is compiled to, by name: under "" all of it; and libraries of some functions, the first first."""
     name, sources = manifest["name"], manifest.get("sources", ())
     parts = manifest.get("libraries", {})
-    found = {part: Build(folder, name, part=part, number=x["number"], units=x["units"]) for part, x in parts.items()}
-    return {"": Build(folder, name, sources)} | found
+    found = {
+        part: Build(folder, name, part=part, number=x["number"], units=x["units"], sealed=sealed)
+        for part, x in parts.items()
+    }
+    return {"": Build(folder, name, sources, sealed=sealed)} | found
 
 
 def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False, further: bool = False) -> Build:

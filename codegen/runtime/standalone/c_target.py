@@ -50,6 +50,8 @@ class CTarget:
         Of the partition.
     functions : mapping of str to Function
     shapes : mapping of str to Shape
+    sealed : str
+        The seal of the package's manifest.
     first : bool
         Of a package with several partitions this is the first. The libraries of others are compiled when they are called.
 
@@ -66,6 +68,7 @@ class CTarget:
         manifest: Mapping[str, Any],
         functions: Mapping[str, Function],
         shapes: Mapping[str, Shape],
+        sealed: str = "",
         first: bool = True,
     ):
         try:
@@ -83,7 +86,7 @@ class CTarget:
         self.functions = functions
         self.shapes = shapes
         self.defaults = np.array(manifest["parameters"], float), np.zeros(len(manifest["input_names"]))
-        self.builds = builds(folder, manifest)
+        self.builds = builds(folder, manifest, sealed)
         parts = manifest.get("libraries", {})
         self._part_of = {f: part for part, x in parts.items() for f in x["functions"]}
         if not first:  # motions alone may ask for other partitions, and what they call is compiled once
@@ -107,7 +110,7 @@ class CTarget:
         self.call = call_by_address if caller is None else caller.ordernm_call
         self._doubles = self.ffi.typeof("double[]")
         self._calls: dict[str, Any] = {}
-        self.batches = Batches(weakref.proxy(self), folder, manifest)
+        self.batches = Batches(weakref.proxy(self), folder, manifest, sealed)
         self._addresses: dict[str, int] = {}
         self._lock = threading.Lock()
         self._zeros = self.pointer(np.zeros(8))

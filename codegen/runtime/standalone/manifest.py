@@ -19,6 +19,25 @@ def seal(text: str) -> str:
     return f'{body}{SEAL}{hashlib.sha256(body.encode()).hexdigest()}"\n}}\n'
 
 
+def refuse_another(folder: Path, sealed: str) -> None:
+    """Raise `PackageError` if a package is not the one any more that was opened: its C would be that of another model.
+
+    Parameters
+    ----------
+    folder : Path
+    sealed : str
+        The ``seal`` of the manifest that was read when it was opened; nothing is compared where it is empty.
+    """
+    if not sealed:
+        return
+    try:
+        text = (folder / "model.json").read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        text = ""
+    if sealed not in text[text.rfind(SEAL) :]:
+        raise PackageError(f"{folder} was generated anew, or removed, since this solver was opened; load it again")
+
+
 def read_manifest(folder: Path) -> dict[str, Any]:
     """What ``model.json`` of a package says.
 

@@ -48,44 +48,45 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
         return _opened[folder]
 
 
-_apart: dict[tuple[Path, str, str], tuple[Any, Any]] = {}
+_apart: dict[tuple[Path, str, str, str], tuple[Any, Any]] = {}
 
 
-def _library_apart(folder: Path, name: str, part: str, declaration: str) -> tuple[Any, Any]:
+def _library_apart(folder: Path, name: str, part: str, sealed: str, declaration: str) -> tuple[Any, Any]:
     """The cffi interface and the library of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
     from cffi import FFI
 
+    key = folder, name, part, sealed
     with _opening:
-        if (folder, name, part) not in _apart:
+        if key not in _apart:
             ffi = FFI()
             ffi.cdef(declaration)
-            path = build_apart(folder, name, part).library()
+            path = build_apart(folder, name, part, sealed).library()
             try:
-                _apart[folder, name, part] = ffi, ffi.dlopen(str(path))
+                _apart[key] = ffi, ffi.dlopen(str(path))
             except OSError as error:
                 raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
-        return _apart[folder, name, part]
+        return _apart[key]
 
 
-def precise_functions(folder: Path, name: str) -> int:
+def precise_functions(folder: Path, name: str, sealed: str) -> int:
     """The address of the table of functions of ``NAME_precise.c``.
 
     Raises
     ------
     NoCompilerError, CompileError
     """
-    ffi, library = _library_apart(folder, name, "precise", f"const void *{name}_precise(void);")
+    ffi, library = _library_apart(folder, name, "precise", sealed, f"const void *{name}_precise(void);")
     return int(ffi.cast("intptr_t", getattr(library, f"{name}_precise")()))
 
 
-def four_lanes(folder: Path, name: str) -> int:
+def four_lanes(folder: Path, name: str, sealed: str) -> int:
     """The address of the function of ``NAME_four.c`` that gives a system its functions over four directions.
 
     Raises
     ------
     NoCompilerError, CompileError
     """
-    ffi, library = _library_apart(folder, name, "four", f"void {name}_four(void *);")
+    ffi, library = _library_apart(folder, name, "four", sealed, f"void {name}_four(void *);")
     return int(ffi.cast("intptr_t", getattr(library, f"{name}_four")))
 
 

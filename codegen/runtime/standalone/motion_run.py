@@ -331,7 +331,7 @@ def _precise(opened: Opened) -> int:
     """The address of the functions in long double, compiled when first asked for; 0 where that fails."""
     name = opened.manifest["name"]
     try:
-        return precise_functions(opened.folder, name)
+        return precise_functions(opened.folder, name, opened.package.get("seal", ""))
     except (CompileError, NoCompilerError) as error:
         warn(f"{name}: loops are closed with less accuracy near a pose where they lose rank: {error}")
         return 0
@@ -340,7 +340,7 @@ def _precise(opened: Opened) -> int:
 def _four(opened: Opened) -> int:
     """The address of what lets a partition integrate along four directions at once; 0 where it cannot be compiled: eight do."""
     try:
-        return four_lanes(opened.folder, opened.manifest["name"])
+        return four_lanes(opened.folder, opened.manifest["name"], opened.package.get("seal", ""))
     except (CompileError, NoCompilerError) as error:
         warn(f"{opened.manifest['name']}: motions with two to four directions take the time of eight: {error}")
         return 0

@@ -22,7 +22,7 @@ from .directions import take_directions
 from .errors import SingularJointError
 from .functions import WITHOUT_ENTRIES, Function, function, shapes_of
 from .infinite import tell_infinite
-from .manifest import read_manifest
+from .manifest import read_manifest, refuse_another
 from .results import empty, overlap, places, put
 from .targets import Opened, Target, c_target, open_partition
 
@@ -113,12 +113,14 @@ class Package:
         self._one_state = opened.target.one_state
         self._watched = bool(opened.manifest.get("opening"))
 
-    def __getstate__(self) -> tuple[str, str, int, int, str]:
+    def __getstate__(self) -> tuple[str, str, int, int, str, str]:
         # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
-        return str(self.folder), self.target, self._opened.number, self._threads, self._bad_states
+        sealed = self._manifest.get("seal", "")
+        return str(self.folder), self.target, self._opened.number, self._threads, self._bad_states, sealed
 
-    def __setstate__(self, state: tuple[str, str, int, int, str]) -> None:
-        folder, target, partition, threads, bad_states = state
+    def __setstate__(self, state: tuple[str, str, int, int, str, str]) -> None:
+        folder, target, partition, threads, bad_states, sealed = state
+        refuse_another(Path(folder), sealed)
         Package.__init__(self, folder, target)
         self.batch_threads, self.bad_states = threads, bad_states
         if partition:

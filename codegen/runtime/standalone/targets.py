@@ -124,7 +124,7 @@ def c_target(
     PackageError, NoCompilerError, CompileError
     """
     check_files(folder, package, (".c", ".h"))
-    return CTarget(folder, manifest, functions, shapes, first=manifest is package)
+    return CTarget(folder, manifest, functions, shapes, package.get("seal", ""), first=manifest is package)
 
 
 def partitions_of(package: Mapping[str, Any]) -> list[Mapping[str, Any]]:
