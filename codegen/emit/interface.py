@@ -15,7 +15,7 @@ from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
 from ..model.expressions import Expression
 from ..model.kinks import nodes
-from ..model.model import Model
+from ..model.model import Model, closure_row_names
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
 from .c_functions import batch_arrays
@@ -216,9 +216,12 @@ def _redundancy(system: System) -> dict[str, Any]:
     if chosen is None:
         return {}
     dropped, opening = list(chosen.dropped_conditions(model)), list(chosen.opening)
-    return ({"loop_tolerance": model.loop_tolerance, "dropped": dropped} if dropped else {}) | (
-        {"opening": opening} if opening else {}
-    )
+    loops = {i for e in chosen.ears if e.rows - len(e.dropped) > e.rank for i in e.loops} if opening else set()
+    names = {name for i in loops for name in closure_row_names(model.loops[i])}
+    redundant = [k for k, name in enumerate(model.closure_names) if name in names and k not in dropped]
+    tables = {"dropped": dropped, "redundant": redundant, "opening": opening}
+    tolerance = {"loop_tolerance": model.loop_tolerance} if dropped or redundant else {}
+    return tolerance | {name: table for name, table in tables.items() if table}
 
 
 def _bodies(model: Model, functions: Mapping[str, Any]) -> dict[str, Any]:

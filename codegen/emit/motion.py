@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ..loops.redundancy import ALLOWED
 from ..mechanics.procedures import ALONG_MOTIONS
 from ..mechanics.structure.system import System
 from ..model.switches import KINDS
@@ -67,6 +68,7 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
         "quaternion": manifest["quaternions"],
         "kept": [k for k in range(len(model.closure_names)) if k not in dropped],
         "moving": [model.inputs.index(n) for n in model.moving_inputs],
+        "dropped": sorted(dropped),
     }
     shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in set(free_u)}
     split = any(n.partition(".")[0] in shared for n in (model.coordinate_names[i] for i in free_q))
@@ -90,11 +92,14 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
         ("free_u", "nfree_u"),
         ("quaternion", "nquaternions"),
         ("kept", "nkept"),
+        ("dropped", "ndropped"),
     ):
         members.append(f".{counter} = {len(tables[table])}")
         members += [f".{table} = {table}"] if tables[table] else []
     if tables["moving"]:
         members += [f".nmoving = {len(tables['moving'])}", ".moving = moving"]
+    allowed = repr(ALLOWED * manifest.get("loop_tolerance", 0.0))
+    members += [f".apart = {allowed}"] * bool(dropped) + [f".slack = {allowed}"] * bool(manifest.get("redundant"))
     members += [f".{f} = {f}" for f in VALUES if f in functions]
     backwards = []
     for f in ALONG:

@@ -46,6 +46,9 @@ ALLOWED = 10.0
 SUBSETS = 5000
 """Sets of conditions to keep that are compared; beyond that rows are eliminated one by one."""
 
+LEAST_OFF = 1e-13
+"""rad: axes that are off by less are parallel but for rounding, which is no reason for a gap."""
+
 AS_GOOD = 0.7
 """A set of conditions gives way to a later one only if that makes it less than this part as good."""
 
@@ -171,12 +174,20 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
     ]
     closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
     names = ", ".join(model.loops[i].name for i in draft.loops)
-    left = closure.position[0][[(i, r) not in {(j, k) for j in draft.loops for k in geometry.kept[j]}
-                                for i in draft.loops for r in geometry.rows[i]]]  # fmt: skip
-    missing = f"{np.abs(left).max(initial=0.0):.1e} of them stays open at the initial configuration"
+    kept = {(j, k) for j in draft.loops for k in geometry.kept[j]}
+    rows = [(i, r) for i in draft.loops for r in geometry.rows[i]]
+    left = {row: abs(float(x)) for row, x in zip(rows, closure.position[0], strict=True) if row not in kept}
+    largest = max(left.values(), default=0.0)
+    length = float(geometry.lengths[draft.loops[0]])
+    apart = max((x * length for (_, r), x in left.items() if r < 3), default=0.0)
+    turned = max((x for (_, r), x in left.items() if r >= 3), default=0.0)
+    fit = f"lengths fit to {apart:.1e} m, axes to {turned:.1e} rad at the initial configuration"
+    shape = _shape(geometry, closure) or f"moves in a plane, where its {fit}"
+    missing = f"{largest:.1e} of them stays open at the initial configuration"
     return (
-        f"loop{'s' * (len(draft.loops) > 1)} {names} {_shape(geometry, closure)}; dropped, since they follow from the other "
-        f"conditions but for that: {', '.join(dropped)} ({missing}; `closure` tells how much)"
+        f"loop{'s' * (len(draft.loops) > 1)} {names} {shape}; dropped, since they follow from the other "
+        f"conditions but for that: {', '.join(dropped)} ({missing}; `closure` tells how much). They follow near the initial "
+        f"configuration; a motion ends where one of them opens by more than {ALLOWED * geometry.tolerance:g}"
     )
 
 
@@ -189,7 +200,7 @@ def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
         off = float(np.linalg.norm(np.cross(w[:, None], w), axis=2).max())
         off = max(off, float(np.abs(v @ axis).max(initial=0.0)))
         if off <= ALLOWED * geometry.tolerance:
-            return f"taken as planar: axes agree to {off:.1e} rad"
+            return f"taken as planar: axes agree to {off:.1e} rad" if off > LEAST_OFF else ""
         if not len(v):
             # the point nearest to all axes
             o = closure.origins[0][turning]

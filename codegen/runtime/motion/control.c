@@ -115,6 +115,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     const long loops = m->identity ? 0 : s->nloops;
     m->ranks = ordernm_numbers(&of, MOST_STAGES*loops), m->ranks_between = ordernm_numbers(&of, RANKS_BETWEEN*loops);
     m->condition = ordernm_numbers(&of, s->nloops);
+    m->flat = ordernm_numbers(&of, 1 + 2L*s->nq);
     m->outputs = ordernm_numbers(&of, s->noutputs);
     m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
     m->inputs = ordernm_numbers(&of, s->ninputs);
@@ -527,6 +528,7 @@ static int plan(ordernm_motion *m, trial *step)
     step->event = -1;
     step->at_pose = 0;
     step->dead = 0.0;
+    step->apart = 0;
     step->error = 0.0;
     if (step->h <= 4e-16*fabs(m->t) || !(step->h > 0.0)) return ORDERNM_COLLAPSED;
     ordernm_find_segment(m, m->t, step->h);
@@ -550,6 +552,21 @@ static int end_at_pose(ordernm_motion *m, trial *step)
     const int status = method->step(m, step->h, &step->error);
     if (!status && step->error <= 1.0 && !method->gives_rate) ordernm_rates_at_end(m, step->end, m->rate[method->stages]);
     return 0;
+}
+
+/* Whether a dropped condition is open by more than it may be at the end of the step that was made. */
+static int comes_apart(ordernm_motion *m, const trial *step)
+{
+    if (!m->system->ndropped) return 0;
+    if (m->method->gives_rate) { /* its loops have not been closed yet */
+        const double condition = m->results->condition_here;
+        ordernm_call c;
+        ordernm_arguments(m, step->end, m->next, &c);
+        if (ordernm_close_loops(m, &c)) return 0;
+        m->results->condition_here = condition;
+        m->apart_at_end = m->apart;
+    }
+    return !(m->apart_at_end <= m->system->apart);
 }
 
 /* Tries a step. Returns what a function returned, -1 where loops do not close or close on another branch. */
@@ -583,6 +600,7 @@ static int attempt(ordernm_motion *m, trial *step)
     if (!ordernm_all_finite(rate, m->values)) step->error = NAN;
     if (!(step->error <= 1.0)) return 0;
     if (m->nd && (step->dead = ordernm_dead_point_within(m, step->h)) > 0.0) return 0;
+    if ((step->apart = comes_apart(m, step))) return 0;
     if (!m->nwatched) return 0;
     const double whole = step->h;
     status = ordernm_look_for_events(m, step);
@@ -592,6 +610,20 @@ static int attempt(ordernm_motion *m, trial *step)
     if (fabs(step->wall - step->end) <= 1e-15*fabs(step->wall)) step->end = step->wall;
     m->h = whole; /* the step behind it is like the one that it has cut */
     return status;
+}
+
+/* Parts of a motion's time that steps become as small as before a dropped condition opens by too much. */
+static const double BEFORE_APART = 1e-5;
+
+/* Such a step is made again, shorter; the reason if that is small already. */
+static int end_together(ordernm_motion *m, const trial *step)
+{
+    ++m->results->rejected;
+    m->results->component = m->widest;
+    if (!m->adaptive || step->h < BEFORE_APART*(m->problem->end - m->problem->start)) return ORDERNM_APART;
+    m->h = 0.5*step->h;
+    m->rejected_before = 1;
+    return ORDERNM_ENDED;
 }
 
 /* A step over a dead point is made again so that it ends before it, where other independents may be taken; the reason if it is as
@@ -730,6 +762,8 @@ static int accept(ordernm_motion *m, const trial *step)
     if (p->method == ORDERNM_DOP853 && step->event < 0) watch_stability(m, step->h); /* while the last stage is there */
     if (p->ntimes && (reason = sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
+    if (m->flat[0] > m->t && m->flat[0] <= step->end && r->flat_count < r->flat_capacity)
+        memcpy(r->flat + r->flat_count++*(1 + 2L*m->system->nq), m->flat, (1 + 2L*m->system->nq)*sizeof(double));
     if (r->steps) keep_step(m, step->h);
     const int unknown = ordernm_keep_events(m, step, &stop);
     if (unknown) return failed(r, unknown);
@@ -798,6 +832,10 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         }
         if (step.dead > 0.0) {
             reason = end_short(m, &step);
+            continue;
+        }
+        if (step.apart) {
+            reason = end_together(m, &step);
             continue;
         }
         reason = status || !(step.error <= 1.0) ? refuse(m, &step, status) : accept(m, &step);

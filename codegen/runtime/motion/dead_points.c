@@ -205,17 +205,25 @@ static int comes_too_near(ordernm_motion *m, double h, const spread *of)
     return !(growth(m, h, of->at_least) < far*sqrt(rank/of->least));
 }
 
-/* Where a loop itself loses rank, as in a flattened linkage, dependents follow all the same, and the motion passes. */
+/* Where a loop itself loses rank, as in a flattened linkage, dependents follow all the same, and the motion passes; the coordinates
+ * beside it say which derivatives do. */
 static int is_dead(ordernm_motion *m, double h, double part)
 {
+    const int nq = m->system->nq;
     const double way = part > 0.5 ? -part : 1.0 - part;
-    const double far = growth(m, h, part + FAR*way), near = growth(m, h, part + NEAR*way);
-    return !(near < GROWN*far);
+    const double far = growth(m, h, part + FAR*way);
+    memcpy(m->flat + 1 + nq, m->q, nq*sizeof(double));
+    const double near = growth(m, h, part + NEAR*way);
+    memcpy(m->flat + 1, m->q, nq*sizeof(double));
+    const int dead = !(near < GROWN*far);
+    if (!dead && m->derived) m->flat[0] = m->t + part*h;
+    return dead;
 }
 
 /* Where in the step that was made, in parts of it, a dead point of the independent coordinates is; 0 if there is none. */
 double ordernm_dead_point_within(ordernm_motion *m, double h)
 {
+    m->flat[0] = -INFINITY;
     const method *const method = m->method;
     const int nloops = m->system->nloops;
     double time[MOST_STAGES];

@@ -85,6 +85,7 @@ typedef struct {
     int to_wall, to_pose;     /* it ends at the wall; it is shorter than it might be, because of a pose */
     int again;                /* a stage was too near to a pose */
     int at_pose;              /* it ends where a loop has lost rank, and so does the motion */
+    int apart;                /* behind it a dropped condition is open by too much */
     double dead;              /* where in it the independent coordinates have a dead point, in parts of it; else 0 */
     double error;             /* in units of what is allowed */
     int event;                /* that ends it; -1 for none */
@@ -128,6 +129,9 @@ struct ordernm_motion {
     double conditions[MOST_STAGES]; /* of the stages of a step, and at its end */
     double *ranks;            /* [MOST_STAGES][nloops] the same of each loop: inverse conditions */
     double *ranks_between;    /* as above, at places between them */
+    double apart, apart_at_end; /* by how much dropped conditions are open: of the loops closed last, at the end of the step tried */
+    int widest;               /* the one that is open most */
+    double *flat;             /* [1 + 2 nq] a pose that the step passes, as in results; its time is -INFINITY if there is none */
     double calm_rank, calm_growth; /* inverse condition, and growth of dependent speeds, at the beginning of an approach; see dead_points.c */
     double shorter;           /* the next step's size, where it is to end before a dead point; else 0 */
     int refused;              /* how often a step has been made again because of a dead point */

@@ -66,6 +66,10 @@ typedef struct {
     const int *quaternion;                 /* where each begins in q */
     int nkept;
     const int *kept;                       /* conditions of closure that no others imply */
+    int ndropped;
+    const int *dropped;                    /* the others, which follow nearly ... */
+    double apart;                          /* ... and may be open by so much */
+    double slack;                          /* conditions that count may be open by so much where others imply them */
     int split;                             /* a joint has independent and dependent speeds */
     int nswitches;                         /* switching functions, at whose zeros forces or outputs change their branch ... */
     const int *switch_kind;                /* ... see ORDERNM_SIGN ... */
@@ -144,7 +148,8 @@ enum {
     ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS, ORDERNM_IMPRECISE, ORDERNM_POOR,
     ORDERNM_UNDETERMINED, /* dependent speeds are known far less exactly than rtol asks for, as at a dead point */
     ORDERNM_SLIDING,     /* forces on both sides of a switch push back to it: see component */
-    ORDERNM_ACCUMULATED  /* switches follow each other faster and faster: see component */
+    ORDERNM_ACCUMULATED, /* switches follow each other faster and faster: see component */
+    ORDERNM_APART        /* a dropped condition, see component, would be open by more than it may be */
 };
 
 /* Rows of results: t, q, u, outputs, integrals, then dq [ndirections][nq], du, doutputs, dintegrals. */
@@ -162,6 +167,10 @@ typedef struct {
     double *events;
     int *which;
     long events_capacity, events_count; /* twice as many as there are events may come at once */
+    /* Poses at which a loop has lost rank and that the motion has passed: time, and coordinates [nq] beside it, near and farther away.
+     * With derivatives only; not kept if flat is 0. */
+    double *flat;
+    long flat_capacity, flat_count;
     double t;                 /* how far it has come */
     int singular;             /* what the function returned that failed */
     int grazed;               /* 0, or 1 + a switch that was touched only: derivatives do not exist from there on */

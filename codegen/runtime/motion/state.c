@@ -258,6 +258,17 @@ void ordernm_seeds(ordernm_motion *m, double t, const double *z, const group *g,
     c->du = m->du;
 }
 
+/* By how much dropped conditions are open where residuals were computed last. */
+static void note_dropped(ordernm_motion *m)
+{
+    const ordernm_system *const s = m->system;
+    m->apart = 0.0;
+    for (int i = 0; i < s->ndropped; ++i) {
+        const double x = fabs(m->position[s->dropped[i]]);
+        if (!(x <= m->apart)) m->apart = x, m->widest = s->dropped[i];
+    }
+}
+
 static double largest_residual(const ordernm_motion *m)
 {
     double largest = 0.0;
@@ -289,7 +300,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         if (singular) return singular;
         const double residual = largest_residual(m);
         const int no_better = !(residual < 0.5*before);
-        if (no_better && residual > ROUNDING) return -1;
+        if (no_better && residual > fmax(ROUNDING, s->slack)) return -1;
         double step = 0.0;
         for (int i = 0; i < s->nq; ++i) {
             m->q[i] += m->newton[i];
@@ -311,7 +322,11 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
             before = INFINITY;
             continue;
         }
-        if (no_better || step*step*condition <= CLOSED) return 0;
+        /* where conditions imply each other only nearly, what is left of them stays */
+        if ((no_better && residual <= ROUNDING) || step*step*condition <= CLOSED) {
+            if (s->ndropped) note_dropped(m);
+            return 0;
+        }
     }
     return -1;
 }
@@ -388,6 +403,7 @@ int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate)
     memcpy(m->closed, m->q, m->system->nq*sizeof(double));
     m->closed_condition = m->results->condition_here;
     m->closed_known = 1;
+    m->apart_at_end = m->apart;
     return 0;
 }
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .arrays import Array, Indices, normalise
 from .errors import AssemblyError, SingularLoopError
 from .following import FIRST, Followed, Follower, Line
+from .manifest import ALLOWED
 from .newton import CLOSED, Newton, Parts
 from .starting import Starts
 from .targets import Opened
@@ -34,9 +35,6 @@ SEVERAL = 200
 
 ROUNDING = 1e-14
 """A scaled residual that Newton's method would not mend: assembly leaves such a state as it is."""
-
-ALLOWED = 10.0
-"""Tolerances of the model: a larger residual of a dropped condition, or change of it by a unit of a parameter, is reported."""
 
 ALIAS = 3.0
 """rad, or characteristic lengths: independent coordinates that differ by more may be whole turns apart from a closed state."""
@@ -307,8 +305,9 @@ class Assembly:
 
     def _checked(self, q: Array, x: Array, called: Sequence[tuple[int, ...]]) -> Array:
         """Closed states (n, nq), where dropped conditions are looked at."""
-        if len(self.kept) < len(self.names):
+        if len(self.kept) < len(self.names) or self.newton.slack is not None:
             gaps = np.abs(self.newton.all_gaps(q, x))
+            self._warn_of_redundant(gaps[:, self.kept], called)
             for n in np.flatnonzero(((self.allowed > 0) & (gaps > self.allowed)).any(axis=1)):
                 worst = int(np.argmax(np.where(self.allowed > 0, gaps[n] - self.allowed, 0.0)))
                 warn(
@@ -364,7 +363,22 @@ class Assembly:
     def open(self, condition: int, size: float, where: str) -> AssemblyError:
         """The error for what is left of a condition, by its number among those that count."""
         loop = self.loops[condition]
-        return AssemblyError(loop, size, where, loop in self.couplings)
+        tolerance = 0.0
+        if self.newton.slack is not None and self.newton.slack[condition] > 0.0:
+            tolerance = float(self.newton.slack[condition])
+        return AssemblyError(loop, size, where, loop in self.couplings, tolerance=tolerance)
+
+    def _warn_of_redundant(self, gaps: Array, called: Sequence[tuple[int, ...]]) -> None:
+        """Conditions that count and stay open (n, m), since these parameters leave them to follow from others only nearly."""
+        if self.newton.slack is None:
+            return
+        for n in np.flatnonzero((gaps > CLOSED).any(axis=1)):
+            worst = int(np.argmax(gaps[n]))
+            warn(
+                f"redundant condition {self.names[self.kept[worst]]} stays open by {gaps[n, worst]:.2g}"
+                f"{_named(called[int(n)])}: with these parameters the conditions of the loop follow from each other only nearly, "
+                f"within loop_tolerance; results are those of the nearest closed loop. Generate with these parameters to drop it"
+            )
 
 
 def _named(state: Sequence[int]) -> str:

@@ -122,7 +122,9 @@ class AssemblyError(ValueError):
         What is left of its largest condition, in parts of the loop's characteristic length, or radians.
     """
 
-    def __init__(self, loop: str, residual: float, where: str = "", coupled: bool = False, why: str = "") -> None:
+    def __init__(
+        self, loop: str, residual: float, where: str = "", coupled: bool = False, why: str = "", tolerance: float = 0.0
+    ) -> None:
         if why:
             message = (
                 f"{'coupling' if coupled else 'loop'} {loop} cannot be {'met' if coupled else 'closed'}{where}: {why}"
@@ -138,6 +140,8 @@ class AssemblyError(ValueError):
                 f"loop {loop} cannot be closed{where}: {residual:.3g} is left of its conditions (in parts of its characteristic "
                 f"length, or radians) with the independent coordinates kept; check lengths, or begin nearer to a closed state"
             )
+        if tolerance:
+            message += f"; conditions that follow from others may stay open by {tolerance:g}, ten times loop_tolerance"
         super().__init__(message)
         self.loop = loop
         self.residual = residual

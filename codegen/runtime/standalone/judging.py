@@ -11,6 +11,7 @@ import numpy as np
 from .arguments import some
 from .arrays import Array, Numbers
 from .errors import SimulationError
+from .flat_poses import lost_directions, what_is_lost
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
 from .infinite import outputs_without
 from .motion_adjoint import Adjoint, segment_backwards
@@ -139,7 +140,21 @@ class Judging(Simulation):
         if directions.k:
             self._look_at_growth(gradients, weights, directions, problem, run)
             self._look_for_infinite(gradients, weights, directions, problem, run)
+            self._take_lost(gradients, weights, directions, run)
         return Judged(values, gradients, directions.names, way, run.counts)
+
+    def _take_lost(self, gradients: Array, weights: Weights, directions: Directions, run: Run) -> None:
+        """NaN, and a warning, for gradients along directions that have no derivative behind a pose where a loop has lost rank."""
+        taken = []
+        for of in lost_directions(self, run, directions.dp):
+            behind = (weights.outputs[:, weights.times > of.t] != 0.0).any(axis=(1, 2)) | (
+                weights.integrals != 0.0
+            ).any(axis=1)
+            if behind.any():
+                gradients[np.ix_(behind, of.directions)] = np.nan
+                taken.append(of)
+        if taken:
+            warn(what_is_lost(taken, directions.names))
 
     def _look_at_growth(
         self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run

@@ -10,6 +10,10 @@ from typing import Any
 
 from .errors import PackageError
 
+ALLOWED = 10.0
+"""Tolerances of the model: a larger residual of a dropped condition, or change of it by a unit of a parameter, is reported; and a
+loop whose redundant conditions cannot all be met is closed if no more is left of them."""
+
 SEAL = ',\n "seal": "'
 
 

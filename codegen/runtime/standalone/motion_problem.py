@@ -16,7 +16,7 @@ METHODS = ("rk4", "dop853", "radau")
 
 REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
-    "imprecise", "poor", "undetermined", "sliding", "accumulated",
+    "imprecise", "poor", "undetermined", "sliding", "accumulated", "apart",
 )  # fmt: skip
 """Why a motion ended, in the order of the constants of ``motion.h``."""
 
@@ -146,6 +146,8 @@ class Segment:
     grazed, not_held : int
         1 and the number of a switch that the motion has only touched, or beyond which its branch has no value, where there is one
         with derivatives; else 0.
+    flat : array (n, 1 + 2 nq)
+        Poses at which a loop has lost rank, of a motion with derivatives: time, and coordinates beside it, near and farther away.
     """
 
     opened: Opened
@@ -163,6 +165,7 @@ class Segment:
     precise: int
     grazed: int
     not_held: int
+    flat: Array
 
 
 @dataclass(slots=True, eq=False)

@@ -39,6 +39,9 @@ BETTER = 4.0
 SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
 """Counts of segments that add up."""
 
+FLAT_POSES = 64
+"""Poses at which a loop has lost rank that a motion notes; those that come later are mostly the same ones."""
+
 Progress = Callable[[float, float], None]
 
 
@@ -218,6 +221,9 @@ class MotionRun(States, Partitions):
         motion = library.ordernm_begin(c, room)
         size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c) if keep_steps else 1
         r = ffi.new("ordernm_results *")
+        flat = np.empty((FLAT_POSES if self.closure_names else 0, 1 + 2 * self.nq))
+        if flat.size:
+            r.flat, r.flat_capacity = ffi.from_buffer("double[]", flat), len(flat)
         full: list[Array] = []
         steps: list[Array] = []
         known: list[Array] = []
@@ -307,6 +313,7 @@ class MotionRun(States, Partitions):
             precise,
             r.grazed,
             r.not_held,
+            flat[: r.flat_count].copy(),
         )
         return segment, found, last
 

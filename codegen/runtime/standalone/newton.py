@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .arguments import placed
 from .arrays import Array, Indices, normalise
 from .errors import SingularJointError, SingularLoopError
+from .manifest import ALLOWED
 from .targets import Opened
 
 LARGEST = 0.3
@@ -34,6 +35,9 @@ LEAST = 1e-4
 
 CLOSED = 1e-10
 """The largest scaled residual of a closed loop; Newton's method goes on below it as long as it gets better."""
+
+NEAREST = 1e-10
+"""The largest step of a state that meets its conditions as well as it can, where they follow from each other only nearly."""
 
 BETTER = 0.64
 """Part of the squares of such residuals that must be left at most for a step to be worth taking."""
@@ -121,6 +125,8 @@ class Newton:
 
     Attributes
     ----------
+    slack : (m,) array or None
+        Residuals that conditions which others imply may keep: parameters may open them by that.
     scale : (nq,) array
         Changes of coordinates that count as one: a radian, two of a quaternion's components, a characteristic length.
     """
@@ -136,6 +142,9 @@ class Newton:
         for i in self.quaternions:
             self.scale[i : i + 4] = 0.5
         self.together = "closing_step" in opened.functions
+        slack = np.zeros(len(manifest["closure_names"]))
+        slack[manifest.get("redundant", [])] = ALLOWED * manifest.get("loop_tolerance", 0.0)
+        self.slack = slack[kept] if slack.any() else None
 
     def named(self, q: Array, x: Array) -> dict[str, Any]:
         """Arguments by name; x are parameters, and behind them, where motion is prescribed, inputs and the time."""
@@ -165,6 +174,7 @@ class Newton:
             flat = np.ones(1, bool)
             return Probe(np.full(q.shape, np.nan), self.gaps(q[0], x[0])[None], np.zeros((1, self.loops)), flat)
         step, position, condition = found if batch else [a[None] for a in found]
+        position = self._left(step, position)
         flat = np.zeros(n, bool)
         with np.errstate(all="ignore"):
             rank = np.minimum(1.0 / condition, 1.0)
@@ -173,6 +183,16 @@ class Newton:
             flat[lost], step[lost], rank[lost] = True, np.nan, 0.0
             position[lost] = self.all_gaps(q[lost], x[lost])
         return Probe(step, self._counting(position), rank, flat)
+
+    def _left(self, step: Array, position: Array) -> Array:
+        """Residuals (n, all conditions) without what stays of those that others imply, where no step makes it smaller."""
+        if self.slack is None:
+            return position
+        position = position.copy()
+        settled = self.sizes(step) <= NEAREST
+        kept = position[np.ix_(settled, self.kept)]
+        position[np.ix_(settled, self.kept)] = np.where(np.abs(kept) <= self.slack, 0.0, kept)
+        return position
 
     def _called(
         self, given: Mapping[str, Any], batch: tuple[int, ...], failed: dict[int, SingularJointError] | None

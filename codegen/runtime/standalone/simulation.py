@@ -10,7 +10,9 @@ import numpy as np
 
 from .arrays import Array, Numbers, all_finite, filled, is_finite, largest, normalise
 from .errors import SimulationError, SingularLoopError
+from .flat_poses import lost_directions, what_is_lost
 from .infinite import culprit, outputs_without
+from .manifest import ALLOWED
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
@@ -127,6 +129,7 @@ class Simulation(MotionRun):
             )
         run = self._run(problem, progress)
         trajectory = self._trajectory(problem, directions, run)
+        self._without_lost(run, problem, directions, trajectory)
         if wanted:
             trajectory.events = tuple(self._crossing(wanted[i], row, problem, directions.k) for i, row in run.events)
         if run.reason == "end":
@@ -148,6 +151,19 @@ class Simulation(MotionRun):
         if directions.k and self._largest_growth(trajectory, directions, problem, run.rows) > MEANINGLESS:
             warn(meaningless("sensitivities have"))
         return trajectory
+
+    def _without_lost(self, run: Run, problem: Problem, directions: Directions, trajectory: Trajectory) -> None:
+        """NaN, and a warning, for derivatives that do not exist behind a pose where a loop has lost rank."""
+        lost = lost_directions(self, run, directions.dp) if directions.k else []
+        for of in lost:
+            behind = np.ix_(of.directions, trajectory.t > of.t)
+            for derivatives in (trajectory.dq, trajectory.du, trajectory.doutputs):
+                derivatives[behind] = np.nan
+            for row in (row for _, row in run.events if row[0] > of.t):
+                for part in (1, 2, 3, 4):
+                    self._derivatives_of_rows(row, problem, directions.k, part)[of.directions] = np.nan
+        if lost:
+            warn(what_is_lost(lost, directions.names))
 
     def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem, rows: Array) -> float:
         """The largest change of an independent entry, in parts of its size, per part of what it changes with; or a bound of it.
@@ -275,12 +291,14 @@ class Simulation(MotionRun):
         if batch:
             raise ValueError(f"q, u have leading axes {batch}, expected (nq,) and (nu,): one motion at a time")
         if self.closure_names and q is not None:
-            gap = float(np.abs(self.closure(arrays["q"], arrays["u"], **rest)[0]).max())
+            gaps = np.abs(self.closure(arrays["q"], arrays["u"], **rest)[0])
+            gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
                 closed = self.assemble(arrays["q"], arrays["u"], **rest)
-                warn(
-                    f"the initial state is open by {gap:.3g} (scaled); assembled: dependent coordinates have been changed"
-                )
+                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # not one whose redundant conditions cannot be met
+                    warn(
+                        f"the initial state is open by {gap:.3g} (scaled); assembled: dependent coordinates have been changed"
+                    )
                 return closed
         q_all, u_all = self.assemble(arrays["q"], arrays["u"], **rest)
         if self.closure_names and u is not None and q is not None:
@@ -386,11 +404,9 @@ class Simulation(MotionRun):
         return np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
 
     def _gaps_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
-        """The largest scaled residual of closure over time, (nt,), of conditions that no others imply."""
-        kept = np.ones(len(self.closure_names), bool)
-        kept[self._opened.manifest.get("dropped", [])] = False
+        """The largest scaled residual of closure over time, (nt,), of all conditions, dropped ones too."""
         gaps = self.closure(q, u, problem.p, self._inputs_over(t, problem), t)[0]
-        found: Array = np.abs(gaps)[:, kept].max(axis=1, initial=0.0)
+        found: Array = np.abs(gaps).max(axis=1, initial=0.0)
         return found
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
@@ -449,6 +465,8 @@ class Simulation(MotionRun):
                     f"the motion ends {at}: there, or just behind, small errors of the independent speeds, as {allowing} "
                     f"allow, become large ones of dependent speeds"
                 )
+            case "apart":
+                return f"the motion ends {at}: {self._why_apart(run)}"
             case "not finite":
                 return f"the motion ends {at}: the time derivative of {entry} is not finite{self._what_is_infinite(problem, run)}"
             case "too many steps":
@@ -470,6 +488,19 @@ class Simulation(MotionRun):
                 )
             case _:
                 return run.reason
+
+    def _why_apart(self, run: Run) -> str:
+        """Which dropped condition would open, and what to do."""
+        manifest = run.opened.manifest
+        condition = self.closure_names[run.component]
+        loop = condition.rpartition(".")[0]
+        allowed = ALLOWED * manifest["loop_tolerance"]
+        return (
+            f"behind it condition {condition} would be open by more than {allowed:g}. It was dropped since "
+            f"it follows from others within loop_tolerance where the package was generated, and it does not follow there: the "
+            f"motion would go on as one of another mechanism. Make the lengths of loop {loop} fit exactly, exchange its `from` "
+            f"and `to`, along whose axes conditions are kept, or generate from an initial state behind this pose"
+        )
 
 
 def meaningless(what: str) -> str:
