@@ -391,6 +391,7 @@ def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], 
         return parse_model(text, robot.file)
     except ModelError as error:
         by_name = {names[link]: body for link, body in bodies.all.items()}
+        closings = {closing.name: closing.place for closing in robot.closings}
         found = []
         for problem in error.problems:
             section, _, rest = problem.path.partition(".")
@@ -400,6 +401,8 @@ def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], 
                 found.append(
                     place.problem(f"link {shortened(by_name[name].link.name)}: {problem.message}", problem.severity)
                 )
+            elif section == "loops" and name in closings:
+                found.append(closings[name].problem(f"loop {shortened(name)}: {problem.message}", problem.severity))
             elif section in side.sections:
                 found.append(side.problem(problem))
             else:

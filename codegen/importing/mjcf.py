@@ -91,7 +91,7 @@ def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -
     try:
         model = mujoco.MjModel.from_xml_path(str(path.resolve()))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise ModelError([_said(file, str(error))]) from None
+        raise ModelError([_said(file, str(error), parts)]) from None
     finally:
         mujoco.set_mju_user_warning(before)
     robot = _Reader(model, file, parts, key).read()
@@ -119,11 +119,16 @@ def _mujoco() -> Any:
     return mujoco
 
 
-def _said(file: str, text: str) -> Problem:
-    """An error of MuJoCo's."""
+def _said(file: str, text: str, parts: MjcfFiles) -> Problem:
+    """An error of MuJoCo's, with the line that it says, or that of the element that it names."""
     line = re.search(r"\bline[ =](?:number=)?(\d+)", text) or re.search(r"Line number=(\d+)", text)
     what = " ".join(re.sub(r"(?:, )?line \d+|Error(?:ID)?=\S+(?: \(\w+\))?|Line number=\d+:?", " ", text).split())
     message = f"MuJoCo cannot compile it: {what}"
+    named = re.search(r"Element name '([^']+)'", text)
+    if line is None and named is not None:
+        found = next((place for (_, name), place in parts.places().items() if name == named[1]), None)
+        if found is not None:
+            return found.problem(message)
     return Problem(file, int(line[1]) if line else None, 1 if line else None, "", message)
 
 
@@ -176,7 +181,7 @@ class _Reader:
         """Where something of a kind stands: by its name, or as the so many-th of a list in the file."""
         found = self.places.get((kind, name)) if name else None
         if found is None and number is not None and self.parts is not None:
-            listed = self.parts.listed(kind)
+            listed = self.parts.joints() if kind == "joint" else self.parts.listed(kind)
             if len(listed) == len(self.ranked(kind)):
                 found = place_of(listed[number])
         return found or Place(self.file)
@@ -184,7 +189,7 @@ class _Reader:
     def ranked(self, kind: str) -> range:
         """The numbers of what a list of the file makes."""
         model = self.model
-        counts = {"equality": model.neq, "tendon": model.ntendon, "keyframe": model.nkey}
+        counts = {"equality": model.neq, "tendon": model.ntendon, "keyframe": model.nkey, "joint": model.njnt}
         return range(int(counts.get(kind, len(model.actuator_trntype))))
 
     def origin(self, b: int) -> Placement:
@@ -226,7 +231,7 @@ class _Reader:
 
     def joint(self, k: int) -> RobotJoint:
         model, name = self.model, self.joint_names[k]
-        place = self.place("joint", name)
+        place = self.place("joint", name, k)
         type_ = int(model.jnt_type[k])
         joint = RobotJoint(name, place, _TYPES[type_], "", "")
         if type_ in (_SLIDE, _HINGE):
@@ -410,16 +415,21 @@ class _Reader:
             robot.leave_out("<geom> of a mesh", place, Effect.NONE, "its mass is counted")
         collides = np.any(model.geom_contype) and np.any(model.geom_conaffinity)
         if collides and not self.disabled("CONTACT", "CONSTRAINT"):
-            robot.leave_out("contacts of geoms", None, Effect.STOPS)
+            geoms: list[Place | None] = [place_of(element) for element in self.elements("geom", "flexcomp")]
+            for place in geoms or [None]:
+                robot.leave_out("contacts of geoms", place, Effect.STOPS)
         is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # both together disable the rest too
         for name in _MEDIUM if is_passive else ():
             if np.any(getattr(model.opt, name)):
-                robot.leave_out(f"{name} of the medium", None, Effect.DIFFERS)
+                said = [place_of(element) for element in self.elements("option") if name in element.attributes]
+                robot.leave_out(f"{name} of the medium", said[-1] if said else None, Effect.DIFFERS)
         for b in range(1, int(model.nbody)):
             if model.body_gravcomp[b] and is_passive:
                 robot.lifted[self.links[b]] = float(model.body_gravcomp[b])
-        if np.any(model.body_mocapid >= 0):
-            robot.leave_out("mocap of bodies", None, Effect.NONE, "they stand still")
+        for mocap in np.flatnonzero(np.ravel(model.body_mocapid) >= 0):
+            robot.leave_out(
+                "mocap of bodies", self.place("body", self.names[int(mocap)]), Effect.NONE, "they stand still"
+            )
 
     def elements(self, *tags: str) -> Iterator[Element]:
         """Elements of these tags in all files, but those of defaults."""

@@ -100,6 +100,26 @@ class MjcfFiles:
         """The children of the elements of a kind."""
         return [child for element in self.used() if element.tag == kind for child in element.children]
 
+    def joints(self) -> list[Element]:
+        """Joints in the order of the compiled model: those of a body before those of the bodies in it."""
+        found: list[Element] = []
+        stack = [e for e in self.used() if e.tag == "worldbody"][::-1]
+        while stack:
+            body = stack.pop()
+            own, bodies, inner = [], [], list(reversed(body.children))
+            while inner:
+                element = inner.pop()
+                if element.tag in ("joint", "freejoint"):
+                    own.append(element)
+                elif element.tag == "body":
+                    bodies.append(element)
+                elif element.tag in ("frame", "include"):
+                    whole = self.included.get(id(element), element)
+                    inner.extend(reversed(whole.children))
+            found += own
+            stack.extend(reversed(bodies))
+        return found
+
     def elements(self, *tags: str) -> Iterator[Element]:
         """All elements of these tags."""
         return (element for element in self.every() if element.tag in tags)

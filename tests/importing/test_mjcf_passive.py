@@ -267,3 +267,21 @@ def test_a_robot_yaml_is_for_urdf(tmp_path):
     path.write_text(text_of())
     with pytest.raises(codegen.ModelError, match=r"robot.yaml:1:1: a robot.yaml of Gepetto's is for URDF"):
         codegen.import_model(path, loops=tmp_path / "robot.yaml")
+
+
+def test_joints_without_names_have_their_lines(tmp_path):
+    path = tmp_path / "arm.xml"
+    inner = '<body><joint frictionloss="1"/><geom size=".1" pos=".2 0 0"/></body>'
+    bodies = f'<body>\n<geom size=".1" pos=".3 0 0"/>\n{inner}\n<joint range="0 1"/></body>'
+    path.write_text(f'<mujoco><option density="1000"/><worldbody>{bodies}</worldbody></mujoco>')
+    left = codegen.import_model(path).left_out
+    assert left[0].startswith("frictionloss of a joint (line 3)") and "density of the medium (line 1)" in left[1]
+    assert any(line.startswith("range of a joint (line 4)") for line in left)
+    assert any(line.startswith("contacts of geoms (lines 2, 3)") for line in left)
+
+
+def test_what_mujoco_names_is_found(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text('<mujoco>\n<worldbody>\n<body name="light one"><joint/></body></worldbody></mujoco>')
+    with pytest.raises(codegen.ModelError, match=r"arm.xml:3:1: MuJoCo cannot compile it: .*'light one'"):
+        codegen.import_model(path)
