@@ -22,6 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
+from codegen.runtime.standalone.compiler import processor
+from codegen.runtime.standalone.user_cache import make_private, user_cache
+
 LEVELS = ("-O1", "-O2", "-O3")
 FLAGS = ["-march=native", "-fPIC", "-shared"]
 """The same for everybody; no -ffast-math. `restrict_instructions` adds to them."""
@@ -47,7 +50,7 @@ POINTER = ctypes.POINTER(ctypes.c_double)
 
 def default_cache() -> Path:
     """Where compiled contestants are kept from run to run."""
-    return Path(tempfile.gettempdir()) / "ordernm-benchmarks"
+    return make_private(user_cache() / "benchmarks")
 
 
 def add_instructions(parser: argparse.ArgumentParser) -> None:
@@ -141,7 +144,7 @@ def compile_objects(
     files: dict[str, str], level: str, cache: Path, compiler: str, version: str, flags: Sequence[str]
 ) -> tuple[list[Path], float]:
     """Objects of a contestant's sources, and the seconds that took; those of an earlier contestant if it had the same."""
-    digest = hashlib.sha256(repr((sorted(files.items()), level, flags, version)).encode()).hexdigest()[:20]
+    digest = hashlib.sha256(repr((sorted(files.items()), level, flags, version, processor())).encode()).hexdigest()[:20]
     folder, took = cache / f"objects-{digest}", 0.0
     sources = [name for name in files if name.endswith(".c")]
     if not folder.exists():
@@ -163,7 +166,8 @@ def compile_variant(contestant: Contestant, level: str, cache: Path, compiler: s
     version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
     linked = [str(path) for path in contestant.libraries]
     flags = [*FLAGS[:-1], *INSTRUCTIONS[contestant.instructions]]
-    what = (sorted(contestant.files.items()), clock, level, flags, version, linked)
+    contents = [hashlib.sha256(path.read_bytes()).hexdigest() for path in contestant.libraries]
+    what = (sorted(contestant.files.items()), clock, level, flags, version, processor(), linked, contents)
     folder = cache / hashlib.sha256(repr(what).encode()).hexdigest()[:20]
     library, took = folder / "contestant.so", 0.0
     if not library.exists():

@@ -27,7 +27,9 @@ from ctiming import table
 
 import codegen
 from codegen.bench.models import changed, example
+from codegen.own_files import refuse_foreign_file
 from codegen.runtime import At, Final, Integral
+from codegen.runtime.standalone.whole_file import MARK
 
 CLAIM = 1e-11
 
@@ -107,16 +109,18 @@ def main() -> None:
     parser.add_argument("--compare", type=Path)
     parser.add_argument("--output", type=Path)
     options = parser.parse_args()
+    if options.output:
+        refuse_foreign_file(options.output)
     before = {}
     if options.compare:
-        rows = json.loads(options.compare.read_text(encoding="utf-8"))
+        rows = json.loads(options.compare.read_text(encoding="utf-8"))["rows"]
         before = {(r["model"], r["end"], r["integrator"], r["of"]): r["difference"] for r in rows}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         loops, ends = ([of(x) for x in given.split(",")] for of, given in ((int, options.loops), (float, options.ends)))
         found = list(measured(loops, ends, options.runs))
     if options.output:
-        options.output.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        options.output.write_text(json.dumps({"written": MARK, "rows": found}, indent=1) + "\n", encoding="utf-8")
     rows = []
     for r in found:
         old = before.get((r["model"], r["end"], r["integrator"], r["of"]))

@@ -36,6 +36,8 @@ from codegen.bench.machine import machine
 from codegen.bench.peers import pinocchio_models
 from codegen.bench.peers.pinocchio_models import ROBOTS, axis_of, robots_folder, usual_state
 from codegen.emit.solver import write_solver
+from codegen.own_files import refuse_foreign_file
+from codegen.runtime.standalone.whole_file import MARK
 
 LEVELS = ("-O2", "-O3")
 FUNCTIONS = ("jacobians", "mass_matrix", "inverse_mass_matrix")
@@ -237,6 +239,8 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--batches", type=int, default=15)
     options = parser.parse_args()
+    if options.json:
+        refuse_foreign_file(options.json)
     builds = libraries(options.cache)
     use_one_core()
     here = machine()
@@ -263,7 +267,8 @@ def main() -> None:
     found = claims(results, options.instructions)
     print("\n" + "\n".join(found))
     if options.json:
-        options.json.write_text(json.dumps({"machine": here, "models": results, "claims": found}, indent=1) + "\n")
+        record = {"written": MARK, "machine": here, "models": results, "claims": found}
+        options.json.write_text(json.dumps(record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -25,6 +25,8 @@ from __future__ import annotations
 
 import argparse
 import csv
+import hashlib
+import importlib.metadata
 import json
 import multiprocessing
 import sys
@@ -218,9 +220,13 @@ def closed_forms(ns: Sequence[int], seconds: float, cache: Path) -> dict[int, tu
     """
     result: dict[int, tuple[Contestant, float, float]] = {}
     cache.mkdir(parents=True, exist_ok=True)
+    made_by = hashlib.sha256(Path(__file__).read_bytes() + importlib.metadata.version("sympy").encode()).hexdigest()[
+        :12
+    ]
     left = seconds
     for n in ns:
-        path, record = cache / f"closed_form_{n}.c", cache / f"closed_form_{n}.json"
+        name = f"closed_form_{n}-{made_by}"
+        path, record = cache / f"{name}.c", cache / f"{name}.json"
         known = json.loads(record.read_text()) if record.exists() else {}
         if "sympy" not in known and known.get("stopped", 0.0) < 0.99 * left:
             took = within(left, _write_closed_form, n, path)
