@@ -12,6 +12,7 @@ from functools import cached_property
 from ..model.errors import ModelError
 from ..model.expressions import Expression, Tree
 from ..model.model import Model
+from ..model.rates import rate
 from ..model.slopes import has_quotient, is_singular, leaves, slope
 from ..model.switches import MODE
 from ..program import algebra
@@ -240,8 +241,12 @@ def motion_formulas(model: Model) -> list[FormulaKind]:
     """Prescribed coordinates, their rates and accelerations, as functions of time, parameters and inputs."""
     found: list[tuple[int, Tree]] = []
     places: dict[int, str] = {}
+    moving = frozenset(model.moving_inputs)
     for n, x in enumerate(model.prescribed):
-        for order, e in enumerate(x.values):
+        values, held = x.values, Expression(model.switches.hold(x.value.tree, moves=True))
+        if held is not x.value:  # in the branches that a step holds
+            values = held, rate(held, moving=moving), rate(rate(held, moving=moving), moving=moving)
+        for order, e in enumerate(values):
             if e.tree != ("number", 0):
                 found.append((3 * n + order, e.tree))
                 places[3 * n + order] = f"motion.{x.name}"

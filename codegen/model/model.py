@@ -487,8 +487,10 @@ class Model:
 
     @cached_property
     def switches(self) -> Switches:
-        """Where forces and outputs change their branches."""
+        """Where prescribed motion, forces and outputs change their branches."""
         found = Switches(self.inputs)
+        for x in self.prescribed:
+            found.add(x.value.tree, f"motion.{x.name}", moves=True)
         for force in self.elements:
             keys = force.keys or ("value",) * len(force.coefficients)
             for key, e in zip(keys, force.coefficients, strict=True):

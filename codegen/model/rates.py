@@ -13,6 +13,7 @@ from typing import Final
 
 from .expressions import AT_LEAST, Expression, Tree, combine
 from .slopes import is_singular, slope
+from .switches import has_modes
 
 ZERO: Tree = ("number", 0)
 ONE: Tree = ("number", 1)
@@ -47,7 +48,7 @@ def rate(expression: Expression, name: str = "t", moving: frozenset[str] = froze
         first, second = rates_of(n)
         by |= {n: ("name", first), first: ("name", second)}
     tree = expression.tree
-    if not is_singular(tree):
+    if not (is_singular(tree) or has_modes(expression)):
         return Expression(derivative(tree, frozenset(by.items())))
     found = ZERO
     for n in sorted(expression.names & by.keys()):

@@ -95,6 +95,11 @@ def varies_in_motion(inputs: Collection[str]) -> Callable[[str], bool]:
     return lambda name: name in known or name.startswith(("q.", "u.", "position.", "velocity."))
 
 
+def has_modes(expression: Expression) -> bool:
+    """Whether branches are held in an expression."""
+    return any(n.startswith(MODE) for n in expression.names)
+
+
 @dataclass(slots=True, eq=False)
 class Switch:
     """A switching function of a model.
@@ -140,7 +145,7 @@ class Switch:
 
 
 class Switches:
-    """The switches of a model's forces and outputs.
+    """The switches of a model's prescribed motion, forces and outputs.
 
     Parameters
     ----------
@@ -157,13 +162,13 @@ class Switches:
         self.found: list[Switch] = []
         self._varies = varies_in_motion(inputs)
         self._by_value: dict[Tree, Switch] = {}
-        self._held: dict[Tree, Tree] = {}
+        self._held: dict[tuple[Tree, bool], Tree] = {}
         self._within: dict[Tree, frozenset[int]] = {}
         self._located: dict[Tree, list[int]] = {}
 
-    def add(self, tree: Tree, place: str, output: int | None = None) -> None:
-        """Find the switches of an expression of a force, or of an output."""
-        held = self.hold(tree)
+    def add(self, tree: Tree, place: str, output: int | None = None, moves: bool = False) -> None:
+        """Find the switches of an expression of prescribed motion, which `moves`, of a force, or of an output."""
+        held = self.hold(tree, moves)
         located = {n for part in _inner_first(tree) for n in self._located.get(part, ())} if self._located else set()
         for number in sorted(self._numbers(held) | located):
             switch = self.found[number]
@@ -182,27 +187,32 @@ class Switches:
         """The mode of the angle of a force element, if it has one."""
         return next((("name", f"{MODE}{s.number}") for s in self.found if s.torsion == element), None)
 
-    def hold(self, tree: Tree) -> Tree:
-        """The tree with held functions in the place of those that have branches."""
+    def hold(self, tree: Tree, moves: bool = False) -> Tree:
+        """The tree with held functions in the place of those that have branches.
+
+        Of prescribed motion, which `moves`, the second derivative acts: steps, and tables that parameters or inputs shift, are held
+        there, although they are smooth in a force.
+        """
         if tree[0] in ("number", "name"):
             return tree
-        if tree not in self._held:
-            self._held[tree] = self._hold(tree)
-        return self._held[tree]
+        if (tree, moves) not in self._held:
+            self._held[tree, moves] = self._hold(tree, moves)
+        return self._held[tree, moves]
 
-    def _hold(self, tree: Tree) -> Tree:
+    def _hold(self, tree: Tree, moves: bool) -> Tree:
         kind = tree[0]
         if kind == "**" and not _is_whole(tree[2]):
             self._locate(tree, tree[1])
-            return (kind, tree[1], self.hold(tree[2]))
+            return (kind, tree[1], self.hold(tree[2], moves))
         if kind == "call" and tree[1] in PARTLY_DEFINED:
             self._locate(tree, tree[2])
             return tree
-        if _is_smooth_step(tree):
+        is_step = tree[0] == "*" and tree[1][0] == "**"
+        if _is_smooth_step(tree) and not (moves and (is_step or Expression(tree[1]).names - {"t"})):
             return tree
         if kind != "call":
-            return (kind, *(self.hold(a) for a in tree[1:]))
-        arguments = tuple(self.hold(a) for a in tree[2:])
+            return (kind, *(self.hold(a, moves) for a in tree[1:]))
+        arguments = tuple(self.hold(a, moves) for a in tree[2:])
         if tree[1] not in BRANCHES or not any(self._varies(n) for n in Expression(tree).names):
             return (kind, tree[1], *arguments)
         return (kind, HELD + tree[1], *arguments, ("name", f"{MODE}{self._switch(tree, arguments).number}"))

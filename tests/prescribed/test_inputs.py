@@ -43,7 +43,7 @@ bodies:
 LOAD
 loops:
   pin: {joint: {type: revolute, axis: y}, from: {body: rod, at: [0, 0, rod]}, to: piston}
-motion: {crank: TURN}
+motion: {crank: "TURN"}
 initial: {q: {piston: rod + r}}
 outputs: {x: {value: q.piston}, torque: {driving_force: crank}}
 """

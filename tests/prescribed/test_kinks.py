@@ -174,3 +174,29 @@ def test_an_input_that_reaches_a_kink_ends_the_motion(tmp_path: Path) -> None:
 def test_models_without_branches_carry_none_of_it(tmp_path: Path) -> None:
     codegen.generate(parse_model(CART.replace("MOTION", "rise*sin(t)")), tmp_path / "plain", functions="simulate")
     assert "branching_motion" not in codegen.load(tmp_path / "plain")._manifest
+
+
+JUMPS = [
+    "rise*max(0, t - t0)**2", "if(t < t0, 0, rise*(t - t0)**2)", "step(t, t0, 2*t0)*rise", "smooth(t - t0)",
+    "rise*abs(t - t0)*(t - t0)", "rise*max(0, sin(t/t0) - 0.5)**2",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("motion", JUMPS)
+def test_derivatives_know_when_accelerations_jump(tmp_path: Path, motion: str) -> None:
+    """The time of the jump moves with a parameter; the motion is integrated in one smooth piece after the other."""
+    text = CART.replace("MOTION", motion).replace("t0: 5.0", "t0: 0.7")
+    codegen.generate(parse_model(text), tmp_path / "jumps", compile="all")
+    solver = codegen.load(tmp_path / "jumps")
+    tight = {"rtol": 1e-12, "atol": 1e-12}
+    names = [n for n in solver.parameter_names if n in text.split("motion:")[1] or n == "l"]
+    run = solver.simulate([0.0, 1.9], sensitivities=names, **tight)
+    for k, name in enumerate(names):
+        h, x = 1e-4, float(solver.parameters[solver.parameter_names.index(name)])
+        ends = [solver.simulate([0.0, 1.9], p={name: x + s * h}, **tight).outputs[-1] for s in (1, -1, 2, -2)]
+        by = (8 * (ends[0] - ends[1]) - ends[2] + ends[3]) / (12 * h)
+        assert np.abs(run.doutputs[k, -1] - by).max() < 1e-8
+    wanted = [Final("angle"), Final("motor")]
+    forward, adjoint = (solver.judge(1.9, wanted, wrt=names, method=m, **tight) for m in ("forward", "adjoint"))
+    assert np.abs(forward.gradients - adjoint.gradients).max() < 1e-11
+    assert np.abs(forward.gradients[0] - run.doutputs[:, -1, 2]).max() < 1e-10

@@ -57,6 +57,9 @@ IN_MODES = (
 )  # fmt: skip
 """Functions that integration calls with the modes of switches."""
 
+CLOSING_IN_MODES = ("closing_step", "completion", "completion_sensitivities", "completion_sensitivities_transposed")
+"""Those that do where prescribed motion, which loops follow, has switches."""
+
 
 def procedures(
     system: System, reactions: bool = False, functions: Collection[str] | None = None, frames: bool = False
@@ -99,7 +102,9 @@ def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
         further += backwards(w, further)
     found += tuple(replace(p, internal=True) for p in further)
     modes = w.one("modes")
-    return tuple(replace(p, modes=modes) if p.name in IN_MODES else p for p in found)
+    switched = any(place.startswith("motion.") for s in w.system.model.switches.found for place in s.places)
+    names = {*IN_MODES, *(CLOSING_IN_MODES if switched else ())}
+    return tuple(replace(p, modes=modes) if p.name in names else p for p in found)
 
 
 def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:

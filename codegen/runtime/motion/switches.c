@@ -170,14 +170,16 @@ int ordernm_choose_modes(ordernm_motion *m, double t, const double *z)
             m->modes[k] = mode_of(m, k);
             continue;
         }
+        const int side = g > 0.0 ? 1 : -1; /* with the other branch of prescribed motion loops may not close */
         double way[3]; /* with the mode -1, 0, 1 */
-        for (int mode = -1; mode <= 1; ++mode) {
+        for (int n = 0; n < 3; ++n) {
+            const int mode = n == 0 ? side : n == 1 ? 0 : -side;
             m->modes[k] = mode;
             if ((status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES))) return status;
             if ((status = slope(m, t, z, rate, k, way + 1 + mode))) return status;
-            if (mode == -1 && fabs(g) > reach*fabs(way[0])) break; /* it is not zero */
+            if (n == 0 && fabs(g) > reach*fabs(way[1 + side])) break; /* it is not zero */
         }
-        if (fabs(g) > reach*fabs(way[0])) m->modes[k] = g > 0.0 ? 1.0 : -1.0;
+        if (fabs(g) > reach*fabs(way[1 + side])) m->modes[k] = side;
         else if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
         else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
         else if (way[1] == 0.0) m->modes[k] = 0.0; /* it rests there */
