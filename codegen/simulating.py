@@ -59,6 +59,10 @@ class MotionError(ArithmeticError):
     """The motion cannot be computed: a loop does not close, a joint is singular, steps become too small."""
 
 
+BETWEEN = ("linear", "hold", "cubic", "quintic")
+"""How values of signals in files are joined."""
+
+
 @dataclasses.dataclass
 class Run:
     """What a simulation gave.
@@ -115,7 +119,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a design parameter, if not as in the model",
     )
     parser.add_argument(
-        "--inputs", metavar="NAME=VALUE", action="append", default=[], help="a constant input; those not given are 0"
+        "--inputs",
+        metavar="NAME=VALUE|FILE",
+        action="append",
+        default=[],
+        help="a constant input, or signals over time: a .csv whose first line has names (t, and inputs), or a .npz of "
+        "arrays with these names; inputs that are not given are 0",
+    )
+    parser.add_argument(
+        "--between",
+        metavar="[NAME=]KIND",
+        action="append",
+        default=[],
+        help=f"how values of signals are joined: {', '.join(BETWEEN)} (default: {BETWEEN[0]}); of one input, or of all",
     )
     parser.add_argument("--method", choices=METHODS, default=METHODS[0], help="the integrator (default: %(default)s)")
     parser.add_argument(
@@ -153,9 +169,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
     """
     times = times_of(options)
     ending: Ending = options.ending
-    p, inputs = (
-        numbers_by_name(word, getattr(options, at)) for word, at in (("-p", "parameter"), ("--inputs", "inputs"))
-    )
+    p, inputs = numbers_by_name("-p", options.parameter), inputs_of(options)
     sensitivities = tuple(name.strip() for name in options.sensitivities.split(",") if name.strip())
     steps = _steps(options)
     writers = _writers(options)
@@ -285,6 +299,42 @@ def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
             raise RequestError(f"{option}: {name} is given twice, as {found[name]:g} and {value:g}")
         found[name] = value
     return found
+
+
+def inputs_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Inputs by name, constants and signals."""
+    from .signal_files import SUFFIXES, SignalFileError, is_signal_file, joined, read_signals
+
+    for text in options.inputs:
+        if "=" not in text and not is_signal_file(text):
+            raise RequestError(
+                f"--inputs {text}: expected is NAME=VALUE with a finite number, or a file of signals, {' or '.join(SUFFIXES)}"
+            )
+    files = [x for x in options.inputs if is_signal_file(x)]
+    inputs: dict[str, Any] = dict(numbers_by_name("--inputs", [x for x in options.inputs if x not in files]))
+    kinds: dict[str, str] = {}
+    for part in (x.strip() for several in options.between for x in several.split(",")):
+        name, _, kind = part.rpartition("=")
+        if kind not in BETWEEN:
+            raise RequestError(f"--between {part}: expected is one of {', '.join(BETWEEN)}, or NAME= and one of them")
+        if name in kinds:
+            raise RequestError(f"--between: {f'{name} is' if name else 'the kind of all inputs is'} given twice")
+        kinds[name] = kind
+    if kinds and not files:
+        raise RequestError("--between is for signals, and --inputs names no .csv or .npz file")
+    signals = {}
+    for path in files:
+        try:
+            t, found = read_signals(path)
+        except SignalFileError as error:
+            raise RequestError(f"--inputs {error}") from None
+        for name, x in found.items():
+            if name in inputs or name in signals:
+                raise RequestError(f"--inputs {path}: {name} is given twice")
+            signals[name] = (t, x)
+    if unknown := [name for name in kinds if name and name not in signals]:
+        raise RequestError(f"--between {unknown[0]}: no file has this signal; there are {', '.join(signals)}")
+    return inputs | joined(signals, kinds, kinds.get("", BETWEEN[0]))
 
 
 def _steps(options: argparse.Namespace) -> dict[str, Any]:

@@ -190,8 +190,8 @@ class Switches:
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
         """The tree with held functions in the place of those that have branches.
 
-        Of prescribed motion, which `moves`, the second derivative acts: steps, and tables that parameters or inputs shift, are held
-        there, although they are smooth in a force.
+        Of prescribed motion, which `moves`, the second derivative acts: steps, and tables that parameters or inputs shift, are
+        held there, although they are smooth in a force.
         """
         if tree[0] in ("number", "name"):
             return tree

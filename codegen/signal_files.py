@@ -1,0 +1,111 @@
+"""Input signals over time in files: a table of numbers with names (CSV), or arrays with names (NPZ)."""
+
+from __future__ import annotations
+
+import csv
+import math
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .runtime.standalone.arrays import Array
+
+SUFFIXES = (".csv", ".npz")
+TIMES = ("t", "time")
+"""What the column, or array, of times is called."""
+
+
+class SignalFileError(ValueError):
+    """A file is none of signals; the message says where, what was found and what is expected."""
+
+
+def is_signal_file(text: str) -> bool:
+    """Whether an argument of the command line names a file, and is no ``NAME=VALUE``."""
+    return Path(text).suffix.lower() in SUFFIXES
+
+
+def read_signals(path: str) -> tuple[Array, dict[str, Array]]:
+    """Times (n,), rising, and signals (n,) by name.
+
+    Raises
+    ------
+    SignalFileError
+    """
+    columns = _read_csv(path) if Path(path).suffix.lower() == ".csv" else _read_npz(path)
+    times = [name for name in columns if name in TIMES]
+    if len(times) != 1:
+        found = ", ".join(columns) or "nothing"
+        raise SignalFileError(f"{path}: has {found}; one of them has to be the times, called t or time, s")
+    t = columns.pop(times[0])
+    if not columns:
+        raise SignalFileError(
+            f"{path}: has times and no signal; add one column, or array, for each input, with its name"
+        )
+    for name, x in ((times[0], t), *columns.items()):
+        if x.shape != t.shape or t.ndim != 1 or not len(t):
+            raise SignalFileError(f"{path}: {name} has shape {x.shape}, expected ({t.size},): one number for each time")
+        if not np.isfinite(x).all():
+            i = int(np.argmin(np.isfinite(x)))
+            raise SignalFileError(f"{path}: {name}[{i}] is {x[i]}, expected finite numbers")
+    if len(t) > 1 and (np.diff(t) <= 0).any():
+        i = int(np.argmax(np.diff(t) <= 0))
+        raise SignalFileError(f"{path}: time {t[i + 1]:g} follows {t[i]:g}; times must rise")
+    return t, columns
+
+
+def _read_csv(path: str) -> dict[str, Array]:
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = [(i, row) for i, row in enumerate(csv.reader(file), 1) if any(x.strip() for x in row)]
+    except OSError as error:
+        raise SignalFileError(f"{path}: {error.strerror or error}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SignalFileError(f"{path}: no table of text: {error}") from None
+    if not rows:
+        raise SignalFileError(f"{path}: is empty; the first line has names, such as t,motor")
+    names = [x.strip() for x in rows[0][1]]
+    if any(_number(x) is not None for x in names) or not all(names):
+        raise SignalFileError(f"{path}:{rows[0][0]}: {','.join(names)}: the first line has names, such as t,motor")
+    if len(set(names)) < len(names):
+        raise SignalFileError(f"{path}:{rows[0][0]}: {', '.join(names)}: each name may be given once")
+    found = np.empty((len(rows) - 1, len(names)))
+    for i, (line, row) in enumerate(rows[1:]):
+        if len(row) != len(names):
+            raise SignalFileError(f"{path}:{line}: {len(row)} values, expected {len(names)}: {', '.join(names)}")
+        for k, text in enumerate(row):
+            number = _number(text)
+            if number is None:
+                raise SignalFileError(f"{path}:{line}: {names[k]} is {text.strip()!r}, expected a finite number")
+            found[i, k] = number
+    return {name: found[:, k] for k, name in enumerate(names)}
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _read_npz(path: str) -> dict[str, Array]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: np.asarray(archive[name], float) for name in archive.files}
+    except OSError as error:
+        raise SignalFileError(f"{path}: {error.strerror or error}") from None
+    except (ValueError, TypeError, EOFError, MemoryError, KeyError, AttributeError, zipfile.BadZipFile) as error:
+        raise SignalFileError(f"{path}: no archive of arrays of numbers: {error}") from None
+
+
+def joined(
+    signals: Mapping[str, tuple[Array, Array]], between: Mapping[str, str], otherwise: str
+) -> dict[str, tuple[Any, ...]]:
+    """Signals as `Solver.simulate` takes them, each joined as it is said for it, or as for the others."""
+    return {name: (t, x, between.get(name, otherwise)) for name, (t, x) in signals.items()}
+
+
+__all__ = ["SignalFileError", "is_signal_file", "joined", "read_signals"]
