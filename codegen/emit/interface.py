@@ -156,7 +156,7 @@ def _branching_motion(model: Model) -> dict[str, Any]:
     """Prescribed motion that has branches, as expression trees: at other parameters its velocity may jump."""
     moving = {"t", *model.inputs}
     found = [
-        {"name": x.name, "tree": x.value.tree}
+        {"name": x.name, "names": sorted(x.value.names), "tree": x.value.tree}
         for x in model.prescribed
         if any(not Expression(s).names.isdisjoint(moving) for _, s in nodes(x.value.tree))
     ]

@@ -158,15 +158,19 @@ def _switched_by(
 
 
 def _changes(f: Callable[[np.ndarray], np.ndarray], t: np.ndarray) -> Iterator[float]:
-    """Where a function changes its sign, or is zero at one of some times; by bisection."""
-    sign = np.sign(f(t))
-    for i in np.flatnonzero(sign == 0.0)[:MOST_TIMES]:
-        yield float(t[i])
+    """Where a function changes its sign, or is zero at one of some times."""
+    of = f(t)
+    sign = np.sign(of)
+    yield from t[sign == 0.0][:MOST_TIMES].tolist()
     for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0)[:MOST_TIMES]:
-        low, high, of = float(t[i]), float(t[i + 1]), sign[i]
-        while low < (middle := 0.5 * (low + high)) < high:
-            here = np.sign(f(np.array([middle]))[0])
-            low, high = (middle, high) if here == of else (low, middle)
+        low, high = float(t[i]), float(t[i + 1])
+        guess = low - float(of[i]) * (high - low) / float(of[i + 1] - of[i])  # of what is linear between both
+        apart = 4.0 * np.spacing(max(abs(low), abs(high)))
+        beside = np.array([max(guess - apart, low), min(guess + apart, high)])
+        if np.array_equal(np.sign(f(beside)), sign[i : i + 2]):
+            low, high = beside.tolist()
+        while low < (middle := 0.5 * (low + high)) < high:  # bisection
+            low, high = (middle, high) if np.sign(f(np.array([middle]))[0]) == sign[i] else (low, middle)
         yield high
 
 
@@ -183,15 +187,17 @@ def _jumps(
 ) -> Iterator[tuple[int, int, float, float]]:
     """Which of some times jumps, the order of the derivative that does, and its values before and after."""
     found: dict[int, tuple[int, int, float, float]] = {}
-    near_by = t[:, None] + NEAR_BY * np.maximum(t, 1.0)[:, None]
     for order, e in enumerate(motion):
         before, after = (_beside(e, at, t, side) for side in (-1.0, 1.0))
-        around = _plain(e, at(near_by), near_by.shape)
-        around = np.abs(np.where(np.isfinite(around), around, 0.0)).max(axis=1)
-        size = np.maximum(around, np.maximum(np.abs(before), np.abs(after)))
+        size = np.maximum(np.abs(before), np.abs(after))
         with np.errstate(invalid="ignore"):
-            jumps = np.isfinite(size) & (np.abs(after - before) > JUMP * size)
-        for i in np.flatnonzero(jumps).tolist():
+            jumps = np.flatnonzero(np.isfinite(size) & (np.abs(after - before) > JUMP * size))
+        if len(jumps):
+            near_by = t[jumps, None] + NEAR_BY * np.maximum(t[jumps], 1.0)[:, None]
+            around = _plain(e, at(near_by), near_by.shape)
+            around = np.abs(np.where(np.isfinite(around), around, 0.0)).max(axis=1)
+            jumps = jumps[np.abs(after - before)[jumps] > JUMP * np.maximum(around, size[jumps])]
+        for i in jumps.tolist():
             found.setdefault(i, (i, order, float(before[i]), float(after[i])))
     yield from (found[i] for i in sorted(found))
 

@@ -190,8 +190,8 @@ class Switches:
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
         """The tree with held functions in the place of those that have branches.
 
-        Of prescribed motion, which `moves`, the second derivative acts: steps, and tables that parameters or inputs shift, are
-        held there, although they are smooth in a force.
+        Of prescribed motion, which `moves`, the second derivative acts: steps and cubic tables, which are smooth in a force, are
+        held there.
         """
         if tree[0] in ("number", "name"):
             return tree
@@ -207,8 +207,7 @@ class Switches:
         if kind == "call" and tree[1] in PARTLY_DEFINED:
             self._locate(tree, tree[2])
             return tree
-        is_step = tree[0] == "*" and tree[1][0] == "**"
-        if _is_smooth_step(tree) and not (moves and (is_step or Expression(tree[1]).names - {"t"})):
+        if _is_smooth_step(tree) and not moves:
             return tree
         if kind != "call":
             return (kind, *(self.hold(a, moves) for a in tree[1:]))

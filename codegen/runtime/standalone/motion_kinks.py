@@ -40,25 +40,21 @@ def first_kink(motion: Sequence[Mapping[str, Any]], known: Known, times: Array) 
     Parameters
     ----------
     motion : sequence of mapping
-        With ``name`` and ``tree``, see the manifest.
+        With ``name`` and ``tree``, see the manifest; names that the tree has are there as ``names``.
     known : callable
     times : array
         Rising, from the start to the end of the motion, where switching functions are looked at.
     """
     found: list[tuple[float, str]] = []
     for one in motion:
-        tree = one["tree"]
-        zeros = sorted({t for s in _switching(tree) for t in _zeros(s, known, times)})
+        tree = _hashable(one["tree"])
+        zeros = sorted({t for s in dict.fromkeys(_switching(tree)) for t in _zeros(s, known, times)})
         if not zeros:
             continue
         t = np.array(zeros)
-        near_by = t[:, None] + NEAR_BY * np.maximum(np.abs(t), 1.0)[:, None]
         for order, what in enumerate(("value", "velocity")):
             before, after = (_beside(tree, known, t, side, order) for side in (-1.0, 1.0))
-            around = _finite(_evaluated(tree, known(near_by), near_by.shape)[order])
-            size = np.maximum(np.abs(around).max(axis=1), np.maximum(np.abs(before), np.abs(after)))
-            with np.errstate(invalid="ignore"):
-                jumps = np.flatnonzero(np.isfinite(size) & (np.abs(after - before) > JUMP * size))
+            jumps = _are_jumps(tree, known, t, order, before, after)
             if len(jumps):
                 i = int(jumps[0])
                 message = (
@@ -68,6 +64,11 @@ def first_kink(motion: Sequence[Mapping[str, Any]], known: Known, times: Array) 
                 )
                 found.append((zeros[i], message))
     return min(found, default=None)
+
+
+def _hashable(tree: Any) -> Any:
+    """A tree of lists as one of tuples."""
+    return tuple(map(_hashable, tree)) if isinstance(tree, (list, tuple)) else tree
 
 
 def known_of(names: Sequence[str], p: Array, input_names: Sequence[str], inputs: Inputs) -> Known:
@@ -98,7 +99,7 @@ def times_of(start: float, end: float, inputs: Inputs) -> Array:
 # -- switching functions ---------------------------------------------------------------------------------------------
 
 
-def _switching(tree: Sequence[Any]) -> Iterator[Sequence[Any]]:
+def _switching(tree: Sequence[Any]) -> Iterator[Any]:
     """The switching functions of a tree, as trees."""
     kind = tree[0]
     if kind in ("number", "name"):
@@ -133,34 +134,71 @@ def _zeros(s: Sequence[Any], known: Known, times: Array) -> Iterator[float]:
     def slope(t: Array) -> Array:
         return _evaluated(s, known(t), t.shape)[1]
 
-    by = slope(times)
-    if not np.isfinite(by).any() or (not by.any() and not f(times).any()):
-        return
-    if np.ptp(by) == 0.0 and len(by) and by[0]:
-        t = float(times[0] - f(times[:1])[0] / by[0])
-        if abs(f(np.array([t]))[0]) > abs(f(np.array([np.nextafter(t, math.inf)]))[0]):
-            t = float(np.nextafter(t, math.inf))
+    if (rate := _constant_rate(s, known, times[:1])) is not None:
+        t = float(times[0] - f(times[:1])[0] / rate) if rate and math.isfinite(rate) else math.nan
         if times[0] <= t <= times[-1]:
             yield t
+        return
+    if not np.isfinite(of := f(times)).any() or not of.any():
         return
     extremes = np.array(list(_changes(slope, times)))
     yield from _changes(f, np.union1d(times, extremes))
     if len(extremes):
-        size = np.abs(_finite(f(times))).max(initial=0.0)
+        size = np.abs(_finite(of)).max(initial=0.0)
         yield from extremes[np.abs(f(extremes)) <= 1e-12 * size].tolist()
 
 
+def _constant_rate(s: Sequence[Any], known: Known, t: Array) -> float | None:
+    """The rate of a function that is linear in time, and has nothing else that changes; else None."""
+    names = known(t)
+
+    def degree(tree: Sequence[Any]) -> int:
+        """In time: 0, 1, or 2 for what is of a higher one, or unknown."""
+        kind = tree[0]
+        if kind == "number":
+            return 0
+        if kind == "name":
+            return 1 if tree[1] == "t" else 0 if np.ndim(names[tree[1]][0]) == 0 else 2
+        of = [degree(a) for a in tree[2 if kind == "call" else 1 :]]
+        if kind in ("+", "-", "neg"):
+            return max(of)
+        if kind == "*" or (kind == "/" and not of[1]):
+            return min(sum(of), 2)
+        return 2 if any(of) else 0
+
+    return float(_evaluated(s, names, t.shape)[1][0]) if degree(s) < 2 else None
+
+
 def _changes(f: Callable[[Array], Array], t: Array) -> Iterator[float]:
-    sign = np.sign(f(t))
+    """Where a function changes its sign, or is zero at one of some times."""
+    of = f(t)
+    sign = np.sign(of)
     yield from t[sign == 0.0].tolist()
     for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
         low, high = float(t[i]), float(t[i + 1])
-        while low < (middle := 0.5 * (low + high)) < high:
+        guess = low - float(of[i]) * (high - low) / float(of[i + 1] - of[i])  # of what is linear between both
+        apart = 4.0 * np.spacing(max(abs(low), abs(high)))
+        beside = np.array([max(guess - apart, low), min(guess + apart, high)])
+        if np.array_equal(np.sign(f(beside)), sign[i : i + 2]):
+            low, high = beside.tolist()
+        while low < (middle := 0.5 * (low + high)) < high:  # bisection
             low, high = (middle, high) if np.sign(f(np.array([middle]))[0]) == sign[i] else (low, middle)
         yield high
 
 
 # -- from both sides -------------------------------------------------------------------------------------------------
+
+
+def _are_jumps(tree: Sequence[Any], known: Known, t: Array, order: int, before: Array, after: Array) -> Any:
+    """Which of some times jump: beside what there is near by."""
+    size = np.maximum(np.abs(before), np.abs(after))
+    with np.errstate(invalid="ignore"):
+        found = np.flatnonzero(np.isfinite(size) & (np.abs(after - before) > JUMP * size))
+    if not len(found):
+        return found
+    near_by = t[found, None] + NEAR_BY * np.maximum(np.abs(t[found]), 1.0)[:, None]
+    around = np.abs(_finite(_evaluated(tree, known(near_by), near_by.shape)[order])).max(axis=1)
+    return found[np.abs(after - before)[found] > JUMP * np.maximum(around, size[found])]
 
 
 def _beside(tree: Sequence[Any], known: Known, t: Array, side: float, order: int) -> Array:

@@ -31,6 +31,9 @@ CLOSED = 1e-10
 MOST_STEPS = 1_000_000
 """So many steps are made unless a caller allows more."""
 
+MOST_KINKS = 64
+"""So many parameters and times are remembered for which prescribed motion has been looked at."""
+
 SHORT_OF_KINK = 1e-12
 """A motion ends before a kink of prescribed motion by this part of its time."""
 
@@ -265,8 +268,15 @@ class Simulation(MotionRun):
         motion = self._manifest.get("branching_motion", ())
         if not motion:
             return end, times, ""
-        known = known_of(self.parameter_names, p, self.input_names, inputs)
-        found = first_kink(motion, known, times_of(start, end, inputs))
+        names = {n for one in motion for n in one["names"]}
+        key = (start, end, *(x for n, x in zip(self.parameter_names, p.tolist(), strict=True) if n in names))
+        looked_at: dict[Any, tuple[float, str] | None] = self.__dict__.setdefault("_kinks", {})
+        if key not in looked_at or not names.isdisjoint(self.input_names):
+            known = known_of(self.parameter_names, p, self.input_names, inputs)
+            if len(looked_at) >= MOST_KINKS:
+                looked_at.clear()
+            looked_at[key] = first_kink(motion, known, times_of(start, end, inputs))
+        found = looked_at[key]
         if found is None:
             return end, times, ""
         t, message = found
