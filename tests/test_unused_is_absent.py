@@ -93,6 +93,10 @@ FEATURES = {
     "prescribed motion": Feature(
         "motion: {a: 0.3*sin(t)}\n", "prescribed", "driving_forces t", "driving_forces.py"
     ),
+    "prescribed motion with branches": Feature(
+        "motion: {a: 0.3*max(0, t - 1)**2}\n", "prescribed", "driving_forces t branching_motion",
+        "driving_forces.py prescribed_branches.py motion_kinks.py",
+    ),
     "loops": Feature(
         f"{PINNED}initial: {{q: {{a: 0.3, b: 0.1}}}}\n", "closure ear", "closure completion condition closures",
         "loops.py loop_forces.py assembly.py newton.py",

@@ -20,6 +20,7 @@ from .standalone.outputs import Outputs
 from .standalone.package import Package
 from .standalone.partitions import Partitions
 from .standalone.precision import Precision, extended
+from .standalone.prescribed_branches import PrescribedBranches
 from .standalone.reactions import Reactions
 from .standalone.redundancy import Redundancy
 from .standalone.statics import Statics
@@ -39,6 +40,7 @@ class Solver(
     Outputs,
     TreeForces,
     LoopForces,
+    PrescribedBranches,
     Judging,
     DrivingForces,
     Reactions,

@@ -17,7 +17,6 @@ from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import Inputs
-from .motion_kinks import first_kink, known_of, times_of
 from .motion_problem import METHODS, Problem, Run
 from .motion_run import MotionRun, Progress, places_in_rows
 from .motion_switches import switch_words
@@ -30,12 +29,6 @@ CLOSED = 1e-10
 
 MOST_STEPS = 1_000_000
 """So many steps are made unless a caller allows more."""
-
-MOST_KINKS = 64
-"""So many parameters and times are remembered for which prescribed motion has been looked at."""
-
-SHORT_OF_KINK = 1e-12
-"""A motion ends before a kink of prescribed motion by this part of its time."""
 
 STEPS_OF_PRESCRIBED = 100
 """Where nothing is integrated, steps have no error, and results are wanted between the ends of the motion all the same."""
@@ -258,33 +251,8 @@ class Simulation(MotionRun):
     def _before_kinks(
         self, start: float, end: float, times: Array, p: Array, inputs: Inputs
     ) -> tuple[float, Array, str]:
-        """End and times of a motion up to the first kink of prescribed motion, and why it goes no farther, if there is one.
-
-        Raises
-        ------
-        SimulationError
-            It begins there.
-        """
-        motion = self._manifest.get("branching_motion", ())
-        if not motion:
-            return end, times, ""
-        names = {n for one in motion for n in one["names"]}
-        key = (start, end, *(x for n, x in zip(self.parameter_names, p.tolist(), strict=True) if n in names))
-        looked_at: dict[Any, tuple[float, str] | None] = self.__dict__.setdefault("_kinks", {})
-        if key not in looked_at or not names.isdisjoint(self.input_names):
-            known = known_of(self.parameter_names, p, self.input_names, inputs)
-            if len(looked_at) >= MOST_KINKS:
-                looked_at.clear()
-            looked_at[key] = first_kink(motion, known, times_of(start, end, inputs))
-        found = looked_at[key]
-        if found is None:
-            return end, times, ""
-        t, message = found
-        message = f"the motion ends at t = {t:.9g} s: {message}"
-        before = t - SHORT_OF_KINK * max(abs(t), end - start)  # where the branches are still those before it
-        if before <= start:
-            raise SimulationError(message, None)
-        return before, times[times <= before], message
+        """End and times of a motion, and why it goes no farther; `PrescribedBranches` looks, where there may be a reason."""
+        return end, times, ""
 
     def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
         """A consistent initial state at parameters, and inputs and a time, which prescribed motion makes use of."""
