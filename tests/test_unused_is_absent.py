@@ -94,7 +94,7 @@ FEATURES = {
         "motion: {a: 0.3*sin(t)}\n", "prescribed", "driving_forces t", "driving_forces.py"
     ),
     "prescribed motion with branches": Feature(
-        "motion: {a: 0.3*max(0, t - 1)**2}\n", "prescribed", "driving_forces t branching_motion",
+        "motion: {a: '0.3*max(0, t - 1)**2'}\n", "prescribed", "driving_forces t branching_motion",
         "driving_forces.py prescribed_branches.py motion_kinks.py",
     ),
     "loops": Feature(
