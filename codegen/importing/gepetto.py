@@ -8,6 +8,7 @@ revolute.
 from __future__ import annotations
 
 import os
+from itertools import permutations
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,10 +21,10 @@ from .robot import Closing, Effect, Place, Robot
 
 BESIDE: Final = "robot.yaml"
 KEYS: Final = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
-_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_AXES: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 JOINTS: Final[dict[str, tuple[str, tuple[Three, ...]]]] = {
-    "SPHERICAL": ("spherical", ()), "FIXED": ("fixed", ()), "CARDAN": ("universal", (_X, _Y)),
-    "UJOINT_XY": ("universal", (_X, _Y)), "UJOINT_YZ": ("universal", (_Y, _Z)), "UJOINT_ZX": ("universal", (_Z, _X)),
+    "SPHERICAL": ("spherical", ()), "FIXED": ("fixed", ()), "CARDAN": ("universal", (_AXES["X"], _AXES["Y"])),
+    **{f"UJOINT_{a}{b}": ("universal", (_AXES[a], _AXES[b])) for a, b in permutations("XYZ", 2)},
 }  # fmt: skip
 """What its types of joints are, with axes in the joint's frame."""
 LOOPS: Final = {"3D": "point", "6D": "fixed"}
@@ -111,7 +112,8 @@ class _Reader:
         joint = self.robot.joints.get(name)
         if joint is None:
             known = list(self.robot.joints)
-            self.wrong(f"joint {shortened(name)} is not in the URDF{nearest(name, known)}", "joint_name", k)
+            message = f"joint {shortened(name)} is not in the URDF, and stays as it is there{nearest(name, known)}"
+            self.robot.warnings.append(self.place("joint_name", k).problem(message, "warning"))
         elif type_ not in JOINTS:
             hint = nearest(type_, JOINTS)
             self.wrong(f"joint_type {shortened(type_)}; {', '.join(JOINTS)} are allowed{hint}", "joint_type", k)

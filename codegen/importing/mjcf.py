@@ -182,8 +182,8 @@ class _Reader:
         found = self.places.get((kind, name)) if name else None
         if found is None and number is not None and self.parts is not None:
             listed = self.parts.joints() if kind == "joint" else self.parts.listed(kind)
-            if len(listed) == len(self.ranked(kind)):
-                found = place_of(listed[number])
+            if listed and len(self.ranked(kind)) % len(listed) == 0:  # copies of an attached model follow each other
+                found = place_of(listed[number % len(listed)])
         return found or Place(self.file)
 
     def ranked(self, kind: str) -> range:

@@ -133,6 +133,15 @@ def test_the_robot_yaml_beside_a_urdf_is_read(tmp_path):
     assert not imported(tmp_path, text).model.loops
 
 
+def test_a_joint_that_is_not_there_is_a_warning(tmp_path):
+    (tmp_path / "robot.yaml").write_text("joint_name: [x, a]\njoint_type: [FIXED, UJOINT_ZY]\n")
+    found = imported(tmp_path, BARS)
+    assert "axes: [z, y]" in found.text
+    assert found.warnings[0].endswith(
+        "robot.yaml:1:14: warning: joint 'x' is not in the URDF, and stays as it is there"
+    )
+
+
 def test_without_types_loops_are_closed_wholly(tmp_path):
     (tmp_path / "robot.yaml").write_text("closed_loop: [[foot, base]]\n")
     found = imported(tmp_path, freed(BARS))
@@ -154,7 +163,6 @@ def test_without_types_loops_are_closed_wholly(tmp_path):
         ("closed_loop: [[foot, base]]\ntype: [4D]\n", "robot.yaml:2:8: type '4D'; 3D or 6D is allowed"),
         ("closed_loop: [[foot, base]]\ntype: [3D, 3D]\n", "type has 2 entries and closed_loop has 1; as many are needed"),
         ("joint_name: [a]\njoint_type: [BALL]\n", "joint_type 'BALL'; SPHERICAL, FIXED, CARDAN, UJOINT_XY"),
-        ("joint_name: [x]\njoint_type: [FIXED]\n", "joint 'x' is not in the URDF"),
         ("joint_name: [a]\njoint_type: 3\n", "joint_type is no list of names"),
         ("joint_name: [a]\nname_mot: [a]\n", "joint_name has 1 entries, and there is no joint_type"),
     ],
