@@ -1,5 +1,6 @@
 """Calls with one state: the faster path for plain arrays and the general one give the same bits, whatever the function is."""
 
+import dataclasses
 import threading
 from pathlib import Path
 
@@ -85,7 +86,7 @@ def arrays_of(result):
         return [result]
     if isinstance(result, (tuple, list)):
         return [a for x in result for a in arrays_of(x)]
-    return [a for n in result.__slots__ if n != "names" for a in arrays_of(getattr(result, n))]
+    return [a for of in dataclasses.fields(result) if of.name != "names" for a in arrays_of(getattr(result, of.name))]
 
 
 def same(a, b):

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from .arrays import Array
+from .arrays import Array, Indices
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(init=False, eq=False)
 class FrameMotion:
     """Frames of bodies against the ground, along the ground's axes; or the derivatives of all that, directions first.
 
@@ -38,8 +37,53 @@ class FrameMotion:
     position: Array
     angular_velocity: Array
     velocity: Array
-    angular_acceleration: Array | None = None
-    acceleration: Array | None = None
+    angular_acceleration: Array | None
+    acceleration: Array | None
+
+    def __init__(self, names: tuple[str, ...], frames: Array, accelerations: Array | None):
+        self.names = names
+        self._frames, self._accelerations = frames, accelerations
+
+    def __getattr__(self, name: str) -> Any:
+        """An array, which is part of the numbers of the C; made when it is first accessed."""
+        if name not in PLACES:
+            raise AttributeError(f"FrameMotion has no attribute {name!r}")
+        whole = self._frames if name in OF_FRAMES else self._accelerations
+        found = None if whole is None else whole[..., PLACES[name]]
+        if name == "rotation" and found is not None:
+            found = found.reshape(*found.shape[:-1], 3, 3)
+        setattr(self, name, found)
+        return found
+
+    def of(self, places: Indices, tangents: bool) -> FrameMotion:
+        """Frames by their places among these; behind the last is the ground's, which does not move, nor do its tangents."""
+        frames, accelerations = self._frames, self._accelerations
+        if places.max(initial=0) == frames.shape[-2]:
+            frames = _with_one(frames, 0.0 if tangents else AT_REST)
+            accelerations = None if accelerations is None else _with_one(accelerations, 0.0)
+        return FrameMotion(
+            self.names, frames[..., places, :], None if accelerations is None else accelerations[..., places, :]
+        )
+
+
+OF_FRAMES = {
+    "rotation": slice(0, 9), "position": slice(9, 12), "angular_velocity": slice(12, 15), "velocity": slice(15, 18),
+}  # fmt: skip
+PLACES = OF_FRAMES | {"angular_acceleration": slice(0, 3), "acceleration": slice(3, 6)}
+"""Where arrays are in the 18 numbers of a frame and the 6 of its accelerations."""
+
+YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Components of cross products."""
+
+AT_REST = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, *[0.0] * 9])
+"""The numbers of the ground's frame."""
+
+
+def _with_one(x: Array, last: Array | float) -> Array:
+    """Numbers (..., n, m) with one more row behind them."""
+    found = np.empty((*x.shape[:-2], x.shape[-2] + 1, x.shape[-1]), x.dtype)
+    found[..., :-1, :], found[..., -1, :] = x, last
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,53 +108,24 @@ class PointMotion:
     acceleration: Array | None = None
 
 
-Motion = TypeVar("Motion", FrameMotion, PointMotion)
-
-
 def frames_from(frames: Array, accelerations: Array | None, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
     """Frames of some bodies from the numbers of all: (..., 18 nbodies) and (..., 6 nbodies) or None.
 
     `bodies` is an index of the axis of bodies: a slice, a list, or the number of one, whose arrays are without that axis.
     """
     x = frames.reshape(*frames.shape[:-1], frames.shape[-1] // 18, 18)[..., bodies, :]
-    rotation = x[..., :9].reshape(*x.shape[:-1], 3, 3)
     if accelerations is None:
-        return FrameMotion(names, rotation, x[..., 9:12], x[..., 12:15], x[..., 15:])
-    a = accelerations.reshape(*accelerations.shape[:-1], accelerations.shape[-1] // 6, 6)[..., bodies, :]
-    return FrameMotion(names, rotation, x[..., 9:12], x[..., 12:15], x[..., 15:], a[..., :3], a[..., 3:])
+        return FrameMotion(names, x, None)
+    a = accelerations.reshape(*accelerations.shape[:-1], accelerations.shape[-1] // 6, 6)
+    return FrameMotion(names, x, a[..., bodies, :])
 
 
-def with_ground(frames: FrameMotion, tangents: bool) -> FrameMotion:
-    """The ground after the last frame; or its derivatives, which are zero."""
-
-    def extended(name: str, x: Array, axis: int) -> Array:
-        of_ground = np.zeros(x.shape[axis + 1 :], x.dtype)
-        if name == "rotation" and not tangents:
-            np.fill_diagonal(of_ground, 1)
-        one = np.broadcast_to(of_ground, (*x.shape[:axis], 1, *of_ground.shape))
-        return np.concatenate([x, one], axis=axis)
-
-    return _each(frames, extended)
-
-
-def taken(frames: FrameMotion, places: Sequence[int]) -> FrameMotion:
-    """Frames by their places among some."""
-    return _each(frames, lambda _, x, axis: np.take(x, list(places), axis=axis))
-
-
-def alone(motion: Motion) -> Motion:
+def alone(motion: PointMotion) -> PointMotion:
     """The motion of the only one, without the axis n."""
-    return _each(motion, lambda _, x, axis: np.squeeze(x, axis=axis))
-
-
-def _each(motion: Motion, f: Callable[[str, Array, int], Array]) -> Motion:
-    """A motion with other arrays, each made of its name, the array and which axis n is."""
-    made: dict[str, Any] = {}
-    for of in fields(motion):
-        x = getattr(motion, of.name)
-        if of.name != "names" and x is not None:
-            made[of.name] = f(of.name, x, x.ndim - (3 if of.name == "rotation" else 2))
-    return replace(motion, **made)
+    x = motion.acceleration
+    return PointMotion(
+        motion.names, motion.position[..., 0, :], motion.velocity[..., 0, :], None if x is None else x[..., 0, :]
+    )
 
 
 def points_on(frames: FrameMotion, r: Array, names: tuple[str, ...]) -> PointMotion:
@@ -143,15 +158,15 @@ def point_tangents(
 
 def times(R: Array, r: Array | float) -> Array | float:
     """Matrices times vectors; nothing of nothing."""
-    return 0.0 if isinstance(r, float) else (R * r[..., None, :]).sum(axis=-1)
+    return 0.0 if isinstance(r, float) else np.add.reduce(R * r[..., None, :], axis=-1)
 
 
 def cross(a: Array, b: Array | float) -> Array | float:
     """Cross products; nothing of nothing."""
     if isinstance(b, float):
         return 0.0
-    (ax, ay, az), (bx, by, bz) = (np.moveaxis(x, -1, 0) for x in (a, b))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    found: Array = a.take(YZX, -1) * b.take(ZXY, -1) - a.take(ZXY, -1) * b.take(YZX, -1)
+    return found
 
 
-__all__ = ["FrameMotion", "PointMotion", "alone", "frames_from", "point_tangents", "points_on", "taken", "with_ground"]
+__all__ = ["FrameMotion", "PointMotion", "alone", "frames_from", "point_tangents", "points_on"]

@@ -11,17 +11,11 @@ import numpy as np
 
 from .arguments import some
 from .arrays import Array, Numbers, Times
-from .frame_motion import (
-    FrameMotion,
-    PointMotion,
-    alone,
-    frames_from,
-    point_tangents,
-    points_on,
-    taken,
-    with_ground,
-)
+from .frame_motion import FrameMotion, PointMotion, alone, frames_from, point_tangents, points_on
 from .package import Package
+
+MOST_CHOICES = 64
+"""Choices of points that are remembered."""
 
 Bodies = str | Sequence[str] | None
 """Names of bodies, or one alone; left out: all."""
@@ -114,9 +108,9 @@ class Frames(Package):
         PointMotion
             In the ground frame.
         """
-        chosen = _Chosen(self, points)
+        chosen = self._chosen(points)
         given = (q, self._moving_at(u), p, inputs, t)
-        frames = self._frames(given, accelerations, chosen.bodies, chosen.names)
+        frames = self._frames(given, accelerations, slice(None), chosen.names)
         found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
         return alone(found) if chosen.single else found
 
@@ -136,9 +130,9 @@ class Frames(Package):
         PointMotion
             Derivatives, with the k directions first: ``position (k, ..., n, 3)`` and so on.
         """
-        chosen = _Chosen(self, points)
+        chosen = self._chosen(points)
         given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
-        values, tangents = self._frames_along(given, along, accelerations, chosen.bodies, chosen.names)
+        values, tangents = self._frames_along(given, along, accelerations, slice(None), chosen.names)
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
         r = chosen.places(p)
         found = points_on(frames, r, chosen.names)
@@ -156,8 +150,8 @@ class Frames(Package):
         (..., n, 6, nu)
             See `frame_jacobians`.
         """
-        chosen = _Chosen(self, points)
-        values, tangents = self._by_speeds(q, p, inputs, t, chosen.bodies, chosen.names)
+        chosen = self._chosen(points)
+        values, tangents = self._by_speeds(q, p, inputs, t, slice(None), chosen.names)
         frames, along = chosen.carriers(values, False), chosen.carriers(tangents, True)
         moved = point_tangents(frames, along, chosen.places(p), 0.0, chosen.names)
         found = _columns(along.angular_velocity, moved.velocity)
@@ -178,6 +172,23 @@ class Frames(Package):
             return _place(bodies, known, "bodies"), (bodies,)
         names = tuple(_several(bodies, "bodies"))
         return [_place(n, known, "bodies") for n in names], names
+
+    def _chosen(self, points: Points) -> _Chosen:
+        """The points that are asked for; loops ask for the same."""
+        key = tuple(points) if isinstance(points, list) else points
+        try:
+            found = self._chosen_before.get(key)
+        except TypeError:  # places in lists and arrays
+            return _Chosen(self, points)
+        if found is None:
+            found = _Chosen(self, points)
+            if len(self._chosen_before) < MOST_CHOICES:
+                self._chosen_before[key] = found
+        return found
+
+    @functools.cached_property
+    def _chosen_before(self) -> dict[Any, _Chosen]:
+        return {}
 
     def _known_bodies(self, member: str) -> tuple[str, ...]:
         """Names of the model's bodies.
@@ -229,11 +240,15 @@ class _Chosen:
 
     Attributes
     ----------
-    bodies : list of int
-        That carry some of them, each once, without the ground.
+    on : array of int
+        The body that carries each; behind the last body is the ground.
+    given : array (n, 3)
+        Places in their bodies, where parameters do not move them.
     names : tuple of str
     single : bool
         One was asked for alone.
+    moved : bool
+        Whether parameters move some of them in their bodies.
     """
 
     def __init__(self, solver: Frames, points: Points):
@@ -269,13 +284,13 @@ class _Chosen:
             self.of_model.append(number)
             called.append(point if isinstance(point, str) else f"{point[0]} {[float(e) for e in at]}")
         self.names = tuple(called)
-        self.bodies = list(dict.fromkeys(b for b in carriers if b >= 0))
-        self.on = [self.bodies.index(b) if b >= 0 else len(self.bodies) for b in carriers]
+        self.on = np.array([b if b >= 0 else len(known) for b in carriers], int)
         self.given = np.array(places).reshape(-1, 3)
+        self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
 
     def carriers(self, frames: FrameMotion, tangents: bool) -> FrameMotion:
         """The frame of each point's body, from those of the bodies."""
-        return taken(with_ground(frames, tangents), self.on)
+        return frames.of(self.on, tangents)
 
     def places(self, p: Numbers) -> Array:
         """Places of all in their bodies, (..., n, 3)."""
@@ -292,11 +307,6 @@ class _Chosen:
             "point_place_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None)
         )[1]
         return self._from(found, np.zeros_like(self.given))
-
-    @property
-    def moved(self) -> bool:
-        """Whether parameters move some of them in their bodies."""
-        return max(self.of_model, default=-1) >= 0 and "point_places" in self.solver._functions
 
     def _from(self, found: Array, others: Array) -> Array:
         """Places (..., 3 npoints) of the model's points, and others of points that are given."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from .arrays import Array, Shape
 from .functions import ARGUMENTS, SEEDS, Function
-from .results import overlapping, put
+from .results import overlapping
 
 LARGEST = 2**15
 """Numbers of all seeds and results of a call; above this size the C reads and writes the arrays themselves."""
@@ -290,7 +290,9 @@ class SingleCalls:
                     out = (out,)
                 if (out is None or fits(out, results)) and not call.call(call.function, call.x, bits, t, call.k):
                     if out is not None:
-                        found = put(results, out)
+                        for i, place in enumerate(out):
+                            place[...] = results[i]
+                        found = out
                     elif len(results) == 1:
                         found = (results[0].copy(),)
                     elif len(results) == 2:
@@ -308,14 +310,17 @@ ARRAY = np.ndarray
 
 def fits(out: Any, results: Sequence[Array]) -> bool:
     """Whether results may be written there."""
-    if type(out) not in (tuple, list) or len(out) != len(results):
+    count = len(results)
+    if type(out) not in (tuple, list) or len(out) != count:
         return False
     apart = True
-    for x, result in zip(out, results, strict=True):
-        if type(x) is not ARRAY or x.shape != result.shape or x.dtype != DOUBLE:
+    for i, x in enumerate(out):
+        if type(x) is not ARRAY or x.shape != results[i].shape or x.dtype != DOUBLE:
             return False
         flags = x.flags
         if not flags.carray:
             return False
         apart = apart and flags.owndata
-    return len(out) == 1 or not (len({*map(id, out)}) < len(out) if apart else overlapping(out))
+    if count == 1:
+        return True
+    return not overlapping(out) if not apart else len({*map(id, out)}) == count
