@@ -29,7 +29,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "DrivingForces": ("driving_forces", "driving_force_sensitivities"),
     "Reactions": ("reactions", "reaction_sensitivities"),
     "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
-    "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
+    "Loops": ("closure",), "States": (), "Redundancy": ("opening", "dropped"), "Partitions": (),
     "Precision": (),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""

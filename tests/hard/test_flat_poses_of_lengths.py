@@ -134,3 +134,25 @@ def test_gradients_say_so_both_ways(build: Callable[..., Any], way: str) -> None
         expected = together.judge(2.0, wanted, wrt=("L", "m", "u0.A"), method=way)
     np.testing.assert_allclose(found.gradients[:, 2:], expected.gradients[:, 1:], rtol=0, atol=1e-7)
     assert found.gradients[1, 0] + found.gradients[1, 1] == pytest.approx(expected.gradients[1, 0], abs=1e-7)
+
+
+def test_every_function_says_that_a_dropped_condition_is_open(build: Callable[..., Any]) -> None:
+    """At a state on the other branch, which the conditions that count allow; alone and in a batch."""
+    solver = three(build, 1.00001)
+    q, u = solver.initial
+    other = np.array([-1.0, 1.0, -1.0, 1.0])
+    calls: dict[str, Callable[[Any], Any]] = {
+        "accelerations": lambda x: solver.accelerations(x, u), "outputs": lambda x: solver.outputs(x, u),
+        "sensitivities": lambda x: solver.sensitivities(x, u, du=np.ones((1, 4))), "energies": lambda x: solver.energies(x, u),
+        "gradients": lambda x: solver.gradients(x, u, weights=np.ones(4)), "assemble": lambda x: solver.assemble(x, u),
+        "jacobians": lambda x: solver.jacobians(x, u, wrt="q"),
+    }  # fmt: skip
+    for name, call in calls.items():
+        with pytest.warns(RuntimeWarning, match=r"condition m\.l\d.* open by 1\.7"):
+            call(other)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            call(q)
+        assert not any("is open by" in str(w.message) for w in said), name
+    with pytest.warns(RuntimeWarning, match=r"open by 1\.7 \(state \[1\] of the batch\)"):
+        solver.accelerations(np.array([q, other]), u)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Numbers
+from .arrays import Array, Numbers
 from .assembly import allowed_gaps
 from .directions import take_directions
 from .functions import STATE
@@ -19,11 +19,55 @@ OPEN_SEED = 1e-7
 """A direction of parameters that opens a loop by more than this, per unit, does not keep its redundant conditions."""
 
 
+CLOSING = frozenset({
+    "closure", "conditions", "newton_step", "closing_step", "completion", "completion_sensitivities", "closure_sensitivities",
+})  # fmt: skip
+"""Functions that measure loops or close them: `closure` gives the residuals, and assembly issues a warning of its own."""
+
+
 class Redundancy(Package):
-    """Warns of directions that open redundant conditions."""
+    """Warns of directions that open redundant conditions, and of states where dropped conditions are open."""
+
+    def _use(self, opened: Opened) -> None:
+        super()._use(opened)
+        if opened.manifest.get("dropped"):
+            plain = self._one_state
+
+            def looked_at(
+                name: str, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None,
+                returned: tuple[str, ...] | None = None,
+            ) -> Sequence[Array] | None:  # fmt: skip
+                self._look_at_state(name, given)
+                return plain(name, given, seeds, out, returned)
+
+            self._one_state = looked_at
+
+    def _look_at_state(self, name: str, given: Sequence[Any]) -> None:
+        """Warn where conditions that were dropped are open by more than they may be."""
+        opened = self._opened
+        f = opened.functions.get(name)
+        if f is None or name in CLOSING:
+            return
+        known = f.named(given)
+        if known.get("q") is None:
+            return
+        arrays, batch, _ = self._taken(f, given)
+        gaps = opened.target.values(opened.functions["closure"], {"u": np.zeros(self.nu)} | dict(arrays), batch)[0]
+        allowed = allowed_gaps(opened)
+        excess = np.where(allowed > 0.0, np.abs(gaps) - allowed, -np.inf)
+        if (excess > 0.0).any():
+            worst = np.unravel_index(int(np.nanargmax(excess)), excess.shape)
+            place = f" (state {[int(i) for i in worst[:-1]]} of the batch)" if batch else ""
+            warn(
+                f"condition {self.closure_names[int(worst[-1])]} is open by {abs(gaps[worst]):.2g}{place}, beyond "
+                f"{allowed.max():g}: it was dropped since it follows from others within loop_tolerance where the package was "
+                f"generated, and {name} is of a mechanism without it"
+            )
 
     def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
         opened, dp = self._opened, seeds[STATE.index("p")]
+        if opened.manifest.get("dropped"):
+            self._look_at_state(name, given)
         if self._watched and dp is not None and name != "closure_sensitivities" and name in opened.functions:
             known = opened.functions[name].named(given)
             if "q" in known:
