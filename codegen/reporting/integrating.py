@@ -106,5 +106,5 @@ def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
 
 
 def evaluation(solver: Solver, names: Sequence[str]) -> int:
-    """Operations of the accelerations and their derivatives."""
-    return operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations")
+    """Operations of the accelerations and their derivatives; one where these are constants."""
+    return max(1, operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations"))

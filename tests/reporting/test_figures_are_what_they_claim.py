@@ -5,7 +5,7 @@ import pytest
 
 import codegen
 from codegen.bench import lines, page
-from codegen.reporting import motions
+from codegen.reporting import integrating, motions
 from codegen.reporting.differences import differences
 from codegen.reporting.states import State
 
@@ -77,3 +77,10 @@ def test_errors_that_are_rounding_make_no_diagram(error, derivative, is_rounding
     points = [{"error": 3e-16, "sensitivity_error": 1e-16}, {"error": error, "sensitivity_error": derivative}]
     assert motions._is_rounding({"dop853": points[:1], "radau": points}) is is_rounding
     assert not motions._is_rounding({"dop853": []})
+
+
+def test_accelerations_without_operations_can_be_measured(tmp_path):
+    """Those of a falling stone are a constant."""
+    _, solver = made(tmp_path, FALL)
+    assert integrating.evaluation(solver, []) == 1
+    assert integrating._most_steps(solver, [], 1.0) > 1
