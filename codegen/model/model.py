@@ -22,6 +22,7 @@ from .joints import JOINTS, Closure, JointType
 from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
 from .rates import rate, rates_of
+from .straight import signed_length
 from .surfaces import SurfaceFunction, surface_function
 from .switches import Switches
 
@@ -497,6 +498,8 @@ class Model:
                 found.add(e.tree, f"forces.{force.name}.{key}")
             if isinstance(force, Torsion):
                 found.add_turn(force.name)
+            elif not self.loops and (length := signed_length(self.bodies, self.motion, force)) is not None:
+                found.add_line(force.name, length)
         for i, output in enumerate(self.outputs):
             if output.expression is not None:
                 found.add(output.expression.tree, f"outputs.{output.name}.value", i)

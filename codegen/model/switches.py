@@ -114,8 +114,8 @@ class Switch:
         The tree of the switching function, in which the modes of other switches are held; of an angle of bodies none.
     kind : str
         A name of `KINDS`: what its mode is.
-    torsion : str
-        The force element whose angle jumps at half a turn, or nothing.
+    element : str
+        The force element whose angle jumps at half a turn, or whose ends pass each other; nothing for others.
     places : list of str
         Paths in the model file.
     drives : bool
@@ -128,7 +128,7 @@ class Switch:
     call: Tree
     value: Tree
     kind: str = "sign"
-    torsion: str = ""
+    element: str = ""
     places: list[str] = field(default_factory=list)
     drives: bool = False
     outputs: set[int] = field(default_factory=set)
@@ -136,8 +136,9 @@ class Switch:
     @property
     def words(self) -> str:
         """What changes its branch, for messages: ``sign(u.slope)``, ``q.band > s``."""
-        if self.torsion:
-            return f"the angle of {self.torsion}, at half a turn,"
+        if self.element:
+            what = "angle of {}, at half a turn," if self.kind == "turn" else "line of {}, whose ends coincide,"
+            return f"the {what.format(self.element)}"
         if self.call[1] != "at_least":
             return str(Expression(self.call))
         a, b = self.call[2:]
@@ -183,9 +184,13 @@ class Switches:
         """The angle between two bodies, which jumps at half a turn."""
         self.found.append(Switch(len(self.found), (), (), "turn", element, [f"forces.{element}"], drives=True))
 
-    def turn_of(self, element: str) -> Tree | None:
-        """The mode of the angle of a force element, if it has one."""
-        return next((("name", f"{MODE}{s.number}") for s in self.found if s.torsion == element), None)
+    def add_line(self, element: str, length: Tree) -> None:
+        """The line between two points that move along it, which turns over where they pass each other."""
+        self.found.append(Switch(len(self.found), (), length, "sign", element, [f"forces.{element}"], drives=True))
+
+    def mode_of(self, element: str) -> Tree | None:
+        """The mode of the angle or the line of a force element, if it has one."""
+        return next((("name", f"{MODE}{s.number}") for s in self.found if s.element == element), None)
 
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
         """The tree with held functions in the place of those that have branches.

@@ -79,7 +79,7 @@ def kinked(x0: float, h: float, k: float) -> float:
     return h + -v * (1 - t2) - 5 * (1 - t2) ** 2
 
 
-def derivative(f: Callable[[float], float], x: float, h: float = 1e-4) -> float:
+def derivative(f: Callable[[float], Any], x: float, h: float = 1e-4) -> Any:
     """Of order six."""
     return sum(c * (f(x + n * h) - f(x - n * h)) for n, c in ((1, 45), (2, -9), (3, 1))) / (60 * h)
 
@@ -238,3 +238,54 @@ def test_steps_that_are_made_again_keep_their_modes(jumping: Any, integrator: st
     options: dict[str, Any] = {"wrt": NAMES, "inputs": [0.0], "method": "adjoint", "integrator": integrator}
     found = [jumping.judge(1.0, wanted, memory=memory, rtol=1e-11, atol=1e-11, **options) for memory in (2**28, 2**15)]
     assert np.array_equal(found[0].gradients, found[1].gradients)
+
+
+FORCES = {
+    "springs through their points": """
+model: sliding
+parameters: {k: 20.0, L: 0.5, c: 0.3, b: 2.0}
+bodies:
+  a: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  b: {parent: a, joint: {type: prismatic, axis: -x, at: [L, 0, 0]}, mass: 2}
+points: {pa: {body: a, at: [0.1, 0, 0]}, pb: {body: b, at: [-0.1, 0, 0]}}
+forces:
+  one: {type: spring, from: ground, to: a, stiffness: k, damping: c, free_length: L}
+  two: {type: hardening_spring, from: pa, to: pb, stiffness: k, hardening: b, free_length: L, damping: c}
+initial: {q: {a: 1.5, b: 0.2}, u: {b: 3.0}}
+outputs: {a: {value: q.a}, b: {value: q.b}}
+""",
+    "points that pass a plane": """
+model: passing
+gravity: [0, 0, -10]
+parameters: {h: 0.4, k: 200.0, z0: 1.0, L: 1.0, c: 3.0}
+bodies:
+  ball: {parent: ground, joint: {type: prismatic, axis: z}, mass: 1}
+  arm:
+    {parent: ground, joint: {type: revolute, axis: y, at: [3, 0, 0]}, mass: 1, com: [L, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+  hand:
+    {parent: arm, joint: {type: revolute, axis: y, at: [L, 0, 0]}, mass: 0.5, com: [0.3, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+points: {tip: {body: hand, at: [0.5, 0, 0]}, foot: {body: ball, at: [0, 0, 0]}}
+forces:
+  floor: {type: force, on: foot, value: [0, 0, "k*max(0, h - position.foot.z)"]}
+  pad: {type: force, on: tip, value: [0, 0, "if(position.tip.z < -h and velocity.tip.z < 0, 2, 0) - c*velocity.tip.z"]}
+initial: {q: {ball: z0}}
+outputs: {z: {position: foot, axis: z}, tip: {position: tip, axis: z}, arm: {value: q.arm}}
+""",
+}
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_elements_that_jump(made: Callable[..., Made], name: str) -> None:
+    solver, model, *_ = made(parsed, FORCES[name])
+    names, wanted = list(solver.parameter_names), [Final(o) for o in solver.output_names]
+    options: dict[str, Any] = {"wrt": names, "rtol": 1e-11, "atol": 1e-11}
+    found = solver.judge(1.5, wanted, method="forward", **options).gradients
+    np.testing.assert_allclose(solver.judge(1.5, wanted, method="adjoint", **options).gradients, found, atol=1e-11)
+    assert len(model.switches.found) > 1
+    p = np.array(list(model.defaults.values()))
+    for i, value in enumerate(p):
+
+        def at(x: float, i: int = i) -> Any:
+            return solver.judge(1.5, wanted, p=np.where(np.arange(len(p)) == i, x, p), rtol=1e-13, atol=1e-13).values
+
+        np.testing.assert_allclose(found[:, i], derivative(at, value, 1e-4 * value), rtol=1e-6, atol=1e-7)

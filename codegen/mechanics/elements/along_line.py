@@ -35,6 +35,14 @@ class AlongLineLaw(Law):
         line, length = e.line()
         formula = bind(self.law.formula, e.absent)  # what is multiplied by zero is not asked for
         known = {"distance": length}
+        if e.turns_over:
+            along = e.along(line, length)
+            if "rate" in formula.names:
+                start, end = (end.velocity for end in e.ends[:2])
+                known["rate"] = e.let("rate", dot(along, minus(end, start)))
+            push = self._value(e, formula, known)
+            pushed: Vector = e.vector("force", [push * c for c in along])
+            return Wrench([-c for c in pushed]), Wrench(pushed)
         if "rate" in formula.names:
             inverse = e.let("inverse", 1 / length)
             start, end = (end.velocity for end in e.ends[:2])

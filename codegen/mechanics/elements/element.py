@@ -197,8 +197,23 @@ class Element:
 
     def turned(self, angle: Value) -> Value:
         """An angle that jumps at half a turn, within half a turn of its mode."""
-        number = len(self.kind.first.keys)
-        return self.let("turned", self.x.call("held_turn", angle, self._coefficient(number)))
+        return self.let("turned", self.x.call("held_turn", angle, self._mode))
+
+    @property
+    def turns_over(self) -> bool:
+        """Its ends move along one line, and may pass each other."""
+        return len(self.kind.forms) > len(self.kind.first.keys)
+
+    @property
+    def _mode(self) -> Value:
+        return self._coefficient(len(self.kind.first.keys))
+
+    def along(self, line: Vector, length: Value) -> Vector:
+        """The direction of the line between the first two ends."""
+        if self.turns_over:
+            return [c if is_zero(c) else self.let("along", self.x.call("held_sign", c, self._mode)) for c in line]
+        inverse = self.let("inverse", 1 / length)
+        return self.vector("along", [c * inverse for c in line])
 
     def require(self, value: Value) -> None:
         """Must be positive for the element to have a direction; see `ForceElement.singular`.
@@ -222,6 +237,12 @@ class Element:
         start, end = (end.position for end in self.ends[:2])
         line = self.vector("line", minus(end, start))
         square = self.let("square", dot(line, line))
+        if self.turns_over:  # its ends may pass each other
+            (moving,) = (c for c in line if not is_zero(c))
+            if directed:
+                mode = self._mode
+                self.require(square + mode * mode - self.x.number(SHORTEST**2))
+            return line, self.let("length", self.x.call("held_abs", moving, self._mode))
         if directed:
             self.require(square - self.x.number(SHORTEST**2))
         return line, self.let("length", self.x.sqrt(square))

@@ -15,8 +15,7 @@ class SpringLaw(Law):
     def wrenches(self, e: Element) -> Sequence[Wrench]:
         line, length = e.line()
         start, end = (end.velocity for end in e.ends)
-        inverse = e.let("inverse", 1 / length)
-        along = e.vector("along", [c * inverse for c in line])
+        along = e.along(line, length)
         rate = e.let("rate", dot(along, [end[i] - start[i] for i in range(3)]))
         stiffness, damping, free = (e.coefficient(key) for key in ("stiffness", "damping", "free_length"))
         pull = e.let("pull", stiffness * (length - free) + damping * rate)

@@ -26,7 +26,7 @@ MEASURED = {"position": ("pose",), "velocity": ("pose", "kinetic")}
 
 def quantities_of(switch: Switch) -> set[str]:
     """Names of the quantities that a switching function reads."""
-    if switch.torsion:
+    if switch.kind == "turn":
         return {"pose"}
     first = {name.partition(".")[0] for name in Expression(switch.value).names}
     return {q for what, needed in MEASURED.items() if what in first for q in needed}
@@ -38,7 +38,7 @@ def switch_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
     plain = [(s.number, s.value) for s in found if not quantities_of(s)]
     places = {s.number: s.places[0] for s in found}
     of_points = [s for s in found if quantities_of(s)]
-    records = [(_turn if s.torsion else _record)(system, s, n) for n, s in enumerate(of_points)]
+    records = [(_turn if s.kind == "turn" else _record)(system, s, n) for n, s in enumerate(of_points)]
     return formula_kinds(system.model, "switches", plain, places), records
 
 
@@ -56,7 +56,7 @@ class _Slots(FormulaSlots):
 def _turn(system: System, switch: Switch, index: int) -> RecordFormula:
     """The angle of a torsion spring, within half a turn of its mode; see `elements.torsion`."""
     model = system.model
-    (element,) = (e for e in system.elements if e.element.name == switch.torsion)
+    (element,) = (e for e in system.elements if e.element.name == switch.element)
     faces = [face for face in element.element.ends if isinstance(face, Face)]
     output = Output(f"switch_{switch.number}", "rotation", bodies=tuple(face.body for face in faces))
     links = links_of(system, output)

@@ -65,7 +65,7 @@ class PlacedElement:
     axis : Frame
         Of the axis of its faces.
     forms : tuple of Tree
-        Its coefficients, then the mode of an angle that jumps at half a turn, with
+        Its coefficients, then the mode of its angle or its line, if that has one, with
         ``("name", "coefficient", i)`` for the parts that are evaluated beforehand and ``("name",
         "position", end, i)`` and ``("name", "velocity", end, i)`` for what points do.
     parts : tuple of (str, Tree)
@@ -219,7 +219,7 @@ def placed_elements(
     first = {True: 0, False: 0}
     for element in model.loads:
         e = _placed(element, links, carriers, evaluate, first[element.has_energy], model.switches.hold,
-            model.switches.turn_of(element.name))  # fmt: skip
+            model.switches.mode_of(element.name))  # fmt: skip
         first[element.has_energy] += len(e.parts)
         key = (e.structure(), *map(id, e.expressions()))
         if key not in known:
@@ -240,7 +240,7 @@ def _placed(
     evaluate: NumberOf,
     first: int,
     hold: Callable[[Tree], Tree],
-    turn: Tree | None,
+    mode: Tree | None,
 ) -> PlacedElement:
     places: list[Point | Face] = [*element.ends, *element.measured]
     on: list[int] = []
@@ -257,9 +257,9 @@ def _placed(
     for name, e in zip(element.keys, element.coefficients, strict=True):
         forms.append(split(hold(e.tree), ends, parts))
         keys += [name] * (len(parts) - len(keys))
-    if turn is not None:
-        forms.append(split(turn, ends, parts))
-        keys.append("angle")
+    if mode is not None:
+        forms.append(split(mode, ends, parts))
+        keys.append("mode")
     return PlacedElement(
         element, distinct, tuple(distinct.index(i) for i in on), tuple(steps),
         tuple(BODY_FRAME if i == GROUND else links[i].frame for i in on),
