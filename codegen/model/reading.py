@@ -209,6 +209,8 @@ class Reader:
             return expression
         try:
             result = at.part.bound(expression, at.indices)
+            tree = regular(result.tree)
+            result = result if tree is result.tree else Expression(tree)
         except ExpressionError as error:
             text = str(expression)
             prefix = "" if error.message.startswith((text, repr(text))) else f"{text}: "
@@ -228,10 +230,7 @@ class Reader:
                     f"step(x, from, to) is smooth"
                 )
                 self.report(at, sub, message, severity="warning")
-        if self.prescribed:
-            result = with_names_replaced(result, self.prescribed)
-        tree = regular(result.tree)
-        return result if tree is result.tree else Expression(tree)
+        return with_names_replaced(result, self.prescribed) if self.prescribed else result
 
     def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
         """Whether what an expression is, by the units in it, may stand where it stands."""

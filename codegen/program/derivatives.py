@@ -17,8 +17,8 @@ from types import MappingProxyType
 
 from . import algebra
 from .block import Expansion, Statement
-from .expressions import Expr, Symbol
-from .functions import Along
+from .expressions import Expr, Function, Symbol
+from .functions import Along, Choice, Vanishing
 
 
 def partials(expression: Expr) -> dict[Symbol, Expr]:
@@ -97,8 +97,16 @@ class Tangents:
 
     def statement(self, statement: Statement) -> None:
         """Write the tangent of one statement, unless it is zero."""
-        known = self.known.get(statement.target)
-        value = self.expression(statement.expression) if known is None else self._by(known)
+        known, e = self.known.get(statement.target), statement.expression
+        if known is not None:
+            value = self._by(known)
+        elif isinstance(e, Function) and not self.lanes and e.name == "Choice":
+            value = Choice(e.args[0], *(self.value(a) for a in e.args[1:]))
+        elif isinstance(e, Function) and not self.lanes and e.name == "Vanishing":
+            a, b = e.args
+            value = Vanishing(self.value(a), b) + Vanishing(a, self.value(b))
+        else:
+            value = self.expression(e)
         if value != 0:
             tag = f"d {statement.tag}" if statement.tag else ""
             self.of[statement.target] = self.expansion.let(f"d_{statement.target.name}", value, tag, lanes=self.lanes)

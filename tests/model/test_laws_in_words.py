@@ -201,3 +201,14 @@ def test_the_builder_names_expressions() -> None:
     drag = b.expression("drag", "2*u.a")
     b.joint_force("f", "a", -drag * 3)
     assert str(b.build().forces[0].values[0]) == "-(2*u.a)*3"
+
+
+def test_a_number_whose_branch_that_is_not_taken_has_no_value() -> None:
+    """Neither the value nor a derivative of the other branch matters, in constants of links either."""
+    model = parse_model(
+        "model: m\ngravity: [0, 0, -9.81]\nparameters: {n: 0.0, h: 0.0}\nbodies:\n"
+        "  arm: {parent: ground, joint: {type: revolute, axis: y}, mass: 'if(n > 0, 1 + sqrt(n), 1)', "
+        "com: ['if(n > 1, log(n - 1), 1)', 0, h**2*log(abs(h))], inertia: {xx: 1, yy: 1, zz: 1}}\n"
+    )
+    J = DenseEngine(model).jacobians([0.3], [0.1])
+    assert not J.p.any() and np.isfinite(J.q).all()

@@ -109,3 +109,42 @@ initial: {{q: {{b: [1, 0, 0, 1, 0, 0, 0]}}}}
     if name == "on joint a":
         with pytest.raises(SimulationError, match=message):
             solver.simulate([0, 1], sensitivities=["q0.a"])
+
+
+REMAINDERS = """\
+model: remainders
+parameters: {m: 0.7}
+tables:
+  wave: {x: [0, 1, 2], y: [0, 1, 0], kind: cubic, outside: periodic, period: 3}
+bodies:
+  repeat k in 1..3: {b(k): {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}}
+forces:
+  in_time: {type: joint, joint: b_1, value: "mod(t, m)"}
+  in_place: {type: joint, joint: b_2, value: "mod(q.b_2, m)"}
+  smooth: {type: joint, joint: b_3, value: wave(m*q.b_3)}
+initial: {u: {repeat k in 1..3: {b(k): k - 1}}}
+outputs: {repeat k in 1..3: {x(k): {value: q.b(k)}}}
+"""
+
+
+def test_remainders_end_steps_and_smooth_tables_do_not(tmp_path: Path) -> None:
+    model = parse_model(REMAINDERS)
+    assert sorted(s.words for s in model.switches.found) == ["mod(q.b_2, m)", "mod(t, m)"]
+    codegen.generate(model, tmp_path / "remainders")
+    solver = codegen.load(tmp_path / "remainders")
+    end, m = 2.0, 0.7
+    jumps = [k * m for k in range(1, 3)]
+    x = end**3 / 6 - m * sum((end - t) ** 2 / 2 for t in jumps)
+    slope = sum(k * m * (end - t) - (end - t) ** 2 / 2 for k, t in enumerate(jumps, 1))
+    options = {"rtol": 1e-11, "atol": 1e-12}
+    names = ["x_1", "x_2", "x_3"]
+    found = [
+        solver.judge(end, [Final(n) for n in names], wrt=["m"], method=w, **options) for w in ("forward", "adjoint")
+    ]
+    for judged in found:
+        assert judged.values[0] == pytest.approx(x, rel=1e-9) and judged.gradients[0, 0] == pytest.approx(
+            slope, rel=1e-9
+        )
+    np.testing.assert_allclose(found[0].gradients, found[1].gradients, rtol=1e-8)
+    up, down = (solver.judge(end, [Final(n) for n in names], p=[m + h], **options).values for h in (1e-4, -1e-4))
+    np.testing.assert_allclose(found[0].gradients[:, 0], (up - down) / 2e-4, rtol=1e-5)
