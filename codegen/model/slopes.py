@@ -154,7 +154,8 @@ def _finished(term: Product, others: Product, by: Tree) -> Tree:
         return term.tree()
     apart = Product()
     for key, e in others.powers.items():
-        if e[0] == "number" and e[1] > 0 and key in term.powers and by not in leaves(_power(key, e)):
+        is_bounded = e[0] == "number" and e[1] > 0 and key[:2] != ("call", "log")
+        if is_bounded and key in term.powers and by not in leaves(_power(key, e)):
             apart.times(key, e)
             term.times(key, plus(ZERO, e, -1))
     return combine(VANISHING, apart.tree(), term.tree()) if apart.powers else term.tree()
@@ -287,7 +288,7 @@ class Product:
         elif tree[:2] == ("call", "sqrt"):
             self.times(tree[2], plus(e, ZERO, 0.5))
         elif tree[:2] == ("call", "abs"):
-            self._add((SIZE, ((ONE, tree[2]),)), e)
+            self._add_size(tree[2], e)
         elif tree[:2] == ("call", VANISHING) and is_whole:
             self.times(tree[2], e).times(tree[3], e)
         elif tree[:2] == ("call", CHOICE) and e == ONE:
@@ -305,6 +306,17 @@ class Product:
     def _is_positive(tree: Tree) -> bool:
         """Whether a power has a base that cannot be negative, so that exponents may be multiplied."""
         return tree[1][:2] in (("call", "abs"), ("call", "sqrt")) or is_positive(tree[1])
+
+    def _add_size(self, x: Tree, e: Tree) -> None:
+        """An absolute value to some power: of a product, that of each factor."""
+        of = Product().times(x)
+        if of.choices or any(k[0] in (NORM, SIZE) or n[0] != "number" for k, n in of.powers.items()):
+            self._add((SIZE, ((ONE, x),)), e)
+            return
+        if of.number != ONE:
+            self.times(combine("**", combine("abs", of.number), e))
+        for key, n in of.powers.items():
+            self._add((SIZE, ((ONE, key),)), plus(e, ZERO, n[1]))
 
     def _add(self, key: Tree, e: Tree) -> None:
         before = self.powers.get(key)
@@ -335,22 +347,23 @@ class Product:
         for key in [k for k in powers if k[0] in (NORM, SIZE)]:
             e = powers[key]
             moves: list[Tree] = []
-            left = {x: powers.get(x, ZERO) for _, x in key[1]}
+            left = dict(powers)
             while _may_be_negative(e) and len(moves) < _MOST_MOVES:
-                x = next((x for x, n in left.items() if n[0] == "number" and n[1] >= 1), None)
+                x = next((x for _, x in key[1] if _take(left, x)), None)
                 if x is None:
                     break
                 moves.append(x)
-                left[x], e = plus(left[x], MINUS_ONE), plus(e, ONE)
+                e = plus(e, ONE)
             if not moves or (e[0] == "number" and e[1] < 0):
                 continue  # it is infinite all the same
-            powers[key] = e
+            powers = left | {key: e}
             for x in moves:
-                powers[x] = plus(powers[x], MINUS_ONE)
+                of = Product().times(x)
                 if key[0] == SIZE:
-                    signs.append(combine("sign", x))
+                    signs.append(combine("/", combine("sign", x), of.number))
                 else:
-                    bounded.append(combine("/", x, _power(key, ONE)))
+                    of.number = ONE
+                    bounded.append(combine("/", of.tree(), _power(key, ONE)))
         return {k: e for k, e in powers.items() if e != ZERO}, bounded, signs
 
     def tree(self) -> Tree:
@@ -395,6 +408,17 @@ def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
         edge = combine("*", rest.copy().tree(), combine(CHOICE, condition, ZERO, y))
         return combine(CHOICE, combine(AT_LEAST, condition[3], condition[2]), edge, ZERO)
     return combine(CHOICE, condition, ZERO, rest.times(y).tree())
+
+
+def _take(powers: dict[Tree, Tree], x: Tree) -> bool:
+    """Whether a tree is a factor of a product of powers, but for a number; it is taken out of them."""
+    of = Product().times(x)
+    have = [(key, e, powers.get(key, ZERO)) for key, e in of.powers.items()]
+    if not have or of.choices or not all(e[0] == n[0] == "number" and n[1] >= e[1] > 0 for _, e, n in have):
+        return False
+    for key, e, n in have:
+        powers[key] = plus(n, plus(ZERO, e, -1))
+    return True
 
 
 def _may_be_negative(e: Tree) -> bool:
