@@ -24,19 +24,25 @@ from .members import MemberView
 from .motions import Twist
 from .orthogonal import Factor
 
-TINY = 1e-30
-"""Keeps the measure of a rotation finite at half a turn."""
+HALF_TURN = 1e-14
+"""Square of the cosine of half an angle below which rounding hides the direction that leads back from half a turn."""
 
 
-def _over_root(x: Scope, value: Value, name: str) -> Value:
-    """``1 / sqrt(value)``."""
-    under = x.let("under", value + x.number(TINY), "Eq. 32")
-    return x.let(name, 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32")
+def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
+    """``1 / sqrt(value)`` of the square of a cosine; and 1 at half a turn, where that is one too, else 0."""
+    square = x.let("square", value, "Eq. 32")
+    half = x.let("half", x.call("at_least", x.number(HALF_TURN), square), "Eq. 32")
+    under = x.let("under", square + half, "Eq. 32")
+    return x.let("share", 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32"), half
 
 
-def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
-    """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
-    found = []
+def face_differences(x: Scope, ear: EarGeometry) -> tuple[list[Twist], Vector]:
+    """Rotation vector, near closure, and displacement from the start face to the end face of every loop.
+
+    And which loops are half a turn open, 1 or 0: the direction of the rotation vector, of length 2, is arbitrary there.
+    """
+    found: list[Twist] = []
+    halves: Vector = [0] * len(ear.kind.closures)
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:
             found.append(open_by(ear, c))
@@ -51,20 +57,20 @@ def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
         elif closure.holds.angular == 3:
             start, end = ear.face_axes(c, 0), ear.face_axes(c, 1)
             turned = [cross(p, q) for p, q in zip(start, end, strict=True)]
-            root = _over_root(x, 1 + sum(dot(p, q) for p, q in zip(start, end, strict=True)), "share")
+            root, halves[c] = _over_root(x, 1 + sum(dot(p, q) for p, q in zip(start, end, strict=True)))
             angular = [root * sum(t[i] for t in turned) for i in range(3)]
         elif closure.holds.angular == 2:
             p, q = ear.face_axes(c, 0)[closure.axis], ear.face_axes(c, 1)[closure.end_axis]
-            root = _over_root(x, x.half + x.half * dot(p, q), "share")
+            root, halves[c] = _over_root(x, x.half + x.half * dot(p, q))
             angular = [root * e for e in cross(p, q)]
         found.append(Twist([x.let("turned", e, "Eq. 32") for e in angular], linear))
-    return found
+    return found, halves
 
 
 def residuals(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
     ear = EarGeometry(x, kind, positions=fields.measured_position)
-    gaps = face_differences(x, ear)
+    gaps, halves = face_differences(x, ear)
     roots = [root.measured_velocity() for root in ear.roots]
     speeds = [m.speeds if m.joint.driven else [m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
@@ -76,7 +82,10 @@ def residuals(x: Scope, kind: EarKind) -> None:
                 x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rates[c].linear), "Eq. 30"))
                 continue
             gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
-            x.set_entry(POSITION[c], i, x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
+            value = dot(row.axis or row.n, gap)
+            if row.angular and halves[c] != 0:
+                value, halves[c] = value + 2 * halves[c], 0
+            x.set_entry(POSITION[c], i, x.let("gap", value, "Eq. 32"))
             x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rate), "Eq. 30"))
     for k, velocity in enumerate(velocities):
         x.store(ME[k], fields.measured_velocity, [*velocity.angular, *velocity.linear])
@@ -86,7 +95,7 @@ def residuals(x: Scope, kind: EarKind) -> None:
 def newton_step(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
     ear = EarGeometry(x, kind, positions=fields.measured_position)
-    gaps = face_differences(x, ear)
+    gaps, _ = face_differences(x, ear)
     roots = [root.step() for root in ear.roots]
     rows = kept_conditions(ear)
     moved = ear.root_difference(roots)
