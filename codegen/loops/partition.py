@@ -59,6 +59,10 @@ SEED = 20030617
 """Of the random numbers: the same model has the same partition."""
 
 
+FAR_ANGLE = 1.6
+"""rad: initial values that closing changes by more than about a quarter turn are reported."""
+
+
 @np.errstate(all="ignore")  # numbers of a model may be of any size: what overflows does not close, and is told
 def partition(model: Model) -> Partition:
     """Choose dependents and order the ears.
@@ -123,8 +127,18 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
         uncompared=chosen.uncompared,
         growth=chosen.growth_of_uncompared,
     )
-    ignored = list(_ignored_speeds(model, found))
+    ignored = [*_moved_far(model, guess, q), *_ignored_speeds(model, found)]
     return replace(found, warnings=(*found.warnings, *ignored)) if ignored else found
+
+
+def _moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
+    """What to say of angles that the model gives and closing has changed by more than a quarter turn."""
+    for i, (name, unit) in enumerate(zip(model.coordinate_names, model.coordinate_units, strict=True)):
+        if unit == "rad" and name in model.initial_q and abs(q[0, i] - guess[0, i]) > FAR_ANGLE:
+            yield (
+                f"closing the loops has moved {name} from its initial value {guess[0, i]:.4g} to {q[0, i]:.4g} rad, more than a "
+                f"quarter turn: another branch may be meant; give nearer values under `initial`"
+            )
 
 
 def _chosen(
