@@ -5,8 +5,11 @@ import warnings
 
 import numpy as np
 import pytest
+from loops import followed_mechanisms
+from random_mechanisms import Mechanism, random_mechanism
 
 import codegen
+from codegen.loops import partition
 from codegen.runtime import AssemblyError
 
 FOUR_BAR = """\
@@ -138,3 +141,94 @@ def test_states_over_time_are_followed_from_their_neighbours(driven):
         np.testing.assert_allclose(driven.assemble(t=t[k])[0], q[k], atol=1e-12)
     np.testing.assert_allclose(driven.assemble(q[3], u[3], t=t[[7, 4]])[0], q[[7, 4]], atol=1e-12)
     np.testing.assert_allclose(driven.assemble(t=t[:, None] + np.zeros(2))[0], np.stack([q, q], axis=1), atol=1e-12)
+
+
+def test_initial_values_far_from_where_the_loops_close_are_reported():
+    far = codegen.parse_model(FOUR_BAR.replace("coupler: 0.2, rocker: -1.8", "coupler: 2.9, rocker: 0.3"))
+    said = [text for text in partition(far).warnings if "quarter turn" in text]
+    assert len(said) == 1 and said[0].startswith(
+        "closing the loops has moved rocker from its initial value 0.3 to 2.50"
+    )
+    assert not any("quarter turn" in text for text in partition(codegen.parse_model(FOUR_BAR)).warnings)
+
+
+HELD = """\
+model: held_by_{type}
+bodies:
+  body: {{parent: ground, joint: {{type: free}}, mass: 1, com: [0.1, 0.2, 0.3], inertia: {{xx: 1, yy: 1.2, zz: 1.4}}}}
+loops:
+  hold: {{joint: {joint}, from: {{body: body, at: [0.3, 0.1, 0]}}, to: {{body: ground, at: [0, 0, 0.2]}}}}
+"""
+HALF_TURNS = ([0, 1, 0, 0], [0, 0, 1, 0], [0, 0.6, 0.8, 0], [0, 0.48, 0.6, 0.64])
+
+
+@pytest.mark.parametrize(
+    "joint", ["{type: universal, axes: [x, y]}", "{type: revolute, axis: z}", "{type: prismatic, axis: x}"]
+)
+def test_a_free_body_is_held_from_any_attitude(tmp_path, joint):
+    """Closing used to give up on some attitudes, and at exactly half a turn residuals were NaN, or zero."""
+    type = joint[7:].split(",")[0]
+    folder = codegen.generate(
+        codegen.parse_model(HELD.format(type=type, joint=joint)), tmp_path / type, functions=("states",)
+    ).folder
+    solver = codegen.load(folder)
+    q, u = solver.initial
+    rng = np.random.default_rng(0)
+    guesses = np.tile(q, (44, 1))
+    guesses[:40, :3] += 0.3 * rng.normal(size=(40, 3))
+    guesses[:40, 3:] = rng.normal(size=(40, 4))
+    guesses[40:, 3:] = HALF_TURNS
+    turned = solver.closure(guesses[40:], u)[0][:, -2:]
+    both = codegen.load(folder, "numpy").closure(guesses[40:], u)[0]
+    np.testing.assert_allclose(both[:, -2:], turned, atol=1e-12)
+    if type == "prismatic":
+        np.testing.assert_allclose(np.linalg.norm(solver.closure(guesses[40:], u)[0][:, -3:], axis=1), 2.0, rtol=1e-6)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found, _ = solver.assemble(guesses)
+    assert np.abs(solver.closure(found, u)[0]).max() < 1e-12
+
+
+# ---- beside motions --------------------------------------------------------------------------------------------------
+
+
+def differences(solver, ways):
+    """What differs from motions along the same ways, by number; each way as a path and, where that says enough, as a guess."""
+    modes = (True,) if solver.name in followed_mechanisms.AMBIGUOUS else (True, False)
+    found = {
+        (n, follow): followed_mechanisms.compare(solver, way, follow) for n, way in enumerate(ways) for follow in modes
+    }
+    return {key: said for key, said in found.items() if said not in ("same", "ended")}
+
+
+@pytest.mark.parametrize(("name", "count"), [("stephenson", 3), *(
+    pytest.param(name, 40, marks=pytest.mark.campaign) for name in followed_mechanisms.MODELS
+)])  # fmt: skip
+def test_random_linkages_are_followed_as_motions_go(tmp_path, name, count):
+    """Four-bars, slider-cranks, six-bars of Watt and Stephenson, three links that close at once, and a spatial linkage."""
+    text = followed_mechanisms.MODELS[name]
+    solver = codegen.load(codegen.generate(codegen.parse_model(text), tmp_path / name, functions=("states",)).folder)
+    ways = [followed_mechanisms.random_way(np.random.default_rng(seed), solver) for seed in range(count)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert differences(solver, ways) == {}
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(100, 160))
+def test_random_mechanisms_are_followed_as_motions_go(tmp_path, seed):
+    """In space and in planes, balls and free bodies, several loops."""
+    drawn = random_mechanism(np.random.default_rng(seed), forces=False, springs=False, bodies=(3, 6), loops=(1, 2))
+    if not isinstance(drawn, Mechanism):
+        pytest.skip(f"no mechanism: {drawn.reason}")
+    solver = codegen.load(codegen.generate(drawn.model, tmp_path / "m", functions=("states",)).folder)
+    dependent = {name for name in solver.speed_names if name not in solver.independent_speed_names}
+    if any(
+        name.rpartition(".")[0] in {d.rpartition(".")[0] for d in dependent if "." in d}
+        for name in solver.independent_names
+    ):
+        pytest.skip("a joint is independent in part: where its coordinates go depends on the steps, to second order")
+    ways = [followed_mechanisms.way_of_initial(np.random.default_rng([seed, k]), solver) for k in range(2)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert differences(solver, ways) == {}

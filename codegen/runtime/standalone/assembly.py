@@ -16,7 +16,7 @@ from .arrays import Array, Indices, normalise
 from .errors import AssemblyError, SingularLoopError
 from .following import FIRST, Followed, Follower, Line
 from .manifest import ALLOWED
-from .newton import CLOSED, Newton, Parts
+from .newton import CLOSED, SURE, Newton, Parts
 from .starting import Starts
 from .targets import Opened
 from .warning import warn
@@ -24,7 +24,7 @@ from .warning import warn
 STEPS_OFF = (0.02, -0.02, 0.1, -0.1, 0.5, -0.5)
 """rad or m: how far dependent coordinates are moved off a guess at which a loop has lost rank, one after the other."""
 
-GUESSES = 16
+GUESSES = 48
 """Guesses for dependent coordinates that are tried where the given one leads to no closed state, further and further off."""
 
 FURTHEST = 3.0
@@ -68,7 +68,9 @@ class Assembly:
         self.all_loops: list[str] = manifest["loops"]
         independent = set(manifest.get("independent_names", self.coordinates))
         self.dependent = np.array([i for i, n in enumerate(self.coordinates) if n not in independent], int)
-        self.follower = Follower(self.newton, self._followed_coordinates(opened, independent))
+        own = self._followed_coordinates(opened, independent)
+        shared = np.array([i for i, n in enumerate(self.coordinates) if n in independent and i not in own], int)
+        self.follower = Follower(self.newton, own, shared)
         self.timed = bool(manifest["prescribed_names"])
         self.starts = Starts(self.newton, self.follower, self.timed)
         self.whole = Parts(np.zeros(len(self.kept), int), np.zeros(len(self.coordinates), int))
@@ -107,6 +109,9 @@ class Assembly:
 
         Even if they close the loops, they need not be what the initial state leads to.
         """
+        others = self.follower.others
+        if q.ndim == 1 and len(others) and q[others[0]] != self._initial[others[0]]:
+            return np.zeros((), bool)
         found = self._of_initial(q)
         if found.any():
             i = self.follower.independent
@@ -132,13 +137,19 @@ class Assembly:
         AssemblyError, SingularLoopError
         """
         of_initial, tried = self._of_initial(q), np.logical_not(self.is_turned(q, x))
-        found, near = q.copy(), np.zeros(len(q), bool)
-        if tried.any():
-            found[tried], near[tried] = self.newton.quick(q[tried], x[tried])
-        if not near.all():
-            far = np.flatnonzero(~near)
+        found, near, first = q.copy(), np.zeros(len(q), bool), np.zeros(len(q))
+        if len(q) == 1 and tried[0]:
+            alone, first[0] = self.newton.single(q[0], x[0])
+            if alone is not None:
+                found[0], near[0] = alone, True
+        elif tried.any():
+            found[tried], near[tried], first[tried] = self.newton.quick(q[tried], x[tried])
+        sure = near & (first <= SURE)
+        if not sure.all():
+            far = np.flatnonzero(~sure)
             names = [_named(called[int(n)]) for n in far]
-            found[far] = self._from_afar(q[far], x[far], of_initial[far], names)
+            beside = np.where(near[far, None], found[far], np.nan)
+            found[far] = self._from_afar(q[far], x[far], of_initial[far], beside, names)
         return self._checked(found, x, called)
 
     def continued(self, q: Array, x: Array, called: Sequence[Sequence[tuple[int, ...]]]) -> Array:
@@ -155,21 +166,21 @@ class Assembly:
         return found
 
     def follow(self, q: Array, x: Array) -> Array:
-        """The closed state (nq,) beside a guess, by Newton's method alone.
+        """The closed state (nq,) beside a guess, by Newton's method alone, on no other branch.
 
         Raises
         ------
         AssemblyError, SingularLoopError
         """
-        found, near = self.newton.quick(q[None], x[None])
-        if not near[0]:
+        found, first = self.newton.single(q, x)
+        if found is None or first > SURE:
             raise self._open(q, x, "")
-        return self._checked(found, x[None], [()])[0]
+        return self._checked(found[None], x[None], [()])[0]
 
     # -- from afar -----------------------------------------------------------------------------------------------------
 
-    def _from_afar(self, q: Array, x: Array, of_initial: NDArray[np.bool_], names: list[str]) -> Array:
-        """Guesses (n, nq) that are beside no closed state, closed."""
+    def _from_afar(self, q: Array, x: Array, of_initial: NDArray[np.bool_], beside: Array, names: list[str]) -> Array:
+        """Guesses (n, nq), closed, that are beside no closed states, or rather far beside those given, else NaN."""
         first, x_first, started, found = q.copy(), x.copy(), of_initial.copy(), q.copy()
         first[of_initial], x_first[of_initial] = self._initial, self._x
         if not of_initial.all():
@@ -183,17 +194,17 @@ class Assembly:
                 raise self._ended(int(k), way, line, names[n[k]])
             found[n], left[n] = way.q, way.s < 1.0
         for k in np.flatnonzero(left):
-            found[k] = self._along_newton_path(q[k], x[k], names[k])
+            near = not np.isnan(beside[k, 0])
+            found[k] = beside[k] if near else self._along_newton_path(q[k], x[k], names[k])
         return found
 
     def _line(self, q0: Array, x0: Array, q1: Array, x1: Array) -> Line:
         """The lines from states to others."""
         i = self.follower.independent
-        first, last = q0[:, i], q1[:, i].copy()
+        last = q1.copy()
         for k in self.newton.quaternions:  # the shorter way of two
-            of = np.flatnonzero((i >= k) & (i < k + 4))
-            last[:, of] *= np.where((first[:, of] * last[:, of]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
-        return Line(first, last, x0, x1)
+            last[:, k : k + 4] *= np.where((q0 * q1)[:, k : k + 4].sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+        return Line(q0[:, i], last[:, i], x0, x1, last)
 
     def _followed(self, first: Array, line: Line, wanted: Array, names: Sequence[str], part: float = FIRST) -> Followed:
         """Where closed states lead along lines to others; those that have arrived are closed to rounding."""

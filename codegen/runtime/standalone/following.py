@@ -39,7 +39,7 @@ GROWTH, SHORTER = 2.0, 0.4
 SHORTEST, FINEST = 1e-7, 1e-14
 """rad, or characteristic lengths, and parts of a line: where shorter steps would be needed a branch ends."""
 
-MOST = 100_000
+MOST = 20_000
 """Steps along a line."""
 
 STEEPER = 2.0
@@ -58,12 +58,15 @@ class Line(NamedTuple):
         Independent coordinates at both ends.
     x0, x1 : (n, ...) array
         Parameters, and where motion is prescribed inputs and the time.
+    shared : (n, nq) array
+        At the ends, coordinates of joints that are independent in part.
     """
 
     q0: Array
     q1: Array
     x0: Array
     x1: Array
+    shared: Array
 
     def of(self, n: Indices) -> Line:
         """Some of the lines."""
@@ -121,10 +124,13 @@ class Follower:
     newton : Newton
     independent : (k,) array of int
         The coordinates that lines prescribe; the others follow.
+    shared : array of int
+        Those of the others that belong to joints that are independent in part. Lines aim them at their ends, and closing takes
+        away from that what is along dependent speeds.
     """
 
-    def __init__(self, newton: Newton, independent: Indices):
-        self.newton, self.independent = newton, independent
+    def __init__(self, newton: Newton, independent: Indices, shared: Indices):
+        self.newton, self.independent, self.shared = newton, independent, shared
         self.others = np.setdiff1d(np.arange(len(newton.scale)), independent)
 
     def placed(self, q: Array, line: Line, s: Array) -> tuple[Array, Array]:
@@ -142,7 +148,7 @@ class Follower:
         """
         n = len(q)
         s, crossed = np.zeros(n), np.full(n, -1)
-        tangent, rank = self._tangents(q, line, s, np.full(n, START))
+        tangent, rank = self._tangents(q, line, s, np.full(n, START), self._aim(q, s, line))
         all_of = _Going(q.copy(), s, np.full(n, part), tangent, rank, np.zeros_like(rank))
         going: Indices = np.flatnonzero(np.isfinite(tangent).all(axis=1))
         for _ in range(MOST):
@@ -168,12 +174,12 @@ class Follower:
 
     def _step(self, at: _Going, h: Array, line: Line) -> tuple[_Going, Array, NDArray[np.bool_]]:
         """Steps by parts h of lines: where they lead, their errors in parts of those allowed, which loops may lose rank."""
-        s = np.where(h >= 1.0 - at.s, 1.0, at.s + h)
+        s, aim = np.where(h >= 1.0 - at.s, 1.0, at.s + h), self._aim(at.q, at.s, line)
         q, closed = self._closed(at.q + h[:, None] * at.tangent, line, s)
         tangent, rank, error = np.full_like(q, np.nan), at.rank.copy(), np.full(len(q), np.inf)
         good = np.flatnonzero(closed)
         if good.size:
-            tangent[good], rank[good] = self._tangents(q[good], line.of(good), s[good], PART * h[good])
+            tangent[good], rank[good] = self._tangents(q[good], line.of(good), s[good], PART * h[good], aim[good])
             way = q[good] - at.q[good]
             says = 0.5 * h[good, None] * (at.tangent[good] + tangent[good])
             longest = h[good] * np.maximum(*(self._others(t[good]) for t in (at.tangent, tangent)))
@@ -203,12 +209,21 @@ class Follower:
                 break
         return q, closed
 
-    def _tangents(self, q: Array, line: Line, s: Array, part: Array) -> tuple[Array, Array]:
+    def _aim(self, q: Array, s: Array, line: Line) -> Array:
+        """By how much shared coordinates are to change along the rest of lines, for all of a line, (n, nq)."""
+        aim = np.zeros_like(q)
+        aim[:, self.shared] = (line.shared - q)[:, self.shared] / (1.0 - s)[:, None]
+        for i in self.newton.quaternions:  # of length one all the way
+            e = q[:, i : i + 4]
+            aim[:, i : i + 4] -= e * (e * aim[:, i : i + 4]).sum(axis=1, keepdims=True)
+        return aim
+
+    def _tangents(self, q: Array, line: Line, s: Array, part: Array, aim: Array) -> tuple[Array, Array]:
         """Derivatives of closed coordinates along lines, (n, nq), and reciprocal condition numbers, (n, loops)."""
         part = np.where(s + part > 1.0, -part, part)
-        moved, x = self.placed(q, line, s + part)
+        moved, x = self.placed(q + part[:, None] * aim, line, s + part)
         found = self.newton.probe(moved, x)
-        tangent = found.step / part[:, None]
+        tangent = aim + found.step / part[:, None]
         tangent[:, self.independent] = line.q1 - line.q0
         return tangent, found.rank
 

@@ -15,13 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arguments import placed
-from .arrays import Array, Indices, normalise
+from .arrays import Array, Indices, largest, normalise
 from .errors import SingularJointError, SingularLoopError
 from .manifest import ALLOWED
 from .targets import Opened
 
 LARGEST = 0.3
 """rad, or characteristic lengths: the longest step of a dependent coordinate."""
+
+SURE = 0.05
+"""The same of a first step that leads to no other branch than that of the guess; after a longer one it is looked for."""
 
 CONTRACTION = 0.25
 """Part of the first full step that the second one may have: below it Newton's method converges to the closed state that
@@ -38,6 +41,9 @@ CLOSED = 1e-10
 
 NEAREST = 1e-10
 """The largest step of a state that meets its conditions as well as it can, where they follow from each other only nearly."""
+
+ROUNDED = 2e-15
+"""A scaled residual that is no more than rounding."""
 
 BETTER = 0.64
 """Part of the squares of such residuals that must be left at most for a step to be worth taking."""
@@ -221,19 +227,52 @@ class Newton:
                 found[n] = max(float(np.abs(u).max(initial=0.0)), 1e-6)
         return found
 
-    def quick(self, q: Array, x: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """What full steps make of n guesses beside closed states, (n, nq), and which guesses were that near, (n,)."""
+    def single(self, q: Array, x: Array) -> tuple[Array | None, float]:
+        """`quick` for one guess (nq,), with less around it; None where it is not that near."""
+        if self.slack is not None:
+            closed, near, step = self.quick(q[None], x[None])
+            return closed[0] if near[0] else None, float(step[0])
+        size, square, best, first = LARGEST / CONTRACTION, np.inf, None, 0.0
+        for n in range(QUICK):
+            try:
+                step, position, _ = self._called(self.named(q, x), (), None)
+            except SingularLoopError:
+                return None, np.inf
+            gaps = self._counting(position)
+            open_by = largest(gaps)
+            if open_by <= CLOSED:
+                now = float(gaps.dot(gaps))
+                if now >= square:
+                    break
+                best = q
+                if open_by <= ROUNDED or now > BETTER * square:
+                    break
+                square = now
+            else:
+                before, size = size, largest(step / self.scale)
+                first = first if n else size
+                if not size <= CONTRACTION * before:
+                    return None, size
+            q = q + step
+            normalise(q, self.quaternions)
+        return best, first
+
+    def quick(self, q: Array, x: Array) -> tuple[Array, NDArray[np.bool_], Array]:
+        """What full steps make of n guesses beside closed states, (n, nq); which were that near, and first steps, (n,)."""
         q, best, near = q.copy(), q.copy(), np.zeros(len(q), bool)
         going: Indices = np.arange(len(q))
         size, square = np.full(len(q), LARGEST / CONTRACTION), np.full(len(q), np.inf)
-        for _ in range(QUICK):
+        first = np.zeros(0)
+        for n in range(QUICK):
             found = self.probe(q[going], x[going])
             before, size = size, self.sizes(found.step)
-            closed = np.abs(found.gaps).max(axis=1, initial=0.0) <= CLOSED
+            first = first if n else size
+            open_by = np.abs(found.gaps).max(axis=1, initial=0.0)
+            closed = open_by <= CLOSED
             now = np.einsum("ij,ij->i", found.gaps, found.gaps)
             better = closed & (now < square)
             near[going[better]], best[going[better]] = True, q[going[better]]
-            on = np.where(closed, (now > 0.0) & (now <= BETTER * square), size <= CONTRACTION * before)
+            on = np.where(closed, (open_by > ROUNDED) & (now <= BETTER * square), size <= CONTRACTION * before)
             if not on.all():
                 going, size, now, closed = going[on], size[on], now[on], closed[on]
                 if not going.size:
@@ -242,7 +281,7 @@ class Newton:
             moved = q[going] + (found.step if len(going) == len(on) else found.step[on])
             normalise(moved, self.quaternions)
             q[going] = moved
-        return best, near
+        return best, near, first
 
     def path(self, q: Array, x: Array, parts: Parts, goal: float = 0.0) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Follow the Newton paths of n guesses (n, nq), each part of the loops at its own pace.

@@ -76,7 +76,8 @@ class Starts:
             with np.errstate(all="ignore"):
                 change *= np.minimum(1.0, LARGEST / self._moved(slopes, change))[:, None]
             going = self._shorter(q, x, gaps, going, change)
-        return q, x, np.abs(gaps).max(axis=1, initial=0.0) <= CONSISTENT
+        slack = 0.0 if self.newton.slack is None else self.newton.slack
+        return q, x, np.abs(gaps - np.clip(gaps, -slack, slack)).max(axis=1, initial=0.0) <= CONSISTENT
 
     @property
     def _unknowns(self) -> int:
