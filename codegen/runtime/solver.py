@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import os
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from .long_texts import LongTexts
@@ -39,7 +37,6 @@ class Solver(
     Energies,
     Outputs,
     TreeForces,
-    LoopForces,
     PrescribedBranches,
     Judging,
     DrivingForces,
@@ -51,6 +48,11 @@ class Solver(
     Precision,
 ):
     __doc__ = Package.__doc__
+
+    def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
+        super().__init__(folder, target)
+        if self.closure_names:  # some members of mechanisms with loops are others
+            self.__class__ = LoopSolver
 
     def in_precision(self, digits: int = 40, model: Model | str | os.PathLike[str] | None = None) -> Any:
         return extended(self, digits, None if model is None else LongTexts(model, self._manifest, digits))
@@ -65,19 +67,8 @@ class Solver(
     )
 
 
-def _of_model(name: str) -> Callable[..., Any]:
-    """The member of trees, or that of mechanisms with loops."""
-
-    @functools.wraps(getattr(TreeForces, name))
-    def member(self: Solver, *given: Any, **named: Any) -> Any:
-        return getattr(LoopForces if self.closure_names else TreeForces, name)(self, *given, **named)
-
-    return member
+class LoopSolver(LoopForces, Solver):
+    __doc__ = Package.__doc__
 
 
-for _name in vars(LoopForces):
-    if not _name.startswith("_"):
-        setattr(Solver, _name, _of_model(_name))
-
-
-__all__ = ["Solver"]
+__all__ = ["LoopSolver", "Solver"]

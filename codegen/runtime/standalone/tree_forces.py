@@ -81,7 +81,7 @@ class TreeForces(Package):
         out: Array | None = None,
     ) -> Array:
         """The joint forces (..., nu) that hold udot at zero, -K of Eq. 4: M udot + bias_force = 0."""
-        return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t, out=out)
+        return self._values("inverse_dynamics", (q, u, p, inputs, t, np.zeros(self.nu)), out)[0]
 
     def bias_force_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
