@@ -21,7 +21,7 @@ from .bodies import BASES, Bodies, merged_bodies, put_on_ground
 from .files import Files
 from .gepetto import apply_gepetto, beside, is_gepettos
 from .mass import FIXED, check_finite, check_inertias, fix_massless
-from .naming import model_name, names_a_model, names_for
+from .naming import free_name, model_name, names_a_model, names_for
 from .parameters import Parameters, requested_words
 from .placement import Three, exact_sum
 from .robot import SINGLE, WORLD, BodyForce, Coupling, Effect, Mark, Robot
@@ -256,6 +256,10 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         raise ModelError([Problem(robot.file, None, None, "--name", message)])
     problems: list[Problem] = []
     names = names_for(robot.links)
+    taken = set(names.values())
+    for closing in robot.closings:  # loops share their names with bodies
+        closing.name = free_name(closing.name, taken)
+        taken.add(closing.name)
     is_side = options.loops is not None and not is_gepettos(options.loops)
     if options.loops is not None and not is_side and robot.format != "URDF":
         message = "a robot.yaml of Gepetto's is for URDF; write the loops in the model format"

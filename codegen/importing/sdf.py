@@ -24,7 +24,7 @@ from .sdf_scopes import NAMED, Item, Scope, Scopes
 from .sdf_shapes import ShapeReader
 from .sdf_tree import TreeMaker
 from .xml_reading import Element
-from .xml_values import is_true, place_of, version_of
+from .xml_values import is_true, is_version, place_of, version_of
 
 _LINK: Final = {"pose", "inertial", "visual", "collision", "gravity"}
 _MODEL: Final = {"pose", "static", "model", "include", *NAMED}
@@ -56,6 +56,7 @@ _MEANT: Final = {
 """Elements that have no place in a model: what they are, and what their absence does."""
 
 
+_LATEST: Final = (1, 12)
 _SWITCHES: Final = ("wind", "enable_wind", "kinematic", "velocity_decay", "self_collide")
 
 
@@ -135,11 +136,24 @@ class _Reader(RobotReader):
 
     def world(self) -> Scope:
         """The scope of the world, or of the models beside none."""
-        version = version_of(self.root.attributes.get("version", "1.0"))
+        said = self.root.attributes.get("version", "")
+        version = version_of(said or "1.0")
+        if not is_version(said) or version > _LATEST:
+            read = (
+                "versions up to 1.12 are known"
+                if is_version(said)
+                else "read as 1.0, where axes have the model's components"
+            )
+            message = f"the version of <sdf> is {shortened(said) if said else 'left out'}; {read}"
+            self.robot.warnings.append(self.root.problem(message, "warning"))
         worlds = list(self.root.all("world"))
         if not worlds:
             return self.scopes.world(self.root, version)
-        named = [w for w in worlds if self.chosen is not None and w.attributes.get("name") == self.chosen]
+        wanted = self.chosen
+        named = [w for w in worlds if wanted is not None and w.attributes.get("name") == wanted]
+        named += [
+            w for w in worlds if wanted is not None and any(m.attributes.get("name") == wanted for m in w.all("model"))
+        ]
         for other in worlds[1:] if not named else [w for w in worlds if w is not named[0]]:
             self.robot.leave_out("a further <world>", other.line, Effect.NONE, "the first is read")
         chosen = named[0] if named else worlds[0]

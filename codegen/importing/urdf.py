@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -30,13 +31,17 @@ from .robot import (
 )
 from .robot_reader import RobotReader
 from .xml_reading import Element
-from .xml_values import place_of, shown_effect, version_of
+from .xml_values import is_version, place_of, shown_effect, version_of
 
 TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
     "planar": "planar",
 }  # fmt: skip
 
+DRAKE_TYPES: Final = {"ball": "spherical", "universal": "universal", "planar": "planar", "screw": "screw"}
+"""Of <drake:joint>; those of universal and planar joints turn about the axes of the joint's frame."""
+_DRAKES: Final = "drake:joint"
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 LOOP_TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "planar": "planar",
     "spherical": "point", "ball": "point", "universal": "universal", "cylindrical": "cylindrical",
@@ -44,7 +49,7 @@ LOOP_TYPES: Final = {
 """Types of <constraint>."""
 
 _LINK: Final = {"inertial", "visual", "collision"}
-_JOINT: Final = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
+_JOINT: Final = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:screw_thread_pitch"}
 _CONSTRAINT: Final = {"parent", "child", "parent_origin", "child_origin", "parent_axis", "child_axis"}
 _MEANT: Final = {
     "gazebo": ("settings of a simulator", Effect.NONE), "material": ("materials", Effect.NONE),
@@ -55,7 +60,6 @@ _MEANT: Final = {
     "contact_coefficients": ("contacts", Effect.STOPS), "self_collision_checking": ("contacts", Effect.STOPS),
     "verbose": ("", Effect.NONE), "collision_checking": ("contacts", Effect.STOPS), "audio_source": ("", Effect.NONE),
     "loop_joint": ("a loop; say it with --loops", Effect.DIFFERS),
-    "drake:joint": ("a joint of Drake's", Effect.DIFFERS),
     "drake:ball_constraint": ("a constraint of Drake's", Effect.DIFFERS),
     "drake:linear_bushing_rpy": ("a force of Drake's", Effect.DIFFERS),
     "linear_bushing_rpy": ("a force of Drake's", Effect.DIFFERS),
@@ -105,6 +109,7 @@ class _Reader(RobotReader):
         if (xacro := self.xacro()) is not None:
             self.wrong(xacro, f"<{xacro.tag}>: {_XACRO}")
             return
+        self.attributes_of_root()
         links: dict[str, Place] = {}
         joints: dict[str, Place] = {}
         for element in self.root.children:
@@ -113,10 +118,10 @@ class _Reader(RobotReader):
                 if name is not None:
                     self.robot.links[name] = self.link(element, name)
         for element in self.root.children:
-            if element.tag == "joint":
+            if element.tag in ("joint", _DRAKES):
                 name = self.new_name(element, joints, "joint")
                 if name is not None:
-                    self.joint(element, name)
+                    self.joint(element, name, DRAKE_TYPES if element.tag == _DRAKES else TYPES)
             elif element.tag not in ("link", "constraint", "transmission"):
                 self.leave_out(element)
         for element in self.root.all("constraint"):
@@ -129,6 +134,15 @@ class _Reader(RobotReader):
             self.wrong(self.root, 'no <link>; a robot has at least one, such as <link name="arm"/>')
         if not self.problems:
             self.check_tree()
+
+    def attributes_of_root(self) -> None:
+        """List attributes of <robot> that are not known, and a version that is none."""
+        for key, text in self.root.attributes.items():
+            if key == "version" and not is_version(text):
+                what = f"version {shortened(text)} of <robot>"
+                self.robot.leave_out(what, self.root.line, Effect.UNKNOWN, "read as 1.0")
+            elif key not in ("name", "version") and not key.startswith("xmlns"):
+                self.robot.leave_out(f"attribute {shortened(key)} of <robot>", self.root.line, Effect.UNKNOWN)
 
     def xacro(self) -> Element | None:
         """The first element that xacro would have replaced."""
@@ -244,16 +258,16 @@ class _Reader(RobotReader):
         missing = self.files.missing(name)
         self.robot.leave_out("<mesh>" if missing is None else f"<mesh>, {missing}", element.line, effect)
 
-    def joint(self, element: Element, name: str) -> None:
+    def joint(self, element: Element, name: str, types: Mapping[str, str] = TYPES) -> None:
         self.leave_out_rest(element, _JOINT | set(_MEANT))
         for child in element.children:
             if child.tag in _MEANT:
                 self.leave_out(child)
         type_ = self.name(element, "type")
-        if type_ is not None and type_ not in TYPES:
+        if type_ is not None and type_ not in types:
+            known = ", ".join(types)
             self.wrong(
-                element,
-                f"joint {shortened(name)} is {shortened(type_)}; {', '.join(TYPES)} are joints{nearest(type_, TYPES)}",
+                element, f"joint {shortened(name)} is {shortened(type_)}; {known} are joints{nearest(type_, types)}"
             )
         ends = self.ends(element, f"joint {shortened(name)}")
         frame = self.origin(element)
@@ -262,10 +276,16 @@ class _Reader(RobotReader):
         for limit in element.all("limit"):
             self.leave_out_rest(limit, set())
             self.robot.leave_out("<limit>", limit.line, Effect.STOPS, "of position, speed and force")
-        if type_ not in TYPES or len(ends) < 2:
+        if type_ is None or type_ not in types or len(ends) < 2:
             return
-        joint = RobotJoint(name, place_of(element), TYPES[type_], ends[0], ends[1], frame, damping=damping)
+        joint = RobotJoint(name, place_of(element), types[type_], ends[0], ends[1], frame, damping=damping)
         joint.axes = () if axis is None else (axis,)
+        if types is DRAKE_TYPES:
+            joint.axes = {"universal": (_X, _Y), "planar": (_Z,), "spherical": ()}.get(joint.type, joint.axes)
+            pitch = element.first("drake:screw_thread_pitch")
+            joint.pitch = (
+                0.0 if pitch is None or joint.type != "screw" else self.number(pitch, "value", None) / (2 * math.pi)
+            )
         self.robot.joints[name] = joint
         mimic = self.one(element, "mimic")
         if mimic is not None:

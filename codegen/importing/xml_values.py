@@ -46,15 +46,15 @@ class Values:
         """So many numbers of a text, or None after a problem."""
         parts = text.split()
         named = f"{what} of <{element.tag}>"
+        hint = "; expand the file with xacro first: xacro FILE > robot.urdf" if "${" in text or "$(" in text else ""
         if len(parts) != count:
             needed = "a number is needed" if count == 1 else f"{count} numbers with blanks between them are needed"
-            self.wrong(element, f"{named} is {shortened(text.strip())}; {needed}")
+            self.wrong(element, f"{named} is {shortened(text.strip())}; {needed}{hint}")
             return None
         found = []
         for part in parts:
             value = float(part) if len(part) <= _LONGEST and _NUMBER.fullmatch(part) else math.nan
             if not math.isfinite(value):
-                hint = "; expand the file with xacro first" if "${" in text else ""
                 self.wrong(
                     element, f"{named} holds {shortened(part)}; a finite number such as 0.5 or 1e-3 is needed{hint}"
                 )
@@ -142,6 +142,11 @@ def version_of(text: str) -> tuple[int, int]:
     if not all(part.isdigit() and len(part) < 7 for part in parts):
         return 1, 0
     return int(parts[0]), int(parts[1]) if len(parts) > 1 else 0
+
+
+def is_version(text: str) -> bool:
+    """Whether a text is a version: two numbers with a point between them."""
+    return re.fullmatch(r"\d{1,6}\.\d{1,6}", text.strip()) is not None
 
 
 def is_true(text: str) -> bool:

@@ -124,7 +124,7 @@ def against_mujoco(path: Path, found: Any, states: int) -> float:
     from mujoco_agreement import of_mujoco, ours_of
 
     model = mujoco.MjModel.from_xml_path(str(path))
-    if "of the medium: " in " ".join(getattr(found, "differences", ())):  # listed; what else there is has to agree
+    if "of the medium" in " ".join(getattr(found, "differences", ())):  # listed; what else there is has to agree
         model.opt.density = model.opt.viscosity = 0
         model.opt.wind = 0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT

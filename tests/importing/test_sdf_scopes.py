@@ -203,6 +203,23 @@ def test_one_of_several_models_is_chosen(tmp_path, monkeypatch, capsys):
     assert "model: right" in capsys.readouterr().out
 
 
+def test_a_model_of_a_further_world_is_chosen(tmp_path):
+    second = world(model(ARM, name="right")).replace('"w"', '"v"')
+    text = sdf(world(model(ARM, name="left")) + second)
+    assert imported(tmp_path, text).model.name == "left"
+    for name in ("right", "v"):
+        found = imported(tmp_path, text, model=name)
+        assert found.model.name == "right" and any(
+            line.startswith("a further <world> (line 2)") for line in found.left_out
+        )
+
+
+def test_versions_that_are_not_known_are_a_warning(tmp_path):
+    for version, words in (("1.13", "'1.13'; versions up to 1.12 are known"), ("x", "'x'; read as 1.0, where axes")):
+        assert words in imported(tmp_path, sdf(model(), version)).warnings[0]
+    assert "is left out; read as 1.0" in imported(tmp_path, sdf(model()).replace(' version="1.11"', "")).warnings[0]
+
+
 def test_a_joint_of_the_world_holds_models_together(tmp_path):
     bars = link("a") + link("b", "0 0 .4 0 0 0") + hinge("j", "a", "b")
     hold = (

@@ -269,3 +269,34 @@ def test_pipes_are_refused_and_missing_folders_named(tmp_path, monkeypatch, caps
     with pytest.raises(SystemExit):
         main(["import", "--help"])
     assert "link, colon, word, and commas between" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("type_", "words"),
+    [
+        ("ball", "{type: spherical,"), ("universal", "{type: universal, axes: [x, y],"), ("planar", "{type: planar, normal: z,"),
+        ("screw", "{type: screw, axis: z, pitch: 0.5,"),
+    ],
+)  # fmt: skip
+def test_joints_of_drake_are_read(tmp_path, type_, words):
+    pitch = f'<drake:screw_thread_pitch value="{np.pi}"/>'
+    text = robot(
+        link("base"), link("a"), joint("j", "base", "a", type_, more=pitch).replace("joint ", "drake:joint ", 1)
+    )
+    found = imported(tmp_path, text.replace("</joint>", "</drake:joint>"))
+    assert f"joint: {words} at: [0, 0, 0.5]" in found.text and not found.left_out
+    with pytest.raises(codegen.ModelError, match="joint 'j' is 'revolute'; ball, universal, planar, screw are joints"):
+        imported(tmp_path, text.replace("</joint>", "</drake:joint>").replace(f'"{type_}"', '"revolute"'))
+
+
+def test_loops_and_bodies_may_have_the_same_names_in_a_urdf(tmp_path):
+    found = imported(tmp_path, with_constraint("spherical").replace('"pin"', '"rocker"'))
+    assert [loop.name for loop in found.model.loops] == ["rocker_2"]
+
+
+def test_what_stands_in_the_root_is_listed(tmp_path):
+    text = BARS.replace("<robot ", '<robot version="one" style="x" xmlns:xacro="http://x" ')
+    assert imported(tmp_path, text).left_out[:2] == (
+        "version 'one' of <robot> (line 1): read as 1.0; its effect is unknown",
+        "attribute 'style' of <robot> (line 1): its effect is unknown",
+    )
