@@ -4,6 +4,7 @@ import functools
 import importlib.util
 import json
 import os
+import random
 import sys
 
 import numpy as np
@@ -12,7 +13,7 @@ from oscillator import oscillator
 
 import codegen
 from codegen.runtime.measure_digest import measure_digest
-from codegen.runtime.sweep_journal import SweepJournalError
+from codegen.runtime.sweep_journal import Journal, SweepJournalError
 
 CASES = {"k": [1.0, 2.0, 3.0]}
 
@@ -241,3 +242,33 @@ def test_a_first_line_that_was_cut_short_is_written_anew(solver, tmp_path, cut):
     journal.write_bytes(journal.read_bytes()[:cut])
     assert codegen.sweep(solver, CASES, plain, journal=journal).from_journal == 0
     assert json.loads(journal.read_text().splitlines()[0])["format"] == "ordernm sweep"
+
+
+@pytest.mark.campaign
+def test_journals_damaged_in_many_places(solver, tmp_path):
+    """Seed 1: what is refused stays byte for byte; what is taken loses no more than a line that was cut."""
+    journal = tmp_path / "sweep.jsonl"
+    codegen.sweep(solver, {"k": [float(k) for k in range(6)]}, plain, journal=journal)
+    content, rng, refused = journal.read_bytes(), random.Random(1), 0
+    for _ in range(4000):
+        damaged = bytearray(content)
+        for _ in range(rng.randint(1, 4)):
+            i, kind = rng.randrange(len(damaged)), rng.random()
+            if kind < 0.4:
+                damaged[i] = rng.randrange(256)
+            elif kind < 0.6:
+                del damaged[i : i + rng.randint(1, 30)]
+            elif kind < 0.8:
+                damaged[i:i] = rng.choice([b"[", b"{", b"\n", b"NaN", b"1e999", b"\xff", b'"']) * rng.randint(1, 5)
+            else:
+                del damaged[i + 1 :]
+        journal.write_bytes(damaged)
+        try:
+            Journal(journal, solver, plain).close()
+        except SweepJournalError:
+            refused += 1
+            assert journal.read_bytes() == bytes(damaged)
+        else:
+            after = journal.read_bytes()
+            assert bytes(damaged).startswith(after) or b"\n" not in damaged
+    assert refused > 2000

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import pickle
+import random
 import re
 import subprocess
 import sys
@@ -706,3 +707,26 @@ def test_a_deep_header_is_damage(tmp_path):
         np.savez(tmp_path / "run.npz", **arrays | {"header": np.frombuffer(text, np.uint8)})
         with pytest.raises(TrajectoryFileError, match="is damaged or was changed: its header cannot be read"):
             Trajectory.load(tmp_path / "run.npz")
+
+
+@pytest.mark.campaign
+def test_files_damaged_in_many_places(tmp_path, suffix):
+    """Seed 2: bytes changed, left out and cut off; a trajectory comes back, or the one error."""
+    make(nt=5).save(tmp_path / f"run{suffix}")
+    content, rng, refused = (tmp_path / f"run{suffix}").read_bytes(), random.Random(2), 0
+    for _ in range(3000):
+        damaged = bytearray(content)
+        for _ in range(rng.randint(1, 4)):
+            i, kind = rng.randrange(len(damaged)), rng.random()
+            if kind < 0.6:
+                damaged[i] = rng.randrange(256)
+            elif kind < 0.8:
+                del damaged[i : i + rng.randint(1, 30)]
+            else:
+                del damaged[i + 1 :]
+        (tmp_path / f"run{suffix}").write_bytes(damaged)
+        try:
+            Trajectory.load(tmp_path / f"run{suffix}")
+        except TrajectoryFileError:
+            refused += 1
+    assert refused > 2000

@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import os
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -37,7 +38,7 @@ EXTRA = {"energy": ("energy.kinetic", "energy.potential"), "closure": ("loops.cl
 
 DAMAGE = (
     ValueError, TypeError, EOFError, KeyError, OverflowError, MemoryError, RecursionError, zipfile.BadZipFile, zlib.error,
-    NotImplementedError, SyntaxError,
+    NotImplementedError, SyntaxError, RuntimeError, OSError, struct.error,
 )  # fmt: skip
 """What NumPy raises for archives that it did not write like that."""
 
@@ -112,21 +113,20 @@ def _digest(words: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
 
 
 def _read_npz(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
-    try:
-        archive = np.load(path, allow_pickle=False)
-        if not isinstance(archive, np.lib.npyio.NpzFile):
-            archive = contextlib.nullcontext(())
-        with archive as opened:
-            if HEADER not in opened:
-                raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: it is another file of NumPy's")
-            _check_sizes(opened.zip)
-            arrays = {name: opened[name] for name in opened.files}
-    except (OSError, TrajectoryFileError) as error:
-        if isinstance(error, OSError) and error.errno is None:  # NumPy's, for a file that is cut short
+    with open(path, "rb") as file:  # a file that is missing is a missing file; what goes wrong afterwards is damage
+        try:
+            archive = np.load(file, allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                archive = contextlib.nullcontext(())
+            with archive as opened:
+                if HEADER not in opened:
+                    raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: it is another file of NumPy's")
+                _check_sizes(opened.zip)
+                arrays = {name: opened[name] for name in opened.files}
+        except TrajectoryFileError:
+            raise
+        except DAMAGE as error:
             raise TrajectoryFileError(damaged(path, error)) from None
-        raise
-    except DAMAGE as error:
-        raise TrajectoryFileError(damaged(path, error)) from None
     return _header(path, arrays.pop(HEADER).tobytes()), arrays
 
 
@@ -153,7 +153,9 @@ def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]
             if KEY not in metadata:
                 raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: it is another file of Parquet's")
             columns = [np.array(column.to_numpy(), dtype=np.float64) for column in table.columns]
-    except (arrow.ArrowException, OSError) as error:
+    except TrajectoryFileError:
+        raise
+    except (arrow.ArrowException, *DAMAGE) as error:
         # a file that is missing is a missing file; pyarrow takes OSError for damage too
         if isinstance(error, OSError) and error.errno is not None:
             raise
