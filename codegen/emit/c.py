@@ -782,6 +782,13 @@ def legend(model: Model, links: int) -> list[str]:
         lines.append("  t         time, s")
     if outputs:
         lines.append(f"  outputs[{len(outputs)}]: {some(outputs)}")
+    if model.switches.found:
+        lines.append(
+            f"  modes[{len(model.switches.found)}]: of switches, for functions whose name has _in_modes, which integrators call:"
+        )
+        lines.append(
+            "            a number for each, or NULL where branches are to follow from the arguments; see motion/motion.h"
+        )
     lines += [
         "  energy[2]  kinetic and potential energy, J",
         f"  M[{nu}*{nu}] and J_x[{nu}*n] are stored row by row.",

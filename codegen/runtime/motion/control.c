@@ -470,6 +470,7 @@ static int begin(ordernm_motion *m)
     ordernm_note_condition(m, 0, 0);
     int unknown = p->nevents ? ordernm_crossings(m, m->t, m->z, m->crossing) : 0;
     if (!unknown && m->nheld) unknown = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
+    if (!unknown && m->nheld) unknown = ordernm_limit_turns(m);
     if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
         const int reason = keep(m, m->t, m->z);
@@ -516,6 +517,7 @@ static int plan(ordernm_motion *m, trial *step)
     step->wall = step->knot < p->end ? step->knot : p->end;
     step->h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
     if (m->shorter > 0.0 && step->h > m->shorter) step->h = m->shorter;
+    if (m->turning > 0.0 && step->h > m->turning) step->h = m->turning;
     const double left = step->wall - m->t, wanted = step->h;
     if (m->nd && m->method->gap > 0.0) step->h = ordernm_step_at_pose(m, step->h, step->wall);
     step->to_pose = step->h != wanted;
@@ -745,6 +747,7 @@ static int go_on(ordernm_motion *m, const trial *step, int *stop)
     const int at_knot = ordernm_next_knot(m, m->t) != step->knot;
     if (!failure && m->nheld && (m->switched || at_knot)) failure = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
     if (!failure && p->nevents && (m->switched || at_knot)) failure = ordernm_jumped_events(m, !at_knot, stop);
+    if (!failure && m->nheld) failure = ordernm_limit_turns(m);
     if (failure == SLIDES && !p->ntimes) keep(m, m->t, m->z);
     if (failure) return failed(r, failure);
     r->next_step = m->h;

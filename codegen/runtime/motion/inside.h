@@ -178,6 +178,7 @@ struct ordernm_motion {
     double *let_go;           /* [nswitches] modes before they were let go for a step; else 0 */
     int not_held;             /* steps in a row that were refused because held rates have no value */
     double *switch_time;      /* [ngroups][LANES] derivatives of the time of the switch that was crossed last */
+    double turning;           /* the longest step in which no angle that jumps at half a turn leaves its mode by so much; 0 for any */
     int switched;             /* modes have changed between the step before and this one */
     long head;                /* numbers of a row of steps before the state */
 };
@@ -259,6 +260,7 @@ int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides);
 int ordernm_choose_modes(ordernm_motion *m, double t, const double *z);
 int ordernm_pass_switches(ordernm_motion *m);
 int ordernm_hold_again(ordernm_motion *m);
+int ordernm_limit_turns(ordernm_motion *m);
 int ordernm_accumulates(const ordernm_motion *m);
 int ordernm_let_go(ordernm_motion *m);
 void ordernm_touch(ordernm_motion *m, double t, int k);

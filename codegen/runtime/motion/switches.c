@@ -30,6 +30,8 @@ static const double ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
 
 enum { FEW_REFUSED = 3 };
 
+static const double TURN_OF_A_STEP = 2.0; /* rad */
+
 static double sign_of(double x) { return (x > 0.0) - (x < 0.0); }
 
 static const double HALF_A_TURN = 3.14159265358979323846;
@@ -304,6 +306,21 @@ int ordernm_hold_again(ordernm_motion *m)
         m->switched |= free && m->modes[k] != 0.0;
         if (kind[k] == ORDERNM_SIGN && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;
         m->let_go[k] = 0.0;
+    }
+    return 0;
+}
+
+/* How long a step may be, by how fast angles turn that jump at half a turn. Returns what a function returned. */
+int ordernm_limit_turns(ordernm_motion *m)
+{
+    m->turning = 0.0;
+    for (int i = 0; i < m->nheld; ++i) {
+        if (m->system->switch_kind[m->held[i]] != ORDERNM_TURN) continue;
+        double speed;
+        const int status = slope(m, m->t, m->z, m->rate[0], m->held[i], &speed);
+        if (status) return status;
+        const double longest = TURN_OF_A_STEP/fabs(speed);
+        if (longest < INFINITY && (m->turning == 0.0 || longest < m->turning)) m->turning = longest;
     }
     return 0;
 }
