@@ -384,15 +384,18 @@ class Product:
         for key, e in powers.items():
             if key[:2] == ("call", "log") and e[0] == "number" and e[1] > 0:
                 slow.append(_power(key, e))
+            elif key[:2] == ("call", "sign"):
+                signs.append(_power(key, e))
             elif e[0] == "number" and e[1] < 0:
                 below = combine("*", below, _power(key, combine("neg", e)))
             else:
                 above = combine("*", above, _power(key, e))
-        for factor in (*signs, *self.choices):
+        for factor in (*self.choices, *([] if slow else signs)):
             above = combine("*", above, factor)
         found = combine("/", above, below)
         if not slow:
             return found
+        slow += signs  # a sign is zero at a kink, where the product need not vanish
         factor = slow[0]
         for more in slow[1:]:
             factor = combine("*", factor, more)

@@ -1,8 +1,8 @@
 """Random expressions at their singular points: derivatives against limits in 400 digits, in every target and direction.
 
 A product of factors that vanish at u = 0, each a power, a logarithm, a norm, an angle or a chosen branch, times smooth ones.
-Where quotients to both sides have a limit, a derivative that is a finite number has to be it, and all ways have to agree on
-which derivatives are finite.
+Where quotients to both sides have a limit, a derivative that is a finite number has to be it, and all ways of generated code
+have to agree on which derivatives are finite.
 """
 
 from __future__ import annotations
@@ -156,11 +156,11 @@ def compared(
                 x, y = of[i, j], expected[i, j]
                 if np.isfinite(x) and np.isfinite(y) and not abs(x - y) <= 1e-6 * (1 + abs(y)):
                     wrong.append(f"seed {seed}, {way}: {law} by {name}: {x}, and the limit is {y}")
-                # Jacobians in C multiply with the inverse mass matrix, which mixes what is infinite
-                if way != "c" and np.isfinite(x) != np.isfinite(found["dense"][i, j]):
-                    wrong.append(
-                        f"seed {seed}, {way}: {law} by {name}: {x}, and the dense method has {found['dense'][i, j]}"
-                    )
+                # Jacobians in C multiply with the inverse mass matrix, which mixes what is infinite; the reference does not
+                # simplify what it is to compute, nor hold branches
+                other = found.get("numpy", of)[i, j]
+                if way not in ("c", "dense") and np.isfinite(x) != np.isfinite(other):
+                    wrong.append(f"seed {seed}, {way}: {law} by {name}: {x}, and the NumPy target has {other}")
     return wrong, laws, expected, found
 
 

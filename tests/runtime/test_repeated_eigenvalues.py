@@ -62,3 +62,19 @@ forces:
     zero = np.abs(found.eigenvalues()) < 1e-6
     assert np.isnan(by[zero].real).all() and np.isnan(by[zero].imag).all()
     assert np.isfinite(by[~zero]).all()
+
+
+def test_where_all_eigenvalues_are_one_jordan_block(tmp_path: Path) -> None:
+    """A ball in the air, of which Hertz's law asks nothing: two zeros, one eigenvector."""
+    text = """\
+model: ball
+parameters: {k: 1e5, n: 1.5}
+bodies: {ball: {parent: ground, joint: {type: prismatic, axis: z}, mass: 1}}
+forces: {floor: {type: joint, joint: ball, value: "k*max(0, -q.ball)**n"}}
+"""
+    codegen.generate(parse_model(text), tmp_path / "ball", target="numpy")
+    found = codegen.load(tmp_path / "ball").linearize([0.05])
+    assert not found.sensitivities(["k", "n"]).A.any()
+    with pytest.warns(RuntimeWarning, match="too few eigenvectors"):
+        by = found.eigenvalue_sensitivities("n")
+    assert np.isnan(by.real).all() and np.isnan(by.imag).all()

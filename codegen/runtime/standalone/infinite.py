@@ -202,8 +202,10 @@ def _bad(values: Any) -> list[int]:
 
 
 def _forces(package: Mapping[str, Any]) -> list[str]:
-    """The model's forces, as it is described."""
-    return [line.strip() for line in package.get("description", ()) if line.strip().startswith("force ")]
+    """The model's forces and force elements, as they are described."""
+    types = zip(package.get("element_types", ()), package.get("elements", ()), strict=True)
+    starts = ("force ", *(f"{type_} {name}:" for type_, name in types))
+    return [line.strip() for line in package.get("description", ()) if line.strip().startswith(starts)]
 
 
 def _force_on(package: Mapping[str, Any], speed: str) -> str:

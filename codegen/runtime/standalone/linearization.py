@@ -224,7 +224,7 @@ def _derivatives_of_branches(A: Array, values: Complex, dA: Array) -> Complex | 
     m = len(values)
     shifted = A - values.mean() * np.eye(len(A))
     left, size, right = np.linalg.svd(shifted)
-    if len(size) > m and not size[-m] <= 1e3 * REPEATED * max(size[0], float(np.abs(A).max())):
+    if not size[-m] <= 1e3 * REPEATED * max(size[0], float(np.abs(A).max())):
         return None
     X, Y = right[-m:].conj().T, left[:, -m:].conj().T
     both = Y @ X
