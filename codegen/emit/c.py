@@ -762,7 +762,7 @@ def legend(model: Model, links: int) -> list[str]:
     """Lines that say what arguments and results are."""
 
     def some(names: Sequence[str]) -> str:
-        return " ".join(names[:12]) + (" ..." if len(names) > 12 else "")
+        return " ".join(names[:12]) + (" ..." if len(names) > 12 else "") or "none"
 
     nq, nu, outputs = model.nq, model.nu, [o.name for o in model.outputs]
     lines = [

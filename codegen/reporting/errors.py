@@ -263,9 +263,9 @@ def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) 
     worst_column, worst_part = 0.0, 0.0
     for part, values in (("q", q), ("u", u), ("p", solver.parameters), ("inputs", inputs), ("t", [t])):
         columns, ours = _as_mpf(getattr(exact, part)), np.asarray(getattr(given, part))
-        columns, ours = columns.reshape(solver.nu, -1), ours.reshape(solver.nu, -1)
         if not columns.size:
             continue
+        columns, ours = columns.reshape(solver.nu, -1), ours.reshape(solver.nu, -1)
         natural = natural_sizes(udot, values)
         for a, b, size in zip(ours.T, columns.T, natural, strict=True):
             worst_column = max(worst_column, relative(a, b, size))

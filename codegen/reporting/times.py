@@ -66,7 +66,10 @@ def turns(solver: Solver, state: State, budget: float, core: Core) -> dict[str, 
         warnings.simplefilter("ignore", RuntimeWarning)
         for name, columns, function in _functions(solver, rng):
             one = _states(state, 1)
-            n = max(1, min(BATCH, int(LARGEST / (8 * solver.nu * max(columns, 1))), _in_time(partial(function, one))))
+            n = max(
+                1,
+                min(BATCH, int(LARGEST / (8 * max(solver.nu, 1) * max(columns, 1))), _in_time(partial(function, one))),
+            )
             counts[name] = n
             many = _states(state, n)
             runs[f"{name} call"] = partial(function, one)
