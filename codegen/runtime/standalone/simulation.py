@@ -77,11 +77,11 @@ class Simulation(MotionRun):
             is left out is the model's initial state, whose dependence on parameters is part of the derivatives.
         p : (np,), optional
         inputs : (nsignals,), or (times, values), or (times, values, kind), or function, or spline, or mapping, optional
-            Constants; or values (ntimes, nsignals), by `kind` held from each time on ("hold"), joined by straight lines ("linear",
-            if not said), by a spline through them ("cubic", "quintic"), or control points of a cubic B-spline whose knots are times
-            ("spline", ntimes + 2 of them); a function of time, which a spline of degree 9 replaces; SciPy's `BSpline` or `PPoly`;
-            or by name any of these for one signal. Before their first and after their last time signals are held. Those that
-            prescribed motion reads need a continuous velocity, and bring their rates and accelerations.
+            Constants; or values (ntimes, nsignals), by `kind` held from each time on ("hold"), joined by straight lines
+            ("linear", if not said), by a spline through them ("cubic", "quintic"), or control points of a cubic B-spline whose
+            knots are times ("spline", ntimes + 2 of them); a function of time, which a spline of degree 9 replaces; SciPy's
+            `BSpline` or `PPoly`; or by name any of these for one signal. Before their first and after their last time signals
+            are held. Those that prescribed motion reads need a continuous velocity, and bring their rates and accelerations.
         sensitivities : sequence of str
             What derivatives are with respect to: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
             coordinates and speeds, ``inputs.NAME`` for a number added to an input, ``inputs.NAME[i]`` for its i-th value. A
