@@ -157,6 +157,8 @@ def write_solver(
         except (AssemblyError, PartitionError) as error:
             raise ModelError([model.problem("loops", str(error))]) from None
         lap("partition")
+    if chosen is not None:
+        model = model.with_turned(chosen.turned)
     progress("analysing", 0, 0)
     system, unrolled = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
     lap("analyse")

@@ -88,7 +88,7 @@ def assemble(
     AssemblyError
         A loop stays open; the text names it and says by how much.
     """
-    geometry = Geometry(model, p)
+    geometry = Geometry(model.with_turned(partition.turned), p)
     return assembled(geometry, partition, padded(q), tries=GUESSES)[0, : geometry.nq]
 
 

@@ -76,6 +76,8 @@ class Partition:
         Conditions that were dropped, and why.
     opening : tuple of int
         Parameters that open redundant conditions when they change alone.
+    turned : tuple of int
+        Loops of which conditions were dropped and are along the axes of ``to``: see `Model.with_turned`.
     """
 
     ears: tuple[Ear, ...]
@@ -87,6 +89,7 @@ class Partition:
     growth: float = 1.0
     remarks: tuple[str, ...] = ()
     opening: tuple[int, ...] = ()
+    turned: tuple[int, ...] = ()
 
     @property
     def dependent(self) -> tuple[int, ...]:

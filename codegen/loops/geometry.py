@@ -6,7 +6,7 @@ first axis. The ground is a body too, the last one: index `Geometry.ground`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -366,6 +366,13 @@ class Geometry:
             points[i], ends[i] = self.at[ends[i]], self.parent[ends[i]]
         distances = [d for d in distances if d > self.tolerance * self._extent]
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0
+
+    def turn_round(self, loops: Collection[int]) -> None:
+        """Take conditions of some loops along the axes of the other face."""
+        kept, self.model = self.kept, self.model.with_turned(loops)
+        self._cycles.clear()
+        self._loops()
+        self.kept = kept
 
     def follow(self, ear: Ear) -> None:
         """Take the characteristic length of an ear, and drop the conditions that it drops."""

@@ -26,7 +26,7 @@ from .errors import AssemblyError, PartitionError
 from .geometry import Geometry, advance, padded
 from .locking import nearly_locked, stopped
 from .ordering import Draft, Sweep, arrange, loop_order
-from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark
+from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
 from .vectors import Array
 from .velocities import Motion, complete_speeds
 from .weighing import Weighed, weighed
@@ -208,7 +208,11 @@ def _redundancy(
     found |= {d.loops for x in chosen.elsewhere for d in nearly_redundant(geometry, drafts, x[None], random, FAR)}
     nearly = [d for d in drafts if d.loops in found and not {*d.loops} & {*stuck}]
     for draft in nearly:
-        keep(geometry, draft, kept_rows(geometry, draft, open_ones))
+        rows = kept_rows(geometry, draft, open_ones)
+        if turned := turned_round(geometry, draft, rows, [*open_ones, *(x[None] for x in chosen.elsewhere)]):
+            geometry.turn_round(turned)
+            rows = kept_rows(geometry, draft, open_ones)
+        keep(geometry, draft, rows)
     configurations = open_ones
     if nearly:
         configurations = [q := assembled(geometry, loose, q)]
@@ -447,6 +451,7 @@ def _partition(
         tuple(warnings),
         remarks=tuple(known.remarks),
         opening=tuple(sorted(known.opening)),
+        turned=tuple(i for i, x in enumerate(geometry.model.loops) if x.turned),
     )
 
 

@@ -52,6 +52,9 @@ LEAST_OFF = 1e-13
 AS_GOOD = 0.7
 """A set of conditions gives way to a later one only if that makes it less than this part as good."""
 
+WORTH_TURNING = 0.6
+"""Conditions along the axes of ``to`` are kept where others determine dependents less well than this part."""
+
 STEP = 2.0**-10
 """Of parameters, relative, or in units where they are small."""
 
@@ -111,15 +114,9 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
     """
     if not draft.dependent:
         return []
-    matrices = []
-    for q in configurations:
-        closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
-        E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
-        matrices.append(E[:, [closure.column[s] for s in draft.dependent]])
-    A = np.stack(matrices)
+    A = _columns(geometry, draft, configurations)
     names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
     rank = A.shape[2]
-    A = A[ranks(A) == rank]
     if not len(A):
         return names
     # angular conditions come first: where they serve, nothing has to be said about the way between the faces
@@ -134,6 +131,47 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
         if not best or found * AS_GOOD > quality:
             best, quality = subset, found
     return sorted(names[n] for n in best)
+
+
+def _columns(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> Array:
+    """Columns of an ear's dependents, ``(S, rows, r)``, at those configurations that are not singular."""
+    matrices = []
+    for q in configurations:
+        closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
+        E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
+        matrices.append(E[:, [closure.column[s] for s in draft.dependent]])
+    A = np.stack(matrices)
+    return A[ranks(A) == A.shape[2]]
+
+
+def turned_round(
+    geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]], configurations: Sequence[Array]
+) -> list[int]:
+    """Loops of an ear whose conditions are better kept along the axes of the other face: these determine the dependents of an ear
+    well in poses in which `rows` do not.
+
+    A crank beside others is determined by the condition across it in all poses, by one along the rod not where they are in line.
+    """
+    names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
+    loops = [i for i in draft.loops if i not in geometry.couplings and sum(r < 3 for r in geometry.rows[i]) == 3]
+    linear = sum(r < 3 for _, r in rows)
+    if not loops or not 0 < linear < sum(r < 3 for _, r in names):
+        return []
+    other = Geometry(geometry.model.with_turned(loops), lengths=geometry.lengths)
+    kept = kept_rows(other, draft, configurations)
+    here, there = (
+        _quality(_columns(g, draft, configurations), [names.index(row) for row in of])
+        for g, of in ((geometry, rows), (other, kept))
+    )
+    return loops if here < WORTH_TURNING * there else []
+
+
+def _quality(A: Array, rows: list[int]) -> float:
+    """How well some rows of ``(S, rows, r)`` determine what all do, at the worst configuration: 1 is as well."""
+    if not len(A):
+        return 0.0
+    part, whole = (np.linalg.svd(x, compute_uv=False)[:, -1] for x in (A[:, rows], A))
+    return float(np.min(part / np.maximum(whole, 1e-300)))
 
 
 def _eliminated(A: Array, order: list[int]) -> list[int]:

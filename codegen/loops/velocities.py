@@ -39,7 +39,7 @@ def complete_speeds(
     -------
     (nu,) array
     """
-    geometry = Geometry(model, p)
+    geometry = Geometry(model.with_turned(partition.turned), p)
     motion = Motion(geometry, padded(q), np.asarray(u, dtype=float)[None, :, None])
     dependent = {s for ear in partition.ears for s in ear.dependent}
     bodies = {int(geometry.speed_body[s]) for s in dependent}

@@ -144,6 +144,8 @@ class Loop:
         `start`, the second in `end`.
     start, end : Face
         ``from`` and ``to`` of the file; what a joint holds of them stands with its type.
+    turned : bool
+        They are exchanged: conditions are along the axes of ``to``. See `Model.with_turned`.
     """
 
     name: str
@@ -151,6 +153,7 @@ class Loop:
     axes: tuple[Vector, ...]
     start: Face
     end: Face
+    turned: bool = field(default=False, kw_only=True)
 
     @property
     def closure(self) -> Closure:
@@ -455,6 +458,19 @@ class Model:
             initial_u=self.initial_u | dict(zip(names, known[n:], strict=True)),
             independent=(*self.independent, *names) if self.loops else self.independent,
         )
+
+    def with_turned(self, loops: Collection[int]) -> Model:
+        """The model with ``from`` and ``to`` of some loops exchanged, whose conditions are along the axes of ``to`` then.
+
+        Of joints that hold all three directions of the way between the faces, so that it is the same joint.
+        """
+        if not loops:
+            return self
+        turned = [
+            replace(x, axes=x.axes[::-1], start=x.end, end=x.start, turned=True) if i in loops and not x.turned else x
+            for i, x in enumerate(self.loops)
+        ]
+        return replace(self, loops=type(self.loops)(turned))
 
     @cached_property
     def coordinate_units(self) -> tuple[str, ...]:

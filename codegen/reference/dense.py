@@ -184,7 +184,7 @@ class DenseEngine(Engine):
         for point, end, wrench in self._wrenches(pairs, state_motion):
             torque, push = (None if v is None else v.mT for v in (wrench.torque, wrench.force))
             act(point.body, end.x.mT, torque, push)
-        on_ends = self._reactions(state)
+        on_ends = self._reactions(state, given=False)
         for i, loop in enumerate(self.model.loops):
             if not loop.is_coupling:  # these act along freedoms, and joints bear them
                 at = self._point(state_motion, loop.end.body, pairs.vector(loop.end.at))[0].mT
@@ -198,14 +198,16 @@ class DenseEngine(Engine):
         origins = [frame.o for frame in frames]
         return pairs.block([[n - cross(o, f), f] for o, (n, f) in zip(origins, needed, strict=False)])
 
-    def _reactions(self, state: State) -> Pair:
+    def _reactions(self, state: State, given: bool = True) -> Pair:
+        """On the faces that the file calls ``to`` or, not `given`, on the ends of the loops as they are computed."""
         pairs = state.pairs
         if not self.model.loops:
             return pairs.constant(np.zeros((0, 6), int))
         known, (_, multipliers) = self._conditions(state), self._constrained(state, subset=True)
         multipliers = self._shared(known.jacobian, multipliers)
         # Phi_q^T lambda stands on the left of Eq. 4, hence the minus.
-        return pairs.block([[-(multipliers[rows].mT @ known.wrenches[rows])] for rows in self.closure_slices])
+        acting = [multipliers[rows].mT @ known.wrenches[rows] for rows in self.closure_slices]
+        return pairs.block([[w if given and x.turned else -w] for w, x in zip(acting, self.model.loops, strict=True)])
 
     def _shared(self, jacobian: Pair, multipliers: Pair) -> Pair:
         """The multipliers of least norm, (m, 1), that act as those of a subset do; dropped conditions have none."""

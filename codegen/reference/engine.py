@@ -142,6 +142,8 @@ class Engine(ABC):
         if partition is None:
             partition = choose_partition(self.given) if model.loops else Partition((), tuple(range(model.nu)))
         self.partition = partition
+        model = self.model = model.with_turned(partition.turned)
+        self.given = self.given.with_turned(partition.turned)
         self.dependent = np.array(sorted(i for ear in partition.ears for i in ear.dependent), dtype=int)
         self.dependent_coordinates = np.array(coordinates_of(model, set(self.dependent.tolist()))[0], dtype=int)
         self.split = partition.split(model)

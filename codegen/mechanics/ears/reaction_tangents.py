@@ -208,9 +208,10 @@ def store_loop(
     acting = of_loop(rows, c, wrench, directions)
     moved = of_loop(rows, c, wrench, [d.vector(row.n) if row.loop == c else row.n for row in rows])
     added = of_loop(rows, c, d_wrench, directions)
-    force = [x.let("W", -e, "Eq. 9") for v in acting for e in v]
+    turned = ear.kind.closures[c].turned
+    force = [x.let("W", e if turned else -e, "Eq. 9") for v in acting for e in v]
     tangent = [
-        x.let("dW", -a - b, "d Eq. 9", lanes=True)
+        x.let("dW", a + b if turned else -a - b, "d Eq. 9", lanes=True)
         for v, w in zip(moved, added, strict=True)
         for a, b in zip(v, w, strict=True)
     ]

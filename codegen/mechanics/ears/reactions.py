@@ -140,7 +140,9 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
                     part = [product(e, value) for e in row.n]
                     moment, force = (add(moment, part), force) if row.angular else (moment, add(force, part))
             end = closure.faces[1]
-            turned = [matvec(transpose(ear.attitude(end)), [-e for e in v]) for v in (moment, force)]
+            turned = [
+                matvec(transpose(ear.attitude(end)), [e if closure.turned else -e for e in v]) for v in (moment, force)
+            ]
             store_reaction(x, LOOP_REACTION[c], ground_attitude(ear, end), turned[0], turned[1])
             for side, sign in ((0, -1), (1, 1)):
                 place = closure.faces[side]

@@ -160,7 +160,7 @@ def _ear_kind(
     key: object = (
         "ear", order.ear_structure(e), tuple(kind_of[i].index for i in ear.links),
         tuple(
-            (f.loop.type, f.frames[0].index, f.frames[1].index, closure_constants[c.loop].shape.index,
+            (f.loop.type, f.loop.turned, f.frames[0].index, f.frames[1].index, closure_constants[c.loop].shape.index,
              pattern(closure_constants[c.loop]))
             for f, c in zip(loops, ear.closures, strict=True)
         ),
@@ -183,6 +183,7 @@ def _ear_kind(
                 c.terms,
                 f.surfaces,
                 isinstance(f.loop, PointCondition) and f.loop.length is not None,
+                f.loop.turned,
             )
             for f, c in zip(loops, ear.closures, strict=True)
         ]

@@ -95,7 +95,7 @@ class ClosureKind(Folded):
     """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes.
 
     `holds`: how many directions the joint holds; `slides`: the way between the faces matters; `surfaces`: the equations of a
-    condition on a point.
+    condition on a point; `turned`: its faces are exchanged, see `Model.with_turned`.
     """
 
     holds: Closure
@@ -110,6 +110,7 @@ class ClosureKind(Folded):
     terms: tuple[tuple[int, int], ...] = ()
     surfaces: tuple[SurfaceForm, ...] = ()
     is_distance: bool = False
+    turned: bool = False
 
     @property
     def is_coupling(self) -> bool:
