@@ -143,6 +143,7 @@ def disagreement(target: Any, f: Any, given: dict[str, Any], sizes: tuple[int, .
         if all(a in shared for a in (*f.arguments, *f.seeds)):
             continue  # no argument has a batch axis
         found = call(target, f, taken, along, (size,), k)
+        check_few(target, f, taken, along, found)
         for name, x, y, derived in zip(f.results, found, expected, f.derived, strict=True):
             one = y[:, states] if derived else y[states]
             assert np.shape(x) == one.shape, (f.name, name, size)
@@ -152,6 +153,15 @@ def disagreement(target: Any, f: Any, given: dict[str, Any], sizes: tuple[int, .
             assert same.all(), (f.name, name, size, float(difference.max()) / scale)
             worst = max(worst, float(np.max(difference, initial=0.0)) / scale)
     return worst
+
+
+def check_few(target: Any, f: Any, taken: dict[str, Any], along: dict[str, Any], found: list[Array]) -> None:
+    """The call of small batches gives the same, where there is one that takes these arguments."""
+    given = [taken.get(n, 0.0 if n == "t" else None) for n in f.order]
+    small = target.few_states(f.name, given, [along.get(s) for s in f.directions] if f.seeds else None)
+    for name, x, y in zip(f.results, small or (), found, strict=small is not None):
+        scale = np.max(np.abs(y), initial=1e-3)
+        assert x.shape == y.shape and np.max(np.abs(x - y), initial=0.0) <= ALIKE * scale, (f.name, name)
 
 
 def check(

@@ -12,7 +12,7 @@ from random_models import random_seeds, random_state, random_tree
 
 import codegen
 from codegen.runtime import CompileError
-from codegen.runtime.standalone import batches
+from codegen.runtime.standalone import batches, few_states
 from codegen.runtime.standalone.arrays import LONG, all_finite
 from codegen.runtime.standalone.errors import SingularForceError, SingularJointError
 
@@ -83,8 +83,10 @@ def package(request, tmp_path_factory):
 
 @pytest.fixture
 def at_once(monkeypatch):
-    """Functions over several states are compiled at the first batch."""
+    """Functions over several states are compiled at the first batch, and work on small ones too."""
     monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+    monkeypatch.setattr(few_states, "FEW", 0)
+    monkeypatch.setattr(few_states, "FEW_ALONG", 0)
 
 
 def load(folder, **options):
@@ -326,5 +328,4 @@ def test_large_models_are_worked_on_state_by_state(package, at_once, monkeypatch
     one.accelerations(*state)
     assert "states" not in one._target.batches._libraries
     monkeypatch.undo()
-    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
     same(together, load(folder).sensitivities(*state, **seeds))

@@ -25,6 +25,7 @@ from .errors import (
     SingularOutputError,
     singular_forces,
 )
+from .few_states import FewStates
 from .functions import Function, split
 from .results import empty
 from .single_calls import SLOT, SingleCalls
@@ -118,6 +119,7 @@ class CTarget:
         self._default_pointers = [self.pointer(a) for a in self.defaults]
         self.single_calls = SingleCalls(weakref.proxy(self))
         self.one_state = self.single_calls.run
+        self.few_states = FewStates(weakref.proxy(self), self.single_calls).run
 
     @property
     def threads(self) -> int:

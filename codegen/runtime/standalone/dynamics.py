@@ -63,7 +63,8 @@ class Dynamics(Package):
             self._look_at_directions("jacobians", given, (None, None, np.eye(self.np), None, None))
         else:
             whole = None if out is None else [getattr(out, n) for n in asked]
-            found = self._one_state("jacobians", given, None, whole, MATRICES[asked])
+            call = "jacobians", given, None, whole, MATRICES[asked]
+            found = self._one_state(*call) or self._few_states(*call)
             if found is not None:
                 return out or (
                     Jacobians(*found) if len(found) == 5 else jacobians_of(dict(zip(asked, found, strict=True)))

@@ -45,6 +45,8 @@ class NumpyTarget:
     ) -> None:
         """None: there is no faster path than `values` and `along`; see `SingleCalls.run`."""
 
+    few_states = one_state
+
     def values(
         self,
         f: Function,

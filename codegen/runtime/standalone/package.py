@@ -110,7 +110,7 @@ class Package:
     def _use(self, opened: Opened) -> None:
         """Compute with a partition from now on."""
         self._opened = opened
-        self._one_state = opened.target.one_state
+        self._one_state, self._few_states = opened.target.one_state, opened.target.few_states
         self._watched = bool(opened.manifest.get("opening"))
 
     def __getstate__(self) -> tuple[str, str, int, int, str, str]:
@@ -205,7 +205,7 @@ class Package:
 
     def _values(self, name: str, given: Sequence[Any], out: Any = None) -> Sequence[Array]:
         """Results of a function without directions, in `out` if there is one; `given` are what it takes, in order."""
-        found = self._one_state(name, given, None, out)
+        found = self._one_state(name, given, None, out) or self._few_states(name, given, None, out)
         if found is not None:
             return found
         opened = self._opened
@@ -218,7 +218,7 @@ class Package:
         """Results of a function over directions; `seeds` are of what it takes, in order."""
         if self._watched:
             self._look_at_directions(name, given, seeds)
-        found = self._one_state(name, given, seeds, out)
+        found = self._one_state(name, given, seeds, out) or self._few_states(name, given, seeds, out)
         if found is not None:
             return found if out is None else tuple(found)
         opened = self._opened

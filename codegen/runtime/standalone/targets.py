@@ -32,6 +32,15 @@ class Target(Protocol):
         returned: tuple[str, ...] | None = None,
     ) -> Sequence[Array] | None: ...
 
+    def few_states(
+        self,
+        name: str,
+        given: Sequence[Any],
+        seeds: Sequence[Any] | None = None,
+        out: Any = None,
+        returned: tuple[str, ...] | None = None,
+    ) -> Sequence[Array] | None: ...
+
     def values(
         self,
         f: Function,

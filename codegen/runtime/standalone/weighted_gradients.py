@@ -110,7 +110,8 @@ class WeightedGradients(States):
     def _gradients(self, name: str, given: Sequence[Any], weights: Sequence[Any]) -> Gradients:
         opened = self._opened
         if not self._watched:
-            gradients = self._one_state(name, given, weights, None, ALONG)
+            wanted = name, given, weights, None, ALONG
+            gradients = self._one_state(*wanted) or self._few_states(*wanted)
             if gradients is not None:
                 return Gradients(*gradients)
         arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)

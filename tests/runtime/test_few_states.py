@@ -1,0 +1,126 @@
+"""Small batches: the same bits as single calls, and the same errors as large batches."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import codegen
+from codegen.runtime.standalone import few_states
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+N = 9
+
+
+@pytest.fixture(scope="module", params=["arm", "four_bar", "satellite"])
+def solver(request, tmp_path_factory):
+    model = codegen.load_model(EXAMPLES / f"{request.param}.yaml")
+    folder = tmp_path_factory.mktemp("few") / request.param
+    codegen.generate(model, folder, check=False, compile="all")
+    return codegen.load(folder)
+
+
+@pytest.fixture
+def states(solver):
+    rng = np.random.default_rng(1)
+    q0, u0 = solver.initial
+    q, u = q0 + 0.05 * rng.normal(size=(N, solver.nq)), u0 + 0.3 * rng.normal(size=(N, solver.nu))
+    return solver.assemble(q, u)
+
+
+@pytest.fixture
+def counted(solver, monkeypatch):
+    """How many batches were small, and were not passed on."""
+    found = []
+    run = solver._few_states
+
+    def counting(*given):
+        results = run(*given)
+        if any(np.ndim(x) == 2 for x in given[1]):
+            found.append((given[0], results is not None))
+        return results
+
+    monkeypatch.setattr(solver, "_few_states", counting)
+    return found
+
+
+def rows(call, *arrays):
+    """Results of single calls, stacked; those of several results result by result."""
+    return [call(*(a[i] for a in arrays)) for i in range(N)]
+
+
+def test_values_are_those_of_single_calls(solver, states, counted):
+    q, u = states
+    inputs = np.linspace(0, 1, N)[:, None] * np.ones(solver.ninputs)
+    t = np.linspace(0.0, 1.0, N)
+    together = solver.accelerations(q, u, None, inputs, t)
+    single = [solver.accelerations(q[i], u[i], None, inputs[i], float(t[i])) for i in range(N)]
+    np.testing.assert_array_equal(together, single)
+    np.testing.assert_array_equal(solver.mass_matrix(q), rows(solver.mass_matrix, q))
+    np.testing.assert_array_equal(solver.coordinate_rates(q, u), rows(solver.coordinate_rates, q, u))
+    out = np.empty((N, solver.nu))
+    assert solver.accelerations(q, u, out=out) is out
+    np.testing.assert_array_equal(out, rows(solver.accelerations, q, u))
+    np.testing.assert_array_equal(solver.accelerations(q, u[0]), [solver.accelerations(x, u[0]) for x in q])
+    np.testing.assert_array_equal(solver.accelerations(q[::-1], u[::-1]), out[::-1])
+    assert [small for name, small in counted if name == "accelerations"] == [True] * 4
+
+
+def test_derivatives_are_those_of_single_calls(solver, states, counted):
+    q, u = states
+    rng = np.random.default_rng(2)
+    shared, own = rng.normal(size=(3, solver.nu)), rng.normal(size=(3, N, solver.nu))
+    for du in (shared, shared[:, None], own):
+        found = solver.sensitivities(q, u, du=du)
+        for i in range(N):
+            single = solver.sensitivities(q[i], u[i], du=own[:, i] if du is own else shared)
+            np.testing.assert_array_equal(found[0][i], single[0])
+            np.testing.assert_array_equal(found[1][:, i], single[1])
+    weights = rng.normal(size=(2, N, solver.nu))
+    gradients = solver.gradients(q, u, weights=weights)
+    J = solver.jacobians(q, u)
+    for i in range(N):
+        for together, single in zip(gradients, solver.gradients(q[i], u[i], weights=weights[:, i]), strict=True):
+            np.testing.assert_array_equal(together[:, i], single)
+        single = solver.jacobians(q[i], u[i])
+        for name in ("q", "u", "p", "inputs", "t"):
+            np.testing.assert_array_equal(getattr(J, name)[i], getattr(single, name))
+    assert ("sensitivities", False) not in counted and ("jacobians", False) not in counted
+
+
+def test_bad_batches_have_the_errors_of_large_ones(solver, states, monkeypatch):
+    q, u = states
+    spoilt = u.copy()
+    spoilt[4, 0] = np.nan
+    q_short = q.copy()
+    cases = [(q, spoilt), (q, u[:-1]), (q[:, :-1], u), (q.astype(object), u), (q_short, u.astype(np.float32))]
+    messages = []
+    for few in (few_states.FEW, 0):
+        monkeypatch.setattr(few_states, "FEW", few)
+        for given in cases:
+            try:
+                messages.append(np.asarray(solver.accelerations(*given)).tobytes())
+            except ValueError as error:
+                messages.append(str(error))
+    assert messages[: len(cases)] == messages[len(cases) :]
+    assert "u[4, 0]" in messages[0] or "nan" in messages[0]
+
+
+def test_results_over_arguments(solver, states):
+    q, u = states
+    expected = solver.accelerations(q, u)
+    place = u.copy()
+    solver.accelerations(q, place, out=place)
+    np.testing.assert_array_equal(place, expected)
+
+
+def test_bad_states_may_be_nan(solver, states):
+    q, u = states
+    u[2, 0] = np.inf
+    solver.bad_states = "nan"
+    try:
+        with pytest.warns(RuntimeWarning, match="1 of 9 states"):
+            udot = solver.accelerations(q, u)
+    finally:
+        solver.bad_states = "error"
+    assert np.isnan(udot[2]).all() and np.isfinite(np.delete(udot, 2, axis=0)).all()
