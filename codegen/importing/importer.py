@@ -178,7 +178,8 @@ def from_pinocchio(model: Any, **options: Any) -> Imported:
     from .pinocchio import read_pinocchio
 
     with np.errstate(all="ignore"):  # `check_finite` judges
-        return imported(read_pinocchio(model), Options(**options), "A model of Pinocchio")
+        chosen = _of_object(options, "pinocchio.Model", ("base", "key", "exact_angles", "package_paths"))
+        return imported(read_pinocchio(model), chosen, "A model of Pinocchio")
 
 
 def from_mujoco(model: Any, **options: Any) -> Imported:
@@ -193,7 +194,7 @@ def from_mujoco(model: Any, **options: Any) -> Imported:
     from .mjcf import read_mujoco
 
     with np.errstate(all="ignore"):  # `check_finite` judges
-        chosen = Options(**options)
+        chosen = _of_object(options, "MjModel", ("base", "exact_angles", "package_paths"))
         return imported(read_mujoco(model, chosen.key), chosen, "A model of MuJoCo")
 
 
@@ -235,6 +236,15 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
 def _refuse(root: Element, option: str, value: str | None, what: str) -> None:
     if value is not None:
         raise ModelError([root.problem(f"{option} {value} is {what}; leave it out")])
+
+
+def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Options:
+    """What the import of an object is asked for; options that are about files are refused."""
+    wrong = [name for name in others if options.get(name)]
+    if wrong:
+        message = "is for files, and would do nothing here; leave it out"
+        raise ModelError([Problem(file, None, None, name, message) for name in wrong])
+    return Options(**options)
 
 
 def imported(robot: Robot, options: Options, source: str) -> Imported:

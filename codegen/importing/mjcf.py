@@ -178,7 +178,7 @@ class _Reader:
         return given
 
     def place(self, kind: str, name: str, number: int | None = None) -> Place:
-        """Where something of a kind stands: by its name, or as the so many-th of a list in the file."""
+        """Where an element of a kind stands: by its name, or by its number in the list of the file."""
         found = self.places.get((kind, name)) if name else None
         if found is None and number is not None and self.parts is not None:
             listed = self.parts.joints() if kind == "joint" else self.parts.listed(kind)

@@ -27,7 +27,7 @@ _FOLDERS: Final = {
 }
 _UNNAMED: Final = ("default", "actuator", "sensor", "tendon")
 _COPIES: Final = {"replicate": 1, "composite": 3, "flexcomp": 3}
-"""Elements that stand for as many as their ``count`` says, of so many numbers."""
+"""Elements that make ``count`` copies, and the number of values that ``count`` has at most."""
 
 
 class MjcfFiles:

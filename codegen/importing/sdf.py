@@ -40,7 +40,7 @@ _MEANT: Final = {
     "population": ("models that a simulator adds", Effect.DIFFERS), "battery": ("", Effect.NONE),
     "self_collide": ("contacts", Effect.STOPS), "allow_auto_disable": ("rest of a simulator", Effect.NONE),
     "must_be_base_link": ("", Effect.NONE), "projector": ("", Effect.NONE), "particle_emitter": ("", Effect.NONE),
-    "kinematic": ("a link that a simulator moves as it is told", Effect.DIFFERS), "material": ("", Effect.NONE),
+    "kinematic": ("a link that the simulator moves itself", Effect.DIFFERS), "material": ("", Effect.NONE),
     "velocity_decay": ("damping of a link", Effect.DIFFERS), "gripper": ("contacts", Effect.STOPS),
     "fluid_added_mass": ("the mass of a fluid that moves along", Effect.DIFFERS), "surface": ("contacts", Effect.STOPS),
     "max_contacts": ("contacts", Effect.STOPS), "laser_retro": ("", Effect.NONE), "cast_shadows": ("", Effect.NONE),

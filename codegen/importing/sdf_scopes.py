@@ -63,7 +63,7 @@ class Scope:
 
     @property
     def is_world(self) -> bool:
-        """Whether it is a world, or what stands in the place of one."""
+        """Whether it is a world, or a file of models without one."""
         return self.element.tag != "model"
 
     def known(self) -> list[str]:

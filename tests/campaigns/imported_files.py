@@ -220,7 +220,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--packages", nargs="+", default=list(PACKAGES))
     parser.add_argument("--states", type=int, default=2)
-    parser.add_argument("--every", type=int, default=1, help="take every so many-th file only")
+    parser.add_argument("--every", type=int, default=1, help="take every N-th file only")
     parser.add_argument("--results", type=Path, help="a file of lines of JSON to write")
     options = parser.parse_args(arguments)
     warnings.simplefilter("ignore")

@@ -285,3 +285,16 @@ def test_what_mujoco_names_is_found(tmp_path):
     path.write_text('<mujoco>\n<worldbody>\n<body name="light one"><joint/></body></worldbody></mujoco>')
     with pytest.raises(codegen.ModelError, match=r"arm.xml:3:1: MuJoCo cannot compile it: .*'light one'"):
         codegen.import_model(path)
+
+
+def test_options_that_would_do_nothing_are_refused(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(text_of())
+    for option, value in (("model", "x"), ("base", "free"), ("exact_angles", True)):
+        with pytest.raises(
+            codegen.ModelError, match=f"arm.xml:1:1: --{option.replace('_', '-')}.* is for .* leave it out"
+        ):
+            codegen.import_model(path, **{option: value})
+    for option, value in (("package_paths", ["x"]), ("base", "free"), ("exact_angles", True)):
+        with pytest.raises(codegen.ModelError, match=f"MjModel: {option}: is for files, and would do nothing here"):
+            codegen.from_mujoco(mujoco.MjModel.from_xml_path(str(path)), **{option: value})

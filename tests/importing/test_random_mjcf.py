@@ -9,11 +9,25 @@ import codegen
 SEEDS = range(300)
 
 
+def is_compiled(path):
+    """Whether MuJoCo takes a file: it refuses some paths of tendons over copies."""
+    import mujoco
+
+    try:
+        mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        assert "is repeated" in str(error)
+        return False
+    return True
+
+
 def check(tmp_path, seeds):
     pytest.importorskip("mujoco", reason="MuJoCo reads MJCF: pip install mujoco")
     for seed in seeds:
         path = tmp_path / f"robot_{seed}.xml"
         path.write_text(RandomMjcf(seed).text())
+        if not is_compiled(path):
+            continue
         found = codegen.import_model(path)
         assert not found.differences, (seed, found.differences)
         assert apart(path, found, 2) < 1e-8, (seed, path)
