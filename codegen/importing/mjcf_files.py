@@ -18,6 +18,7 @@ from .xml_values import is_true, place_of
 
 MAX_COMPILED: Final = 200_000
 """Elements that a model may have once its copies are made."""
+MAX_CHAIN: Final = 50
 MAX_PIXELS: Final = 100_000_000
 MAX_SIZE: Final = 1_000_000
 _FOLDERS: Final = {
@@ -68,9 +69,8 @@ class MjcfFiles:
         self.strips = any(is_true(e.attributes.get("strippath", "")) for e in self.elements("compiler"))
         for element in self.every():
             self.check(element)
-        weight = self.weight(root, ())
-        if weight > MAX_COMPILED and not self.problems:
-            heaviest = max(self.elements(*_COPIES, "attach"), key=lambda e: self.weight(e, ()), default=root)
+        if self.weigh(root) > MAX_COMPILED and not self.problems:
+            heaviest = max(self.elements(*_COPIES, "attach"), key=lambda e: self.weights.get(id(e), 0), default=root)
             message = f"the model would have more than {MAX_COMPILED} elements once its copies are made; make fewer"
             self.problems.append(heaviest.problem(message))
         if self.problems:
@@ -127,6 +127,9 @@ class MjcfFiles:
     def gather(self, root: Element, prefix: str, chain: tuple[str, ...]) -> None:
         """The files that a file includes, and the models that it attaches."""
         self.parts.append((root, prefix))
+        if len(chain) > MAX_CHAIN:
+            self.problems.append(root.problem(f"more than {MAX_CHAIN} files that include each other; use fewer"))
+            return
         attached: dict[str, str] = {}
         for element in _within(root):
             name = element.attributes.get("file", "")
@@ -198,24 +201,26 @@ class MjcfFiles:
                         self.problems.append(element.problem(f"file {shortened(name)} of <{element.tag}> is {why}"))
                         return
 
-    def weight(self, element: Element, chain: tuple[int, ...]) -> int:
-        """How many elements an element stands for once copies are made."""
-        if id(element) in self.weights:
-            return self.weights[id(element)]
-        if id(element) in chain:
+    def weigh(self, root: Element, chain: tuple[int, ...] = ()) -> int:
+        """How many elements a file stands for once copies are made; those of its elements are kept in `weights`."""
+        if id(root) in chain:
             return 0
-        within = (*chain, id(element)) if element.tag in ("mujoco", "mujocoinclude") else chain
-        total = 1 + sum(self.weight(child, within) for child in element.children)
-        if element.tag == "attach":
-            model = self.models.get(element.attributes.get("model", ""))
-            total += 0 if model is None else self.weight(model, within)
-        if element.tag == "include" and (found := self.included.get(id(element))) is not None:
-            total += self.weight(found, within)
-        if element.tag in _COPIES:
-            counts = element.attributes.get("count", "1").split()[: _COPIES[element.tag]]
-            total *= max(1, math.prod(_whole(count) for count in counts))
-        self.weights[id(element)] = total
-        return total
+        if id(root) in self.weights:
+            return self.weights[id(root)]
+        within = (*chain, id(root))
+        for element in reversed(list(_within(root))):
+            total = 1 + sum(self.weights[id(child)] for child in element.children)
+            others = {
+                "attach": self.models.get(element.attributes.get("model", "")),
+                "include": self.included.get(id(element)),
+            }
+            other = others.get(element.tag)
+            total += 0 if other is None else self.weigh(other, within)
+            if element.tag in _COPIES:
+                counts = element.attributes.get("count", "1").split()[: _COPIES[element.tag]]
+                total *= max(1, math.prod(_whole(count) for count in counts))
+            self.weights[id(element)] = total
+        return self.weights[id(root)]
 
     def places(self) -> dict[tuple[str, str], Place]:
         """Where named elements stand, by what they are and their names in the compiled model."""

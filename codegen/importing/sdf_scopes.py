@@ -19,6 +19,7 @@ from .files import Files
 from .xml_reading import Element, parse_xml, read_robot_file
 from .xml_values import is_true, place_of, version_of
 
+MAX_NESTED: Final = 30
 MAX_SCOPES: Final = 1000
 NAMED: Final = ("link", "joint", "frame")
 _INCLUDE: Final = {"uri", "name", "pose", "static", "placement_frame", "plugin", "merge"}
@@ -44,6 +45,8 @@ class Scope:
     static : bool
     is_merged : bool
         Its names are those of the parent.
+    depth : int
+        How many models it is in.
     items : dict of str to Item
         Links, joints and frames by name.
     models : dict of str to Scope
@@ -58,6 +61,7 @@ class Scope:
     placement_frame: str = ""
     static: bool = False
     is_merged: bool = False
+    depth: int = 0
     items: dict[str, Item] = field(default_factory=dict)
     models: dict[str, Scope] = field(default_factory=dict)
 
@@ -175,9 +179,11 @@ class Scopes:
     ) -> None:  # fmt: skip
         """A model, in a file or included; what the <include> says goes before what the model says."""
         self.count += 1
+        place = place_of(include or element)
         if self.count > MAX_SCOPES:
-            place = place_of(include or element)
             raise ModelError([place.problem(f"more than {MAX_SCOPES} models; worlds have fewer: read a part of it")])
+        if names.depth >= MAX_NESTED or len(chain) > MAX_NESTED:
+            raise ModelError([place.problem(f"more than {MAX_NESTED} models within each other; use fewer")])
 
         def said(tag: str) -> Element | None:
             own = include.first(tag) if include is not None else None
@@ -191,6 +197,7 @@ class Scopes:
             "", element, version, names, home, said("pose"),
             element.attributes.get("placement_frame", "").strip() if frame is None else frame.text.strip(),
             static is not None and is_true(static.text), merged,
+            names.depth + 1,
         )  # fmt: skip
         if merged:
             self.fill(names, scope, element, chain)

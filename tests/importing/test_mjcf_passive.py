@@ -298,3 +298,15 @@ def test_options_that_would_do_nothing_are_refused(tmp_path):
     for option, value in (("package_paths", ["x"]), ("base", "free"), ("exact_angles", True)):
         with pytest.raises(codegen.ModelError, match=f"MjModel: {option}: is for files, and would do nothing here"):
             codegen.from_mujoco(mujoco.MjModel.from_xml_path(str(path)), **{option: value})
+
+
+@pytest.mark.parametrize("text", ['<include file="{}"/>', '<asset><model name="m" file="{}"/></asset>'])
+def test_long_chains_of_files_are_refused(tmp_path, text):
+    nested, ends = "<frame>" * 90, "</frame>" * 90
+    for k in range(80):
+        other = text.format(f"c{k + 1}.xml")
+        inner = f"<worldbody>{nested}{other}{ends}</worldbody>" if "include" in text else other
+        (tmp_path / f"c{k}.xml").write_text(f"<mujoco>{inner}</mujoco>")
+    (tmp_path / "c80.xml").write_text(CHILD)
+    with pytest.raises(codegen.ModelError, match="more than 50 files that include each other; use fewer"):
+        codegen.import_model(tmp_path / "c0.xml")

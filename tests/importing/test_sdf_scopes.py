@@ -317,3 +317,14 @@ def test_includes_without_end_are_refused(tmp_path):
     (tmp_path / "p7.sdf").write_text(sdf(model()))
     with pytest.raises(codegen.ModelError, match="more than 1000 models; worlds have fewer"):
         imported(tmp_path, sdf(model("<include><uri>p0.sdf</uri></include>")))
+
+
+def test_long_chains_of_files_and_models_are_refused(tmp_path):
+    for k in range(400):
+        inner = f"<include><uri>c{k + 1}.sdf</uri><name>n</name></include>"
+        (tmp_path / f"c{k}.sdf").write_text(sdf(model(link("a") + inner)))
+    deep = "".join(f'<model name="n{k}">' for k in range(60)) + link("a") + "</model>" * 60
+    merged = "<include merge='true'><uri>c0.sdf</uri></include>"
+    for text in (model("<include><uri>c0.sdf</uri></include>"), model(merged), model(deep)):
+        with pytest.raises(codegen.ModelError, match="more than 30 models within each other; use fewer"):
+            imported(tmp_path, sdf(text))
