@@ -28,7 +28,7 @@ from .robot import SINGLE, WORLD, BodyForce, Coupling, Effect, Mark, Robot
 from .side_file import SideFile, read_side_file
 from .words import number, one_line, vector, wrapped
 from .writing import ModelWriter
-from .xml_reading import Element, parse_xml, read_robot_file
+from .xml_reading import Element, no_regular_file, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
 """Formats by the root of their files."""
@@ -159,6 +159,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
         if not os.path.isdir(folder):
             message = f"{os.fspath(folder)} is no folder; give one that holds packages, or leave it out"
             raise ModelError([Problem(file, None, None, "--package-path", message)])
+    _check_loops(chosen)
     data = read_robot_file(file)
     root = parse_xml(data, file)
     files = Files(Path(file), chosen.package_paths)
@@ -244,7 +245,17 @@ def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Opt
     if wrong:
         message = "is for files, and would do nothing here; leave it out"
         raise ModelError([Problem(file, None, None, name, message) for name in wrong])
-    return Options(**options)
+    chosen = Options(**options)
+    _check_loops(chosen)
+    return chosen
+
+
+def _check_loops(chosen: Options) -> None:
+    """Refuse a side file that is a named pipe, which may never end."""
+    message = None if chosen.loops is None else no_regular_file(chosen.loops)
+    if chosen.loops is not None and message is not None:
+        said = f"cannot be read: {message}; a YAML file with a section loops is needed"
+        raise ModelError([Problem(os.fspath(chosen.loops), 1, 1, "", said)])
 
 
 def imported(robot: Robot, options: Options, source: str) -> Imported:

@@ -91,7 +91,7 @@ def read_robot_file(path: str | Path) -> bytes:
     return data
 
 
-def no_regular_file(path: str | Path) -> str | None:
+def no_regular_file(path: str | os.PathLike[str]) -> str | None:
     """What a path names that is there and cannot be read to an end; pipes of this process, such as /dev/stdin, can be."""
     try:
         mode = os.stat(path).st_mode

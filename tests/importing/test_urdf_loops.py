@@ -261,6 +261,8 @@ def test_pipes_are_refused_and_missing_folders_named(tmp_path, monkeypatch, caps
         in capsys.readouterr().err
     )
     Path("bars.urdf").write_text(BARS)
+    assert main(["import", "bars.urdf", "--loops", "pipe.urdf"]) == 1
+    assert "pipe.urdf:1:1: cannot be read: it is a named pipe; a YAML file" in capsys.readouterr().err
     assert main(["import", "bars.urdf", "-o", "no/where.yaml"]) == 2
     assert capsys.readouterr().err == "import: no: no such folder; make it first\n"
     for option in ("--model", "--key"):
