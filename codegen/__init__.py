@@ -1,9 +1,9 @@
 """ordernm: from a model of a multibody system to a solver with exact design sensitivities.
 
->>> import codegen
->>> model = codegen.load_model("examples/double_pendulum.yaml")
->>> codegen.generate(model, "generated/double_pendulum")
->>> solver = codegen.load("generated/double_pendulum")
+>>> import ordernm
+>>> model = ordernm.load_model("examples/double_pendulum.yaml")
+>>> ordernm.generate(model, "generated/double_pendulum")
+>>> solver = ordernm.load("generated/double_pendulum")
 >>> udot, dudot = solver.sensitivities(*solver.initial, dp=[1.0, 0.0])
 """
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from pictures import BLUE, GREEN, GREY, ORANGE, figure, folder_asked, solver_of, write
 
-from codegen.runtime import Final
+from ordernm.runtime import Final
 
 SECONDS = 0.03
 SHOWN = 14

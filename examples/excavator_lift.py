@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from pictures import BLUE, GREEN, GREY, ORANGE, figure, folder_asked, solver_of, write
 
-import codegen
-from codegen.runtime import Final, Integral
+import ordernm
+from ordernm.runtime import Final, Integral
 
 SECONDS, VALUES = 4.0, 9
 PLACE = {"reach": 2.5, "side": 5.5, "height": 3.0, "length_bucket": 2.2427}
@@ -38,13 +38,13 @@ def holding(solver: Any) -> Any:
     return found
 
 
-def lift_problem(solver: Any, method: str = "auto") -> tuple[codegen.Objective, Any]:
+def lift_problem(solver: Any, method: str = "auto") -> tuple[ordernm.Objective, Any]:
     times = np.linspace(0, SECONDS, VALUES)
     values = np.tile(holding(solver), (VALUES, 1))
     values[:, 0] = 6e4 * np.sin(2 * np.pi * times / SECONDS)
     values[:, 1] *= 1.05
     variables = {f"inputs.{name}": (-most, most) for name, most in MOST.items()}
-    f = codegen.objective(
+    f = ordernm.objective(
         solver, SECONDS, Integral("power"), variables, weights=[1e-4], inputs=(times, values, "linear"), method=method,
         rtol=1e-8, atol=1e-8,
     )  # fmt: skip
@@ -54,12 +54,12 @@ def lift_problem(solver: Any, method: str = "auto") -> tuple[codegen.Objective, 
     return f, [there, still]
 
 
-def lift(solver: Any, maxiter: int = 200) -> tuple[codegen.Objective, Any]:
+def lift(solver: Any, maxiter: int = 200) -> tuple[ordernm.Objective, Any]:
     f, constraints = lift_problem(solver)
-    return f, codegen.optimize(f, "SLSQP", constraints=constraints, maxiter=maxiter, ftol=1e-6)
+    return f, ordernm.optimize(f, "SLSQP", constraints=constraints, maxiter=maxiter, ftol=1e-6)
 
 
-def draw(f: codegen.Objective, best: Any, folder: Path | None = None) -> Path:
+def draw(f: ordernm.Objective, best: Any, folder: Path | None = None) -> Path:
     made, axes = figure(9.0, 5.6, 2, 2)
     (way, forces), (lengths, work) = axes
     t = np.linspace(0, SECONDS, 201)

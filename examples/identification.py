@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from pictures import BLACK, BLUE, GREY, ORANGE, figure, folder_asked, solver_of, write
 
-import codegen
+import ordernm
 
 SIGMA = 0.01
 RELEASES = ({"upper": 1.2, "lower": -0.4}, {"upper": -0.6, "lower": 1.5})
@@ -31,7 +31,7 @@ VARIABLES = {
 
 
 def measure(solver: Any, seconds: float = 4.0, seed: int = 20) -> list[dict[str, Any]]:
-    """Samples of both releases, as experiments of `codegen.fit`: the angles of release are known roughly."""
+    """Samples of both releases, as experiments of `ordernm.fit`: the angles of release are known roughly."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0, seconds, round(50 * seconds) + 1)
     found = []
@@ -44,8 +44,8 @@ def measure(solver: Any, seconds: float = 4.0, seed: int = 20) -> list[dict[str,
     return found
 
 
-def identify(solver: Any, experiments: list[dict[str, Any]], **more: Any) -> codegen.Fit:
-    return codegen.fit(solver, variables=VARIABLES, p=GUESS, experiments=experiments, sigma=SIGMA, **more)
+def identify(solver: Any, experiments: list[dict[str, Any]], **more: Any) -> ordernm.Fit:
+    return ordernm.fit(solver, variables=VARIABLES, p=GUESS, experiments=experiments, sigma=SIGMA, **more)
 
 
 def truth(solver: Any) -> dict[str, float]:
@@ -55,7 +55,7 @@ def truth(solver: Any) -> dict[str, float]:
     return found
 
 
-def draw(solver: Any, experiments: list[dict[str, Any]], fit: codegen.Fit, folder: Path | None = None) -> Path:
+def draw(solver: Any, experiments: list[dict[str, Any]], fit: ordernm.Fit, folder: Path | None = None) -> Path:
     """Samples and motions, residuals, errors in standard deviations, correlations."""
     made, axes = figure(9.0, 5.6, 2, 2)
     (motion, errors), (rest, related) = axes
@@ -101,7 +101,7 @@ def main() -> None:
     worst = max(abs(fit[name] - true[name]) / fit.deviation(name) for name in fit.names)
     print(f"the largest error is {worst:.2f} standard deviations")
     print(
-        codegen.fit(
+        ordernm.fit(
             solver, variables={**VARIABLES, "mass_1": (0.1, 5.0)}, p=GUESS, experiments=experiments, sigma=SIGMA
         )
     )

@@ -46,9 +46,9 @@ from ctiming import LEVELS, Contestant, alternate, compile_variant, default_cach
 from ladders import TEXTS, Mechanism, mechanism, source_of
 from operations import total
 
-from codegen.emit.solver import Source, write_solver
-from codegen.loops import complete_speeds, partition
-from codegen.model import Model, parse_model
+from ordernm.emit.solver import Source, write_solver
+from ordernm.loops import complete_speeds, partition
+from ordernm.model import Model, parse_model
 
 AGREEMENT = 1e-9
 """Largest relative difference between two constrained methods, as long as M is well conditioned."""

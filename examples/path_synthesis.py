@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from pictures import BLACK, BLUE, GREY, ORANGE, figure, folder_asked, solver_of, write
 
-import codegen
-from codegen.runtime import LeastSquares
+import ordernm
+from ordernm.runtime import LeastSquares
 
 X = [0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.0, 0.0, 0.03, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.6]
 Y = [1.1, 1.1, 1.1, 1.0, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.0]
@@ -31,13 +31,13 @@ TURNS = {"flywheel": 1e6, "friction": 0.0}
 """The crank keeps its speed."""
 
 
-def path_objective(solver: Any, method: str = "auto") -> codegen.Objective:
+def path_objective(solver: Any, method: str = "auto") -> ordernm.Objective:
     """Half the squares of the distances from the places, m^2."""
     samples = LeastSquares(TIMES, {"x": X, "y": Y})
-    return codegen.objective(solver, TIMES[-1], samples, VARIABLES, p=TURNS, method=method, most_steps=3000)
+    return ordernm.objective(solver, TIMES[-1], samples, VARIABLES, p=TURNS, method=method, most_steps=3000)
 
 
-def synthesise(solver: Any, starts: int = 4, maxiter: int = 400) -> tuple[codegen.Objective, Any]:
+def synthesise(solver: Any, starts: int = 4, maxiter: int = 400) -> tuple[ordernm.Objective, Any]:
     """The best four-bar of several searches."""
     f = path_objective(solver)
     rng = np.random.default_rng(1)
@@ -46,13 +46,13 @@ def synthesise(solver: Any, starts: int = 4, maxiter: int = 400) -> tuple[codege
         x0 = f.x0 + (0.15 * rng.uniform(-1, 1, len(f.x0)) if i else 0.0)
         if not np.isfinite(f(x0)):
             continue
-        found = codegen.optimize(f, "L-BFGS-B", x0=x0, maxiter=maxiter, ftol=1e-12, gtol=1e-7)
+        found = ordernm.optimize(f, "L-BFGS-B", x0=x0, maxiter=maxiter, ftol=1e-12, gtol=1e-7)
         if best is None or found.fun < best.fun:
             best = found
     return f, best
 
 
-def draw(f: codegen.Objective, best: Any, folder: Path | None = None) -> Path:
+def draw(f: ordernm.Objective, best: Any, folder: Path | None = None) -> Path:
     """Places, curves before and after, the linkage at the first place, and how the searches went."""
     made, ((left, right),) = figure(9.0, 4.2, across=2, width_ratios=[1.25, 1])
     t = np.linspace(0, 1, 361)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import codegen
+import ordernm
 
 HERE = Path(__file__).parent
 FIGURES = HERE / "figures"
@@ -31,8 +31,8 @@ def folder_asked(about: str) -> Path | None:
 def solver_of(name: str, folder: Path | None = None) -> Any:
     """The solver of a model of this folder, generated anew."""
     place = (folder or HERE.parent / "generated") / name
-    codegen.generate(HERE / f"{name}.yaml", place)
-    return codegen.load(place)
+    ordernm.generate(HERE / f"{name}.yaml", place)
+    return ordernm.load(place)
 
 
 def figure(width: float, height: float, down: int = 1, across: int = 1, **more: Any) -> tuple[Any, Any]:

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from pictures import BLUE, GREY, ORANGE, figure, folder_asked, solver_of, write
 
-import codegen
-from codegen.runtime import At
+import ordernm
+from ordernm.runtime import At
 
 SECONDS, PEAK = 0.4, 0.21
 ROAD = (np.array([0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4]), np.array([0.0, 0.0, 0.03, 0.06, 0.03, 0.0, 0.0]))
@@ -58,19 +58,19 @@ def misses(values: Any) -> tuple[float, Any]:
     return value, np.concatenate([off, steer, -GAIN * off]) / MATTERS / len(off)
 
 
-def camber_objective(solver: Any, method: str = "auto") -> codegen.Objective:
+def camber_objective(solver: Any, method: str = "auto") -> ordernm.Objective:
     wanted = [At(output, t) for output in ("camber", "toe", "travel") for t in TIMES]
     now = dict(zip(solver.parameter_names, solver.parameters, strict=True))
     variables = {name: (now[name] - WAY, now[name] + WAY) for name in VARIED}
-    return codegen.objective(solver, SECONDS, wanted, variables, combine=misses, inputs=bump(), method=method)
+    return ordernm.objective(solver, SECONDS, wanted, variables, combine=misses, inputs=bump(), method=method)
 
 
-def design(solver: Any, maxiter: int = 100) -> tuple[codegen.Objective, Any]:
+def design(solver: Any, maxiter: int = 100) -> tuple[ordernm.Objective, Any]:
     f = camber_objective(solver)
-    return f, codegen.optimize(f, "L-BFGS-B", maxiter=maxiter)
+    return f, ordernm.optimize(f, "L-BFGS-B", maxiter=maxiter)
 
 
-def draw(solver: Any, f: codegen.Objective, best: Any, folder: Path | None = None) -> Path:
+def draw(solver: Any, f: ordernm.Objective, best: Any, folder: Path | None = None) -> Path:
     """Gradient by hard points; camber and toe over the wheel's way, before and after."""
     made, (axes,) = figure(9.0, 4.4, across=3, width_ratios=[1.3, 1, 1])
     bars, camber, toe = axes

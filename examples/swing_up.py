@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from pictures import BLACK, BLUE, GREY, ORANGE, figure, folder_asked, solver_of, write
 
-import codegen
-from codegen.runtime import Final, Integral
+import ordernm
+from ordernm.runtime import Final, Integral
 
 SECONDS, VALUES, MOST = 2.5, 26, 20.0
 """Of the motion; of the force; N."""
@@ -23,11 +23,11 @@ SECONDS, VALUES, MOST = 2.5, 26, 20.0
 AIM = {"place": 0.0, "angle": np.pi, "speed": 0.0, "spin": 0.0}
 
 
-def swing_up_problem(solver: Any, method: str = "auto") -> tuple[codegen.Objective, Any]:
+def swing_up_problem(solver: Any, method: str = "auto") -> tuple[ordernm.Objective, Any]:
     """Effort, N^2 s, as the objective (a fiftieth of it, so that it is of order one), and the aim as a constraint."""
     times = np.linspace(0, SECONDS, VALUES)
     push = 3.0 * np.sin(2 * np.pi * times / 1.3)
-    f = codegen.objective(
+    f = ordernm.objective(
         solver, SECONDS, Integral("effort"), {"inputs.push": (-MOST, MOST)}, weights=[0.02], inputs=(times, push, "linear"),
         method=method, rtol=1e-8, atol=1e-8,
     )  # fmt: skip
@@ -35,12 +35,12 @@ def swing_up_problem(solver: Any, method: str = "auto") -> tuple[codegen.Objecti
     return f, f.constraint([Final(name) for name in AIM], aim, aim)
 
 
-def swing_up(solver: Any, maxiter: int = 300) -> tuple[codegen.Objective, Any]:
+def swing_up(solver: Any, maxiter: int = 300) -> tuple[ordernm.Objective, Any]:
     f, there = swing_up_problem(solver)
-    return f, codegen.optimize(f, "SLSQP", constraints=there, maxiter=maxiter)
+    return f, ordernm.optimize(f, "SLSQP", constraints=there, maxiter=maxiter)
 
 
-def draw(f: codegen.Objective, best: Any, folder: Path | None = None) -> Path:
+def draw(f: ordernm.Objective, best: Any, folder: Path | None = None) -> Path:
     """The force, angle and place, the cart and its pole over time, and how the search went."""
     made, axes = figure(9.0, 5.6, 2, 2)
     (force, states), (poses, search) = axes

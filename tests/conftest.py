@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+from pathlib import Path
 
 # Before anything imports NumPy: threads that wait for each other make small matrices slow on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -12,6 +13,10 @@ os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native")
 
 import hypothesis
 import pytest
+
+# Interpreters that tests start know `import ordernm` also where the checkout was installed before there was that name.
+ALIAS = str(Path(__file__).parents[1] / "codegen" / "alias")
+os.environ["PYTHONPATH"] = os.pathsep.join([ALIAS, *filter(None, [os.environ.get("PYTHONPATH")])])
 
 # What a shell starts in the background ignores Ctrl-C, and under nohup the end of the terminal too; so would all that tests
 # start.

@@ -61,7 +61,7 @@ def test_the_pendulum_is_lifted_and_identified(run):
     assert found["low"] < 0.9 < found["high"] and abs(found["found"]["damping"] - 0.2) < 3 * found["found"].deviation(
         "damping"
     )
-    many = piece(run, "codegen.simulate_many")
+    many = piece(run, "ordernm.simulate_many")
     assert many["heights"].shape == (21, 61)
     assert many["heights"][:, 0] == pytest.approx(-np.cos(0.5) * many["lengths"])
 

@@ -30,10 +30,10 @@ class LoadCases:
     def __init__(self, cases: Sequence[Objective], weights: ArrayLike | None, threads: int):
         self.cases = tuple(cases)
         if not self.cases:
-            raise ValueError("load_cases: no objective is given, such as codegen.objective(...)")
+            raise ValueError("load_cases: no objective is given, such as ordernm.objective(...)")
         for i, case in enumerate(self.cases):
             if not isinstance(case, Objective):
-                raise ValueError(f"load_cases: case {i} is {case!r}, expected what codegen.objective returns")
+                raise ValueError(f"load_cases: case {i} is {case!r}, expected what ordernm.objective returns")
             if difference := _difference(self.variables, case.variables):
                 raise ValueError(
                     f"load_cases: {difference} of the variables of case {i} are not those of case 0; give all cases the same "

@@ -222,7 +222,7 @@ class Simulation(MotionRun):
         p_all = self._arguments.defaults["p"] if p is None else self._arguments.take({"p": p}, self._left_out)[0]["p"]
         if p_all.ndim != 1:
             raise ValueError(
-                f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; codegen.simulate_many takes more"
+                f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; ordernm.simulate_many takes more"
             )
         spline = take_inputs(self.signal_names, inputs, self.moving_inputs, (start, end))
         spline.check_moving(self.signal_names, start, end)
