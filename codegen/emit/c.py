@@ -718,7 +718,10 @@ class CWriter(Writer):
                 )
                 for f, w in of_width
             ],
-            "own": self.printer.own,
+            "own_words": [f"c/{w}.c.jinja" for w in self.printer.words],
+            "own_words_of_states": [f"c/{w}_of_states.c.jinja" for w in self.printer.words],
+            "along_words": ["c/along.c.jinja"] if "Along" in self.printer.own else [],
+            "along_widths": sorted({8, 2, *([of_columns] if of_columns else [])} - {1, 4}),
         }  # fmt: skip
 
     def inclusions(self, used: list[int], apart: list[int], states: list[Procedure]) -> list[str]:

@@ -291,7 +291,7 @@ class NumpyWriter(Writer):
             "functions": [*context["functions"], *(f for _, functions in context["lane_functions"] for f in functions)],
             "routines": [lines.routine(r) for r in routines(self.procedures)],
             "public": [lines.function(f) for f in self.procedures],
-            "own": self.printer.own,
+            "own_words": [f"numpy/{w}.py.jinja" for w in self.printer.words if w != "floor"],
         }
 
 

@@ -53,6 +53,12 @@ class Printer:
         self.names = names
         self.own: set[str] = set()
 
+    @property
+    def words(self) -> list[str]:
+        """What generated files define, for those that have been printed."""
+        wanted = {"floor": {"Floor"}, "choice": {"Choice"}, "vanishing": {"Vanishing", "Along"}}
+        return [word for word, names in wanted.items() if not names.isdisjoint(self.own)]
+
     def calling(self, names: Mapping[str, str]) -> Self:
         """A printer that calls some symbols by other names. The order of terms and factors stays that of the symbols."""
         found = copy(self)
