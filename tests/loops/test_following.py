@@ -139,6 +139,8 @@ def test_states_over_time_are_followed_from_their_neighbours(driven):
     assert np.abs(driven.closure(q, u, t=t)[1]).max() < 1e-10
     for k in (1, 5, 12, 22):
         np.testing.assert_allclose(driven.assemble(t=t[k])[0], q[k], atol=1e-12)
+    long = (2000.0 * np.pi + x[5]) / w  # a thousand turns away, of which none are followed
+    np.testing.assert_allclose(np.exp(1j * driven.assemble(t=long)[0]), np.exp(1j * q[5]), atol=1e-9)
     np.testing.assert_allclose(driven.assemble(q[3], u[3], t=t[[7, 4]])[0], q[[7, 4]], atol=1e-12)
     np.testing.assert_allclose(driven.assemble(t=t[:, None] + np.zeros(2))[0], np.stack([q, q], axis=1), atol=1e-12)
 

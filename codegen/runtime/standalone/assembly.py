@@ -181,22 +181,37 @@ class Assembly:
 
     def _from_afar(self, q: Array, x: Array, of_initial: NDArray[np.bool_], beside: Array, names: list[str]) -> Array:
         """Guesses (n, nq), closed, that are beside no closed states, or rather far beside those given, else NaN."""
-        first, x_first, started, found = q.copy(), x.copy(), of_initial.copy(), q.copy()
-        first[of_initial], x_first[of_initial] = self._initial, self._x
-        if not of_initial.all():
-            n = np.flatnonzero(~of_initial)
-            first[n], x_first[n], started[n] = self.starts.find(q[n], x[n], self.parts(q[0], x[0]))
-        left, n = np.logical_not(started), np.flatnonzero(started)
+        found, left = q.copy(), np.ones(len(q), bool)
+        n = np.flatnonzero(of_initial)
         if n.size:
-            line = self._line(first[n], x_first[n], q[n], x[n])
-            way = self._followed(first[n], line, q[n], [names[i] for i in n])
-            for k in np.flatnonzero((way.s < 1.0) & (way.rank > 0.0).all(axis=1)):
-                raise self._ended(int(k), way, line, names[n[k]])
-            found[n], left[n] = way.q, way.s < 1.0
+            initial = np.tile(self._initial, (n.size, 1)), np.tile(self._x, (n.size, 1))
+            found[n], left[n] = self._from(initial, q[n], x[n], [names[i] for i in n])
+        n = np.flatnonzero(left)
+        if n.size:
+            first, x_first, closed = self.starts.find(q[n], x[n], self.parts(q[0], x[0]))
+            if closed.any():
+                n, start = n[closed], (first[closed], x_first[closed])
+                found[n], left[n] = self._from(start, q[n], x[n], [names[i] for i in n])
         for k in np.flatnonzero(left):
             near = not np.isnan(beside[k, 0])
             found[k] = beside[k] if near else self._along_newton_path(q[k], x[k], names[k])
         return found
+
+    def _from(
+        self, start: tuple[Array, Array], q: Array, x: Array, names: list[str]
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Closed states followed to guesses (n, nq), and which of them have not arrived since they are singular or far away.
+
+        Raises
+        ------
+        AssemblyError
+            A branch ends on the way.
+        """
+        line = self._line(*start, q, x)
+        way = self._followed(start[0], line, q, names)
+        for k in np.flatnonzero(way.ended):
+            raise self._ended(int(k), way, line, names[k])
+        return way.q, way.s < 1.0
 
     def _line(self, q0: Array, x0: Array, q1: Array, x1: Array) -> Line:
         """The lines from states to others."""
@@ -353,6 +368,9 @@ class Assembly:
         )
         q, x = self.follower.placed(way.q[n : n + 1], line.of(np.array([n])), np.ones(1))
         size = float(np.abs(self.newton.gaps(q, x)).max(initial=0.0))
+        if not way.ended[n]:
+            why = f"{wanted} is too far away to be followed from {began}, or that is singular; give states in between"
+            return AssemblyError(loop, size, name, loop in self.couplings, why)
         why = (
             f"{size:.3g} is left of its conditions at {wanted}. Followed from the closed state at {began}, its branch ends at "
             f"{came}, where it is at a dead point or at the end of its reach: stay before that pose, go another way, or give "

@@ -39,8 +39,11 @@ GROWTH, SHORTER = 2.0, 0.4
 SHORTEST, FINEST = 1e-7, 1e-14
 """rad, or characteristic lengths, and parts of a line: where shorter steps would be needed a branch ends."""
 
-MOST = 20_000
-"""Steps along a line."""
+MOST = 3000
+"""Steps along a line, of a hundred turns or so."""
+
+MOVING = 0.05
+"""rad, or characteristic lengths: a tangent that moves coordinates by more than this says how long the first step is."""
 
 STEEPER = 2.0
 """Times by which a reciprocal condition number may change faster within a step than it is seen to change."""
@@ -93,12 +96,15 @@ class Followed(NamedTuple):
         Reciprocal condition numbers of closure matrices there.
     crossed : (n,) array of int
         The last loop that has lost rank on the way, where branches meet; -1 if none has.
+    ended : (n,) array of bool
+        Whether a branch ends there; the others that have not arrived are too far away.
     """
 
     q: Array
     s: Array
     rank: Array
     crossed: Indices
+    ended: NDArray[np.bool_]
 
 
 class _Going(NamedTuple):
@@ -144,12 +150,13 @@ class Follower:
     def follow(self, q: Array, line: Line, part: float = FIRST) -> Followed:
         """Follow n closed states (n, nq) from the beginnings of lines as far as their branches go.
 
-        `part` is the part of a line that the first step takes at most.
+        `part` is the part of a line that the first step takes at most, if nothing moves where it begins.
         """
         n = len(q)
         s, crossed = np.zeros(n), np.full(n, -1)
         tangent, rank = self._tangents(q, line, s, np.full(n, START), self._aim(q, s, line))
-        all_of = _Going(q.copy(), s, np.full(n, part), tangent, rank, np.zeros_like(rank))
+        h = np.where(self.newton.sizes(tangent) > MOVING, 1.0, part)
+        all_of, stopped = _Going(q.copy(), s, h, tangent, rank, np.zeros_like(rank)), np.zeros(n, bool)
         going: Indices = np.flatnonzero(np.isfinite(tangent).all(axis=1))
         for _ in range(MOST):
             if not going.size:
@@ -169,8 +176,9 @@ class Follower:
                 if mine is not all_of.h:
                     mine[going[good]] = new[good]
             ended = ~good & (((h * pace < SHORTEST) & (h < SHORTEST)) | (h < FINEST))
+            stopped[going[ended]] = True
             going = going[~ended & (all_of.s[going] < 1.0)]
-        return Followed(all_of.q, s, all_of.rank, crossed)
+        return Followed(all_of.q, s, all_of.rank, crossed, stopped)
 
     def _step(self, at: _Going, h: Array, line: Line) -> tuple[_Going, Array, NDArray[np.bool_]]:
         """Steps by parts h of lines: where they lead, their errors in parts of those allowed, which loops may lose rank."""
