@@ -40,7 +40,7 @@ ALIAS = 3.0
 """rad, or characteristic lengths: independent coordinates that differ by more may be whole turns apart from a closed state."""
 
 FAR = 1.6
-"""rad, or characteristic lengths: dependent coordinates that assembly moves by more than about a quarter turn are reported."""
+"""rad: dependent angles that assembly moves by more than about a quarter turn are reported."""
 
 HALF = 0.5
 """Part of the way from one state of a path to the next that the first step takes at most."""
@@ -346,7 +346,7 @@ class Assembly:
     def _warn_of_moves(self, guess: Array, q: Array, name: str) -> None:
         """Dependent coordinates that were moved so far from a rough guess that another branch may be meant."""
         others = self.follower.others
-        moved = np.abs(q - guess)[others] / self.newton.scale[others]
+        moved = np.where(self.newton.slides, 0.0, np.abs(q - guess) / self.newton.scale)[others]
         worst = int(np.argmax(moved)) if len(moved) else 0
         if moved.max(initial=0.0) > FAR:
             i = others[worst]

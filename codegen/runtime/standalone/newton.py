@@ -42,9 +42,6 @@ CLOSED = 1e-10
 NEAREST = 1e-10
 """The largest step of a state that meets its conditions as well as it can, where they follow from each other only nearly."""
 
-ROUNDED = 2e-15
-"""A scaled residual that is no more than rounding."""
-
 BETTER = 0.64
 """Part of the squares of such residuals that must be left at most for a step to be worth taking."""
 
@@ -145,6 +142,7 @@ class Newton:
         self.np, self.loops = len(manifest["parameter_names"]), len(manifest["loops"])
         length = max((float(c["length"]) for c in manifest.get("closures", ())), default=1.0) or 1.0
         self.scale = np.array([length if unit == "m" else 1.0 for unit in manifest["coordinate_units"]])
+        self.slides = np.array([unit == "m" for unit in manifest["coordinate_units"]], bool)
         for i in self.quaternions:
             self.scale[i : i + 4] = 0.5
         self.together = "closing_step" in opened.functions
@@ -245,7 +243,7 @@ class Newton:
                 if now >= square:
                     break
                 best = q
-                if open_by <= ROUNDED or now > BETTER * square:
+                if now == 0.0 or now > BETTER * square:
                     break
                 square = now
             else:
@@ -267,12 +265,11 @@ class Newton:
             found = self.probe(q[going], x[going])
             before, size = size, self.sizes(found.step)
             first = first if n else size
-            open_by = np.abs(found.gaps).max(axis=1, initial=0.0)
-            closed = open_by <= CLOSED
+            closed = np.abs(found.gaps).max(axis=1, initial=0.0) <= CLOSED
             now = np.einsum("ij,ij->i", found.gaps, found.gaps)
             better = closed & (now < square)
             near[going[better]], best[going[better]] = True, q[going[better]]
-            on = np.where(closed, (open_by > ROUNDED) & (now <= BETTER * square), size <= CONTRACTION * before)
+            on = np.where(closed, (now > 0.0) & (now <= BETTER * square), size <= CONTRACTION * before)
             if not on.all():
                 going, size, now, closed = going[on], size[on], now[on], closed[on]
                 if not going.size:
@@ -324,13 +321,16 @@ class Newton:
     ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
         """One step of all parts that go on: coordinates, steps, residuals, fractions of steps, and which go on then."""
         q, x = at
+        # loops that are open by many characteristic lengths have other parameters than those that these are of
+        lengths = np.maximum(1.0, np.abs(gaps).max(axis=1, initial=0.0))[:, None]
+        scale = self.scale * np.where(self.slides, lengths, 1.0)
         with np.errstate(all="ignore"):
-            fraction = np.minimum(fraction, LARGEST / parts.sizes(step / self.scale))
+            fraction = np.minimum(fraction, LARGEST / parts.sizes(step / scale))
             taken = parts.spread(np.where(going, fraction, 0.0))
             trial = q + taken * step
             normalise(trial, self.quaternions)
             there = self.probe(trial, x)
-            off = parts.sizes((there.step - (1.0 - taken) * step) / self.scale) / parts.sizes(step / self.scale)
+            off = parts.sizes((there.step - (1.0 - taken) * step) / scale) / parts.sizes(step / scale)
             square, now = parts.squares(gaps), parts.squares(there.gaps)
         near = parts.open_by(gaps) <= CLOSED
         good = going & np.where(near, now < square, (now < square) & (off <= BENT)) & ~there.flat[:, None]
