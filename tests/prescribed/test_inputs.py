@@ -224,3 +224,9 @@ def test_constant_inputs_of_prescribed_motion_stand_still(trolley) -> None:
         assert np.abs(run["x"] - 2.0).max() < 1e-14 and np.abs(run["v"]).max() < 1e-12
     with pytest.raises(ValueError, match=r"'way.rate' is not known.*follow from their values"):
         trolley.simulate(1.0, inputs={"way.rate": 1.0})
+
+
+def test_energies_at_both_ends_of_a_spline_have_its_velocity(trolley, written_out) -> None:
+    found = trolley.simulate(TIMES, inputs={"pull": 0.7, "way": (TIMES, cubic(TIMES), "cubic")}, rtol=1e-11, atol=1e-11)
+    expected = written_out.simulate(TIMES, inputs=[0.7], rtol=1e-11, atol=1e-11)
+    assert error(found.energy, expected.energy) < 1e-10
