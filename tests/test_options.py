@@ -43,6 +43,7 @@ MADE = {
     ("simulate", "--sensitivities"): "--sensitivities length",
     ("simulate", "--parameter"): "-p length=2",
     ("simulate", "--inputs"): "--inputs torque=1",
+    ("simulate", "--between"): "--between hold",
     ("simulate", "--method"): "--method radau",
     ("simulate", "--step"): "--step 0.1",
     ("simulate", "--rtol"): "--rtol 1e-5",
