@@ -40,6 +40,8 @@ a core: 4 ms each time where others want it too, for what takes 20 us."""
 def all_finite(x: Array) -> bool:
     """The same for any number of axes."""
     flat = x.reshape(-1)
+    if len(flat) <= FEW:
+        return all(map(math.isfinite, flat.tolist()))
     with np.errstate(all="ignore"):
         return (len(flat) <= LONG and math.isfinite(flat.dot(flat))) or bool(np.isfinite(x).all())
 

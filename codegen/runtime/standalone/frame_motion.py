@@ -55,14 +55,14 @@ class FrameMotion:
         setattr(self, name, found)
         return found
 
-    def of(self, places: Indices, tangents: bool) -> FrameMotion:
-        """Frames by their places among these; behind the last is the ground's, which does not move, nor do its tangents."""
+    def of(self, places: Indices, ground: bool, tangents: bool) -> FrameMotion:
+        """Frames by their places among these; with the ground's behind the last one, which does not move, nor do its tangents."""
         frames, accelerations = self._frames, self._accelerations
-        if places.max(initial=0) == frames.shape[-2]:
+        if ground:
             frames = _with_one(frames, 0.0 if tangents else AT_REST)
             accelerations = None if accelerations is None else _with_one(accelerations, 0.0)
         return FrameMotion(
-            self.names, frames[..., places, :], None if accelerations is None else accelerations[..., places, :]
+            self.names, frames.take(places, -2), None if accelerations is None else accelerations.take(places, -2)
         )
 
 

@@ -242,6 +242,8 @@ class _Chosen:
     ----------
     on : array of int
         The body that carries each; behind the last body is the ground.
+    ground : bool
+        Whether it carries any.
     given : array (n, 3)
         Places in their bodies, where parameters do not move them.
     names : tuple of str
@@ -285,12 +287,13 @@ class _Chosen:
             called.append(point if isinstance(point, str) else f"{point[0]} {[float(e) for e in at]}")
         self.names = tuple(called)
         self.on = np.array([b if b >= 0 else len(known) for b in carriers], int)
+        self.ground = -1 in carriers
         self.given = np.array(places).reshape(-1, 3)
         self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
 
     def carriers(self, frames: FrameMotion, tangents: bool) -> FrameMotion:
         """The frame of each point's body, from those of the bodies."""
-        return frames.of(self.on, tangents)
+        return frames.of(self.on, self.ground, tangents)
 
     def places(self, p: Numbers) -> Array:
         """Places of all in their bodies, (..., n, 3)."""

@@ -180,8 +180,8 @@ class PreparedCall:
                     if shape != (1,) or not isinstance(x, float):
                         raise ValueError
                     rows[0] = x
-                elif k == 1 and x.ndim == 1:
-                    row[:] = x
+                elif k == 1:
+                    row[:] = x[0] if x.ndim == 2 and len(x) == 1 else x
                 elif x.shape == shape and x.dtype == DOUBLE:
                     rows[...] = x
                 else:
@@ -320,7 +320,7 @@ def fits(out: Any, results: Sequence[Array]) -> bool:
     count = len(results)
     if type(out) not in (tuple, list) or len(out) != count:
         return False
-    apart = True
+    apart = True  # arrays that own their memory share it with none but themselves
     for i, x in enumerate(out):
         if type(x) is not ARRAY or x.shape != results[i].shape or x.dtype != DOUBLE:
             return False
@@ -328,6 +328,6 @@ def fits(out: Any, results: Sequence[Array]) -> bool:
         if not flags.carray:
             return False
         apart = apart and flags.owndata
-    if count == 1:
-        return True
-    return not overlapping(out) if not apart else len({*map(id, out)}) == count
+    if apart and count < 3:
+        return out[0] is not out[-1] or count == 1
+    return len({*map(id, out)}) == count if apart else not overlapping(out)
