@@ -91,6 +91,25 @@ def test_a_coupling_alone_has_no_dead_point() -> None:
         assert partition(parse_model(m.text([independent]))).ears[0].condition == 1.0
 
 
+@pytest.mark.parametrize(("method", "tolerance"), [("dop853", 1e-6), ("dop853", 1e-10), ("radau", 1e-10), ("rk4", 0.0)])
+def test_a_parallelogram_by_a_rod_passes_its_flat_poses(
+    build: Callable[..., Any], method: str, tolerance: float
+) -> None:
+    """All entries of its closure matrix vanish there together; steps stood still."""
+    cranks = [Body(True, (x, 0.0), 0.0, 1.0, 0.5, 0.08, 1.0) for x in (0.0, 2.0)]
+    m = Mechanism(cranks, np.array([1.0, 1.0]), u=np.array([1.0, 1.0]))
+    m.distance(0, 1)
+    solver = build(m.text([0]), **MOTION)
+    options = {"rtol": tolerance, "atol": tolerance} if tolerance else {"step": 2e-3}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = solver.simulate(np.linspace(0.0, 5.0, 6), method=method, **options)
+    assert found.q[:, 0].min() < -np.pi  # over the flat pose on either side
+    np.testing.assert_allclose(found.q[:, 0], found.q[:, 1], rtol=0, atol=1e-12)
+    energy = np.sum(found.energy, axis=-1)
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=max(1e3 * tolerance, 1e-6))
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_dead_points_of_random_mechanisms(build: Callable[..., Any], seed: int) -> None:
