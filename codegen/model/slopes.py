@@ -11,6 +11,7 @@ taken do not contribute (`CHOICE`). Where nothing of that helps, the result is i
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from fractions import Fraction
 from functools import lru_cache
 
 from .expressions import AT_LEAST, CHOICE, VANISHING, Expression, Tree, combine
@@ -32,6 +33,7 @@ Factors = list[tuple[Tree, Tree]]
 
 _LEAVES = ("number", "name", "slot", "parameter")
 _MOST_MOVES = 64
+_LARGEST = 2.0**1000
 
 
 def slope(tree: Tree, by: Tree) -> Tree:
@@ -154,7 +156,7 @@ def _finished(term: Product, others: Product, by: Tree) -> Tree:
         return term.tree()
     apart = Product()
     for key, e in others.powers.items():
-        is_bounded = e[0] == "number" and e[1] > 0 and key[:2] != ("call", "log")
+        is_bounded = e[0] == "number" and e[1] > 0 and key[0] != "number" and key[:2] != ("call", "log")
         if is_bounded and key in term.powers and by not in leaves(_power(key, e)):
             apart.times(key, e)
             term.times(key, plus(ZERO, e, -1))
@@ -193,30 +195,32 @@ def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -
 
 def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
     """The sum of two exponents, each times a number; equal terms are put together: n + (1 - n) is 1."""
-    terms: dict[Tree, float] = {}
-    _add_terms(a, times, terms)
-    _add_terms(b, times, terms)
-    found, number = ZERO, terms.pop(ONE, 0)
+    terms: dict[Tree, Fraction] = {}
+    _add_terms(a, Fraction(times), terms)
+    _add_terms(b, Fraction(times), terms)
+    found, number = ZERO, terms.pop(ONE, Fraction(0))
     for term, factor in terms.items():
-        size = combine("*", _number(abs(factor)), term)
+        size = combine("*", _number(float(abs(factor))), term)
         found = combine("+" if factor > 0 else "-", found, size)
-    return combine("+" if number > 0 else "-", found, _number(abs(number)))
+    found = combine("+" if number > 0 else "-", found, _number(float(abs(number))))
+    left = number - Fraction(float(number))
+    return ("+", found, _number(float(left))) if left else found  # exact, in the digits of whoever computes it
 
 
-def _add_terms(e: Tree, factor: float, terms: dict[Tree, float]) -> None:
+def _add_terms(e: Tree, factor: Fraction, terms: dict[Tree, Fraction]) -> None:
     """Add the terms of an exponent, each with its number, to others."""
     match e:
         case ("number", value):
-            terms[ONE] = terms.get(ONE, 0) + factor * value
+            terms[ONE] = terms.get(ONE, Fraction(0)) + factor * Fraction(value)
         case ("neg", a):
             _add_terms(a, -factor, terms)
         case ("+" | "-", a, b):
             _add_terms(a, factor, terms)
             _add_terms(b, factor if e[0] == "+" else -factor, terms)
         case ("*", ("number", value), a) | ("*", a, ("number", value)):
-            _add_terms(a, factor * value, terms)
+            _add_terms(a, factor * Fraction(value), terms)
         case _:
-            terms[e] = terms.get(e, 0) + factor
+            terms[e] = terms.get(e, Fraction(0)) + factor
     for term in [t for t, n in terms.items() if n == 0]:
         del terms[term]
 
@@ -274,8 +278,10 @@ class Product:
         kind, is_whole = tree[0], e[0] == "number" and isinstance(e[1], int)
         if kind in (NORM, SIZE):
             self._add(tree, e)
-        elif kind == "number" and is_whole and (tree[1] != 0 or e[1] > 0):
+        elif kind == "number" and is_whole and (tree[1] == 0 < e[1] or self._is_exact(tree[1], e[1])):
             self.number = combine("*", self.number, combine("**", tree, e))
+        elif kind == "number" and is_whole and tree[1] < 0:
+            self.times(("neg", ("number", -tree[1])), e)
         elif kind == "neg" and is_whole:
             self.number = combine("neg", self.number) if e[1] % 2 else self.number
             self.times(tree[1], e)
@@ -294,13 +300,20 @@ class Product:
         elif tree[:2] == ("call", CHOICE) and e == ONE:
             self.choices.append(tree)
         elif kind == "*" and tree[1][0] == "number" and tree[1][1] > 0 and e[0] == "number":
-            self.number = combine("*", self.number, combine("**", tree[1], e))
+            self._add(tree[1], e)
             self.times(tree[2], e)
         elif (parts := squares(tree)) and not (len(parts) == 1 and is_whole):
             self._add((NORM, tuple(sorted(parts, key=repr))), plus(e, ZERO, 2))
         else:
             self._add(tree, e)
         return self
+
+    def _is_exact(self, value: float, e: int) -> bool:
+        """Whether a power of a number can be multiplied into the number of the product without rounding."""
+        if value == 0 or not 0 < abs(e) <= 16:
+            return False
+        exact = Fraction(self.number[1]) * Fraction(value) ** e
+        return abs(exact) < _LARGEST and Fraction(float(exact)) == exact
 
     @staticmethod
     def _is_positive(tree: Tree) -> bool:
@@ -314,9 +327,9 @@ class Product:
             self._add((SIZE, ((ONE, x),)), e)
             return
         if of.number != ONE:
-            self.times(combine("**", combine("abs", of.number), e))
+            self._add(combine("abs", of.number), e)
         for key, n in of.powers.items():
-            self._add((SIZE, ((ONE, key),)), plus(e, ZERO, n[1]))
+            self._add(key if key[0] == "number" else (SIZE, ((ONE, key),)), plus(e, ZERO, n[1]))
 
     def _add(self, key: Tree, e: Tree) -> None:
         before = self.powers.get(key)
@@ -358,11 +371,13 @@ class Product:
                 continue  # it is infinite all the same
             powers = left | {key: e}
             for x in moves:
-                of = Product().times(x)
+                of, number = Product().times(x), Product()
+                number.number, of.number = of.number, ONE
+                for n in [n for n in of.powers if n[0] == "number"]:
+                    number.times(n, of.powers.pop(n))
                 if key[0] == SIZE:
-                    signs.append(combine("/", combine("sign", x), of.number))
+                    signs.append(combine("/", combine("sign", x), number.tree()))
                 else:
-                    of.number = ONE
                     bounded.append(combine("/", of.tree(), _power(key, ONE)))
         return {k: e for k, e in powers.items() if e != ZERO}, bounded, signs
 
@@ -387,12 +402,13 @@ class Product:
             elif key[:2] == ("call", "sign"):
                 signs.append(_power(key, e))
             elif e[0] == "number" and e[1] < 0:
-                below = combine("*", below, _power(key, combine("neg", e)))
+                below = _multiplied(below, _power(key, combine("neg", e)))
             else:
-                above = combine("*", above, _power(key, e))
+                above = _multiplied(above, _power(key, e))
         for factor in (*self.choices, *([] if slow else signs)):
             above = combine("*", above, factor)
-        found = combine("/", above, below)
+        are_numbers = above[0] == below[0] == "number" and below != ONE
+        found = ("/", above, below) if are_numbers else combine("/", above, below)
         if not slow:
             return found
         slow += signs  # a sign is zero at a kink, where the product need not vanish
@@ -416,7 +432,7 @@ def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
 def _take(powers: dict[Tree, Tree], x: Tree) -> bool:
     """Whether a tree is a factor of a product of powers, but for a number; it is taken out of them."""
     of = Product().times(x)
-    have = [(key, e, powers.get(key, ZERO)) for key, e in of.powers.items()]
+    have = [(key, e, powers.get(key, ZERO)) for key, e in of.powers.items() if key[0] != "number"]
     if not have or of.choices or not all(e[0] == n[0] == "number" and n[1] >= e[1] > 0 for _, e, n in have):
         return False
     for key, e, n in have:
@@ -439,11 +455,18 @@ def _power(key: Tree, e: Tree) -> Tree:
         if e[0] == "number" and isinstance(e[1], int) and e[1] % 2 == 0:
             return combine("**", square, ("number", e[1] // 2))
         base = combine("sqrt", square)
+    elif key[0] == "number":
+        return key if e == ONE else ("**", key, e)  # in the digits of whoever computes it
     elif e == HALF:
         return combine("sqrt", key)
     else:
         base = key
     return combine("**", base, e)
+
+
+def _multiplied(a: Tree, b: Tree) -> Tree:
+    """A product of trees; one of numbers is left to whoever computes it, in as many digits."""
+    return ("*", a, b) if a[0] == b[0] == "number" and ONE not in (a, b) else combine("*", a, b)
 
 
 def squares(tree: Tree) -> tuple[tuple[Tree, Tree], ...]:
@@ -457,6 +480,7 @@ def squares(tree: Tree) -> tuple[tuple[Tree, Tree], ...]:
     of = Product().times(tree) if tree[0] == "*" else None
     powers = of.powers if of is not None else {tree[1]: tree[2]}
     root, weight = Product(), Product()
+    weight.number = ONE if of is None else of.number
     for key, e in powers.items():
         if e[0] == "number" and isinstance(e[1], int) and e[1] > 0 and e[1] % 2 == 0:
             root.times(key, ("number", e[1] // 2))
@@ -464,7 +488,6 @@ def squares(tree: Tree) -> tuple[tuple[Tree, Tree], ...]:
             weight.times(key, e)
     if of is not None and (of.choices or of.number[1] < 0):
         return ()
-    weight.number = ONE if of is None else of.number
     return ((weight.tree(), root.tree()),) if root.powers else ()
 
 
