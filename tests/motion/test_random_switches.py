@@ -24,6 +24,9 @@ SIZE = 1e-4
 
 CLOSE = 1e-6
 
+MOST = 3000
+"""Steps; drawn models that take more have a torsion spring that is turned over across its axis, or the like."""
+
 KINDS = (
     "f*if({x} > a, 1, -1)", "f*sign({x} - a)", "f*abs({x} - a)", "f*max(0, {x} - a)", "f*min(a, {x})*{x}", "f*if(t < b, 1, {x})",
     "f*if({v} > c, {x}, 1)", "f*max(a, {x})*abs({v} - c)", "f*if({x} > a and {v} > c, 1, 0)", "f*mod({x} - a, 0.3)", "table",
@@ -85,7 +88,7 @@ def drawn(seed: int, folder: Path) -> tuple[Any, Any, Any, list[str]]:
     model = dataclasses.replace(model, forces=(*model.forces, *added), parameters=(*model.parameters, *more))
     codegen.generate(model, folder, functions=["motion"], check=False, compile="all")
     solver = codegen.load(folder)
-    run = solver.simulate([0.0, 0.4 * END, END], q, p=p, inputs=[0.0] * solver.ninputs)
+    run = solver.simulate([0.0, 0.4 * END, END], q, p=p, inputs=[0.0] * solver.ninputs, most_steps=MOST)
     for n, f in enumerate(added):
         name = model.bodies[f.body].name
         at = (
@@ -100,7 +103,7 @@ def drawn(seed: int, folder: Path) -> tuple[Any, Any, Any, list[str]]:
 
 def judged(solver: Any, q: Any, p: Any, **options: Any) -> Any:
     wanted = [Final(o) for o in solver.output_names]
-    return solver.judge(END, wanted, q, p=p, inputs=[0.0] * solver.ninputs, **options)
+    return solver.judge(END, wanted, q, p=p, inputs=[0.0] * solver.ninputs, most_steps=MOST, **options)
 
 
 def differences(solver: Any, q: Any, p: Any, name: str, size: float) -> Any:
@@ -116,11 +119,11 @@ def differences(solver: Any, q: Any, p: Any, name: str, size: float) -> Any:
 
 def compare(seed: int, folder: Path) -> str:
     """Compares forward derivatives and those of the adjoint with differences; says why where there are none."""
-    solver, q, p, names = drawn(seed, folder)
     try:
+        solver, q, p, names = drawn(seed, folder)
         plain = judged(solver, q, p, wrt=names, method="forward", rtol=1e-12, atol=1e-12)
     except SimulationError as error:
-        assert "sticks or slides" in str(error) or "loses rank" in str(error), error
+        assert any(words in str(error) for words in ("sticks or slides", "loses rank", "after 3000 steps")), error
         return str(error)
     back = judged(solver, q, p, wrt=names, method="adjoint", rtol=1e-12, atol=1e-12)
     scale = 1.0 + np.abs(plain.gradients)
