@@ -451,9 +451,10 @@ def _run(options: argparse.Namespace) -> int:
     try:
         from .folders import FolderError
         from .model.errors import ModelError
+        from .runtime.standalone.compiling import silent
 
         try:
-            with Ending().handling() as options.ending, status:
+            with Ending().handling() as options.ending, status, silent():
                 code: int = options.run(options, status)
                 sys.stdout.flush()
             return code

@@ -16,6 +16,12 @@ from .standalone.trajectory import Trajectory
 PART = 1e-3
 """A variable has part in a direction that is not determined where its entry is more than this part of the largest."""
 
+SURE = 100.0
+"""Squares of residuals per freedom, in those of sigma, beyond which deviations that follow from sigma are no measure."""
+
+NO_PROGRESS, FEW_MOTIONS = 0.99, 20
+"""A search that has run more motions and leaves more than this part of the first squares went nowhere."""
+
 STRONG = 0.95
 """Correlations of more are told."""
 
@@ -81,6 +87,7 @@ class Fit:
     motions: int
     failures: tuple[str, ...]
     cost: float = field(repr=False)
+    first_cost: float = field(default=math.nan, repr=False)
 
     @classmethod
     def of(
@@ -183,6 +190,17 @@ class Fit:
         ]
         if strong:
             lines.append(f"  strongly correlated: {', '.join(strong[:8])}")
+        if self.sigma_given and self.variance > SURE:
+            lines.append(
+                f"  residuals are {math.sqrt(self.variance):.2g} times as large as sigma says: the model or sigma is wrong, and "
+                f"the deviations above, which follow from sigma, say nothing"
+            )
+        if self.first_cost > 0.0 and self.cost > NO_PROGRESS * self.first_cost and self.motions > FEW_MOTIONS:
+            lines.append(
+                f"  the search went nowhere: after {self.motions} motions the squares of residuals are "
+                f"{self.cost / self.first_cost:.6g} of what they were; begin elsewhere, fit a shorter part of the motion "
+                f"first, or hold some variables"
+            )
         if not self.success:
             lines.append(f"  not finished: {self.message}")
         return lines

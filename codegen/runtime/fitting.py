@@ -128,6 +128,7 @@ def fit(
     residuals, _ = problem.at(space.x0)
     if problem.error is not None:
         raise problem.error
+    first_cost = 0.5 * float(residuals @ residuals)
     if len(residuals) < len(space.names):
         raise ValueError(
             f"fit: {len(residuals)} samples cannot determine {len(space.names)} variables; give more, or vary fewer"
@@ -142,7 +143,7 @@ def fit(
     return Fit.of(
         space, found.x, residuals, found.jac if loss != "linear" else jacobian, tuple(parts), tuple(problem.trajectories),
         sigma_given=given, undetermined=undetermined, success=bool(found.success), message=str(found.message),
-        motions=problem.motions, failures=tuple(problem.failures), cost=float(found.cost),
+        motions=problem.motions, failures=tuple(problem.failures), cost=float(found.cost), first_cost=first_cost,
     )  # fmt: skip
 
 

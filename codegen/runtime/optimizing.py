@@ -19,6 +19,9 @@ METHODS = ("L-BFGS-B", "SLSQP", "trust-constr")
 INSIDE = 1e-6
 """How far within the bounds trust-constr begins at least, in an optimiser's x."""
 
+STUCK = ("ABNORMAL", "Positive directional derivative")
+"""In messages of SciPy's methods: a line search that finds no lower value."""
+
 STEP_BACK = 10.0
 """A motion that fails counts as so many times the largest change of the objective that was seen."""
 
@@ -87,7 +90,22 @@ def optimize(
         callback=callback, options=options,
     )  # fmt: skip
     result.outcome = objective.result(result.x)
+    if not result.success and any(word in str(result.message) for word in STUCK):
+        result.message = f"{result.message}; {_why_stuck(objective, result, max(high - low, abs(float(result.fun))))}"
     return result
+
+
+def _why_stuck(objective: Objective | LoadCases, result: Any, size: float) -> str:
+    """What a line search that finds no lower value means."""
+    lower, upper = objective.variables.x_bounds
+    x, gradient = np.asarray(result.x), objective.value_and_gradient(result.x)[1]
+    free = np.clip(x - gradient, lower, upper) - x
+    slope = float(np.abs(free).max(initial=0.0))
+    return (
+        f"the line search finds no lower value along a gradient of {slope:.1e} (by variables of order one; objective of the size "
+        f"{size:.1e}). Near an optimum the errors of motions do that: take these values, or make rtol and atol of the objective "
+        f"smaller and begin here (x0=result.x)"
+    )
 
 
 __all__ = ["METHODS", "optimize"]

@@ -32,6 +32,9 @@ GROUPS["motion"] = (
 )  # fmt: skip
 """Words for several functions that may be chosen together."""
 
+ANYWAY = ("states",)
+"""Groups of which a model may need nothing: every state of a tree is assembled."""
+
 ALSO = {
     "bias_force": "inverse_dynamics", "bias_force_sensitivities": "inverse_dynamics_sensitivities", "assemble": "completion",
     "initial_state": "initial",
@@ -69,18 +72,19 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
     wanted: set[str] = set()
     known = [p.called for p in found if not p.basic]
     known += [word for word, name in ALSO.items() if any(name in (p.name, p.called) for p in found)]
-    together = [word for word, names in GROUPS.items() if not {p.called for p in found}.isdisjoint(names)]
+    called = {p.called for p in found}
+    together = [word for word, names in GROUPS.items() if word in ANYWAY or not called.isdisjoint(names)]
     for word in functions:
         names = {ALSO.get(n, n) for n in GROUPS.get(word, (word,))}
         of_word = {p.name for p in found if p.name in names or p.called in names}
-        if not of_word:
+        if not of_word and word not in ANYWAY:
             near = difflib.get_close_matches(word, [*known, *together], 1)
             raise UnknownFunctionError(
                 f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
                 f"{', '.join(known)}, or together {', '.join(together)}"
             )
         wanted |= of_word | {f for f, others in NEEDED.items() if not others.isdisjoint(of_word)}
-    if not wanted:
+    if not functions:
         raise UnknownFunctionError(
             f"functions: none are named; the model may have {', '.join(known)}, or together {', '.join(together)}"
         )

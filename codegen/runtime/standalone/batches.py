@@ -175,6 +175,11 @@ class Batches:
         self._seen += count * (1 + k)
         return ("states" in self._libraries or self._seen >= WORTH_COMPILING) and self._opened() is not False
 
+    def prepare(self) -> None:
+        """Compile the functions over several states at once, and what shares them among threads, where there are any."""
+        if self._over_states and self._opened() is not False and self.threads > 1:
+            self._shared()
+
     def _opened(self) -> Any:
         """The library of ``NAME_states.c``; False where it cannot be had."""
         declared = STRIDED.format(", ".join(self._over_states["arrays"]))

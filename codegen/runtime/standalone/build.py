@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .compiler import CFLAGS, COMMAND, STANDARD, Stop, compiler_version, find_compiler, optimization, processor, run_all
+from .compiling import waiting
 from .errors import CompileError, NoCompilerError
 from .manifest import refuse_another
 from .user_cache import PRIVATE, in_cache, make_private, trusted, user_cache
@@ -127,7 +128,8 @@ class Build:
                     place.mkdir(parents=True, exist_ok=True)
                 with tempfile.TemporaryDirectory(prefix=".build-", dir=place, ignore_cleanup_errors=True) as temporary:
                     made = Path(temporary) / "library.so"
-                    self._compile(made, place / f"{self.name}.log")
+                    with waiting(f"{self.name}{self.part and f' ({self.part})'}"):
+                        self._compile(made, place / f"{self.name}.log")
                     library = place / f"{key}-{digest(made)}.so"
                     if in_cache(place):
                         made.chmod(PRIVATE)

@@ -168,6 +168,12 @@ class CTarget:
                 return (max(f.widths),)
         return f.widths
 
+    def prepare(self, f: Function) -> None:
+        """Compile what calls of a function need, unless it is compiled."""
+        self.function(f)
+        if f.name in self._over_few and not self._few[0] and not self._few[1]:
+            self.give_few()
+
     def _open(self, build: Build) -> Any:
         path = build.library()
         try:

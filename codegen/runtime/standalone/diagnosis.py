@@ -22,6 +22,9 @@ NEAR = 1e-4
 OPEN = 1e-9
 """Of the distance to rank loss: loops that are open by more are told, since closing them moves dependent coordinates by more."""
 
+FEW_DIGITS = 8
+"""With fewer digits it is said whether forces cancel."""
+
 SHOWN = 6
 """So many closures are told, the worst ones first, and so many speeds in a notebook."""
 
@@ -118,10 +121,16 @@ class Diagnosis:
     failure: str
 
     @property
+    def at_work(self) -> Array:
+        """Accelerations, (nu,), that the forces at work would give if they did not cancel: what `argument_error` is a unit of
+        rounding of, at least those that are left."""
+        return np.fmax(np.abs(self.udot), self.argument_error / UNIT)
+
+    @property
     def digits(self) -> Array:
         """Decimal digits of each acceleration to trust, (nu,), up to 15.95; of one that is zero but for rounding, those of the
-        largest."""
-        return trusted(self.udot[None], self.udot_error[None])[0]
+        largest, or of what the forces at work would give."""
+        return trusted(self.udot[None], self.udot_error[None], self.at_work[None])[0]
 
     @property
     def derivative_digits(self) -> Array:
@@ -185,6 +194,12 @@ class Diagnosis:
         i = int(np.argmin(digits))
         least = f"udot.{names[i]}, {self.udot[i]:.6g} but for {self.udot_error[i]:.1e}"
         yield f"udot: about {_whole(digits[i])} digits to trust; least of {least}"
+        share = float(self.udot_error[i] / self.at_work[i]) if self.at_work[i] > 0.0 else 0.0
+        if digits[i] < FEW_DIGITS and share < 10.0**-FEW_DIGITS:
+            yield (
+                f"udot.{names[i]} is what is left of forces that cancel: they would give about {self.at_work[i]:.2g}, of which "
+                f"the error is {share:.0e}"
+            )
         if self.dudot.size:
             of = self.derivative_digits
             j, i = (int(x) for x in np.unravel_index(int(np.argmin(of)), of.shape))
@@ -192,7 +207,9 @@ class Diagnosis:
                 f"derivatives: about {_whole(of[j, i])} digits to trust; least of udot.{names[i]} by {self.direction_names[j]}, "
                 f"{self.dudot[j, i]:.6g} but for {self.dudot_error[j, i]:.1e}"
             )
-        by_arguments = trusted(self.udot[None], np.fmax(self.argument_error, self.udot_error)[None])[0]
+        by_arguments = trusted(
+            self.udot[None], np.fmax(self.argument_error, self.udot_error)[None], self.at_work[None]
+        )[0]
         if by_arguments.min() < digits.min() - 1.0:
             i = int(np.argmin(by_arguments))
             yield (
@@ -237,10 +254,11 @@ class Diagnosis:
         return ": the mechanism itself is near a singular pose, whatever is independent"
 
 
-def trusted(values: Array, errors: Array) -> Array:
-    """Decimal digits of values (k, n) with errors; a value below its error is zero, and compared with the largest of its row."""
+def trusted(values: Array, errors: Array, at_work: Array | float = 0.0) -> Array:
+    """Decimal digits of values (k, n) with errors; a value below its error is zero, and compared with the largest of its row,
+    or with the sizes of what cancels."""
     size = np.abs(values)
-    most = size.max(axis=-1, keepdims=True, initial=0.0)
+    most = np.fmax(size.max(axis=-1, keepdims=True, initial=0.0), at_work)
     with np.errstate(all="ignore"):
         found = -np.log10(errors / np.where(size > errors, size, most))
     found = np.where(errors == 0.0, ALL_DIGITS, found)

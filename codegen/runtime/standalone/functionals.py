@@ -114,7 +114,11 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
     return found
 
 
-@dataclass(slots=True, eq=False)
+SHOWN = 8
+"""Values, and derivatives of each, that a `repr` lists."""
+
+
+@dataclass(slots=True, eq=False, repr=False)
 class Judged:
     """Values of functionals and their gradients.
 
@@ -135,3 +139,13 @@ class Judged:
     names: tuple[str, ...]
     method: str
     counts: dict[str, Any]
+
+    def __repr__(self) -> str:
+        lines = [f"Judged: {len(self.values)} value{'s' * (len(self.values) != 1)}, gradients: {self.method}"]
+        for i, value in enumerate(self.values[:SHOWN]):
+            by = [f"{n} {g:.6g}" for n, g in zip(self.names, self.gradients[i], strict=True)] if self.names else []
+            more = f", and {len(by) - SHOWN} more" if len(by) > SHOWN else ""
+            lines.append(f"  {value:.10g}" + (f"; by {', '.join(by[:SHOWN])}{more}" if by else ""))
+        if len(self.values) > SHOWN:
+            lines.append(f"  and {len(self.values) - SHOWN} more")
+        return "\n".join(lines)

@@ -39,6 +39,10 @@ class Matrices(NamedTuple):
     D: Array
 
 
+MODES_SHOWN = 20
+"""Modes that a `repr` lists."""
+
+
 class Modes(NamedTuple):
     """Natural motions, one for each real eigenvalue and one for each pair of complex ones, slow ones first.
 
@@ -59,6 +63,15 @@ class Modes(NamedTuple):
     frequencies: Array
     damping: Array
     shapes: Complex
+
+    def __repr__(self) -> str:
+        rows = [f"{'rad/s':>12} {'damping':>10} {'eigenvalue, 1/s':>28}"]
+        rows += [
+            f"{w:12.6g} {z:10.3g} {x.real:13.6g} {x.imag:+13.6g}j"
+            for x, w, z in zip(self.eigenvalues[:MODES_SHOWN], self.frequencies, self.damping, strict=False)
+        ]
+        left = len(self.eigenvalues) - MODES_SHOWN
+        return "\n".join([f"Modes: {len(self.eigenvalues)}", *rows, *([f"and {left} more"] if left > 0 else [])])
 
 
 class Linearization:

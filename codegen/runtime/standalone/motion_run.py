@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
+from .compiling import seconds_waited
 from .errors import CompileError, NoCompilerError, SingularLoopError
 from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
@@ -62,7 +63,7 @@ class MotionRun(States, Partitions):
     ) -> Run:
         """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
         self._ask_for_functions(problem, keep_steps)
-        opened, began = self._opened, time.perf_counter()
+        opened, began, waited = self._opened, time.perf_counter(), seconds_waited()
         several = len(partitions_of(self._manifest)) > 1
         rows: list[Array] = []
         segments: list[Segment] = []
@@ -89,7 +90,9 @@ class MotionRun(States, Partitions):
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
-        counts = segment.counts | {"partitions_changed": len(segments) - 1, "seconds": time.perf_counter() - began}
+        waited = seconds_waited() - waited
+        times = {"seconds": time.perf_counter() - began - waited} | ({"compiling": waited} if waited else {})
+        counts = segment.counts | {"partitions_changed": len(segments) - 1} | times
         if len(segments) > 1:
             of_segments = [s.counts for s in segments]
             counts |= {name: sum(c[name] for c in of_segments) for name in SUMMED}
@@ -127,6 +130,20 @@ class MotionRun(States, Partitions):
         for name, needed in wanted.items():
             if needed:
                 self._find(self._opened, name)
+
+    def _prepare(self, member: str) -> None:
+        if member not in ("simulate", "judge"):
+            super()._prepare(member)
+            return
+        opened = self._opened
+        system = self._motion(opened)[2]
+        if member == "judge" and "sensitivities_transposed" in opened.functions:
+            self._in_c(opened).run_backwards(system)
+        name = opened.manifest["name"]
+        if (opened.folder / f"{name}_four.c").is_file():
+            _four(opened)
+        if (opened.folder / f"{name}_precise.c").is_file():
+            _precise(opened)
 
     @property
     def _gives_outputs(self) -> bool:

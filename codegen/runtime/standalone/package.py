@@ -23,6 +23,7 @@ from .errors import SingularJointError
 from .functions import WITHOUT_ENTRIES, Function, function, shapes_of
 from .infinite import tell_infinite
 from .manifest import read_manifest, refuse_another
+from .operation_counts import OperationCounts
 from .results import empty, overlap, places, put
 from .targets import Opened, Target, c_target, open_partition
 
@@ -191,7 +192,9 @@ class Package:
         """
         by_sweep = self._manifest["operations"]
         run = {name: f.get("sweeps", ()) for name, f in self._manifest["functions"].items()}
-        return {name: {s: _times(by_sweep[s], sweeps.count(s)) for s in sweeps} for name, sweeps in run.items()}
+        return OperationCounts(
+            {name: {s: _times(by_sweep[s], sweeps.count(s)) for s in sweeps} for name, sweeps in run.items()}
+        )
 
     @property
     def _target(self) -> Target:
@@ -200,6 +203,55 @@ class Package:
     @property
     def _functions(self) -> Mapping[str, Function]:
         return self._opened.functions
+
+    # -- compiling -----------------------------------------------------------------------------------------------------
+
+    def prepare(self, *members: str) -> None:
+        """Compile now what members need, which is compiled else when they are first called.
+
+        Libraries are kept, beside the package or in the user's cache, so this takes time once. With the NumPy target there
+        is nothing to compile but for motions.
+
+        Parameters
+        ----------
+        *members : str
+            Such as ``"accelerations"``, ``"jacobians"``, ``"simulate"``; ``"batches"`` for large batches of `accelerations`
+            and `sensitivities`. Left out: all that the solver has.
+
+        Raises
+        ------
+        ValueError
+            There is no such member.
+        AttributeError
+            The package was generated without it.
+        NoCompilerError, CompileError
+
+        Examples
+        --------
+        >>> solver.prepare("simulate", "jacobians")  # doctest: +SKIP
+        """
+        known = {MEMBERS.get(n, n) for n in self._functions} | {*MADE_OF, "assemble", "batches"}
+        for member in members or sorted(m for m in known if m == "batches" or hasattr(self, m)):
+            if member in SOMETIMES:
+                getattr(self, member)  # says why a package lacks it
+            if member not in known:
+                if member in SOMETIMES:
+                    raise AttributeError(self._why_not(member))
+                raise ValueError(f"prepare: {member!r} is none of {', '.join(sorted(known))}")
+            self._prepare(member)
+
+    def _prepare(self, member: str) -> None:
+        opened = self._opened
+        target = opened.target
+        if not isinstance(target, CTarget):
+            return
+        if member == "batches":
+            target.batches.prepare()
+            return
+        needed = {*MADE_OF.get(member, ()), *(CLOSING if member == "assemble" else ()), member}
+        for name, f in opened.functions.items():
+            if name in needed or MEMBERS.get(name, name) in needed:
+                target.prepare(f)
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
@@ -339,6 +391,10 @@ MADE_OF = (
 """Members that are made of functions, and what these are called."""
 
 
+CLOSING = ("closure", "closing_step", "newton_step", "completion")
+"""Functions that `assemble` calls."""
+
+
 class Absent:
     """Stands for a member of a section that a package does not carry: asking for it says why."""
 
@@ -351,7 +407,7 @@ class Absent:
         raise AttributeError(package._why_not(self.name))
 
 
-for _name in (
+SOMETIMES = (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
     "solve_mass_sensitivities",
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
@@ -359,7 +415,10 @@ for _name in (
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
-):  # fmt: skip
+)  # fmt: skip
+"""Members that packages may lack."""
+
+for _name in SOMETIMES:
     setattr(Package, _name, Absent(_name))  # methods of sections stand before
 
 

@@ -6,6 +6,8 @@ setting of the user's changes what is drawn: the same trajectory gives the same 
 
 from __future__ import annotations
 
+import functools
+import io
 import math
 import os
 from collections.abc import Sequence
@@ -105,7 +107,15 @@ def draw(
         if path is not None and suffix is not None:
             metadata = FORMATS[suffix]
             write_whole(Path(path), lambda file: figure.savefig(file, format=suffix[1:], metadata=metadata))
+    figure._repr_png_ = functools.partial(_png, figure)  # notebooks show it without a backend of pyplot
     return figure
+
+
+def _png(figure: Any) -> bytes:
+    """A figure as notebooks show it."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", metadata=FORMATS[".png"])
+    return file.getvalue()
 
 
 def _figure(title: str, t: Array, panels: Sequence[tuple[Series, Sequence[Series]]], derivatives: bool) -> Any:

@@ -1,0 +1,32 @@
+"""Counts of operations that print as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+COLUMNS = ("additions", "multiplications", "divisions", "functions")
+
+
+class OperationCounts(dict[str, Any]):
+    """By function and sweep, what `Solver.operations` has; printed, the sums of each function."""
+
+    def __repr__(self) -> str:
+        parts = {
+            (name, part): _sums(of[part] for of in sweeps.values() if part in of)
+            for name, sweeps in self.items()
+            for part in ("per_call", "per_direction")
+        }
+        rows = [
+            (f"{name}, per direction" if part != "per_call" else name, s) for (name, part), s in parts.items() if any(s)
+        ]
+        width = max((len(name) for name, _ in rows), default=0)
+        head = f"{'operations':{width}s} {'all':>8} " + " ".join(f"{c:>15}" for c in COLUMNS)
+        return "\n".join(
+            [head, *(f"{name:{width}s} {sum(s):8d} " + " ".join(f"{n:15d}" for n in s) for name, s in rows)]
+        )
+
+
+def _sums(counts: Iterable[dict[str, int]]) -> list[int]:
+    counts = list(counts)
+    return [sum(c.get(column, 0) for c in counts) for column in COLUMNS]

@@ -1,0 +1,77 @@
+"""Libraries compiled when asked for, what a terminal is shown meanwhile, and what a motion counts as its time."""
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import codegen
+from codegen.runtime.standalone import build, compiling
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def fresh(tmp_path, monkeypatch):
+    """A package of which nothing is compiled but its first library, and the parts that are compiled from now on."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    codegen.generate(codegen.load_model(EXAMPLES / "four_bar.yaml"), tmp_path / "four_bar", check=False)
+    solver = codegen.load(tmp_path / "four_bar")
+    compiled = []
+    compile_ = build.Build._compile
+
+    def noting(self, *given):
+        compiled.append(self.part or self.name)
+        compile_(self, *given)
+
+    monkeypatch.setattr(build.Build, "_compile", noting)
+    return solver, compiled
+
+
+def test_what_members_need_is_compiled_once(fresh):
+    solver, compiled = fresh
+    solver.prepare("jacobians")
+    assert len(compiled) >= 1
+    before = list(compiled)
+    solver.jacobians(*solver.initial)
+    solver.prepare("jacobians")
+    assert compiled == before
+    solver.prepare("simulate")
+    before = list(compiled)
+    run = solver.simulate(0.1)
+    assert compiled == before and "compiling" not in run.stats
+    solver.prepare()
+    before = list(compiled)
+    for name in ("energies", "mass_matrix", "outputs", "gradients"):
+        if name != "gradients":
+            getattr(solver, name)(*solver.initial[: 1 if name == "mass_matrix" else 2])
+    assert compiled == before
+
+
+def test_unknown_members_are_refused(fresh):
+    with pytest.raises(ValueError, match=r"prepare: 'simulat' is none of accelerations, "):
+        fresh[0].prepare("simulat")
+    with pytest.raises(AttributeError, match="has no prescribed motion"):
+        fresh[0].prepare("driving_forces")
+
+
+def test_a_motion_does_not_count_what_it_waits_for(fresh):
+    solver, _ = fresh
+    began = time.perf_counter()
+    run = solver.simulate(0.1)
+    whole = time.perf_counter() - began
+    assert run.stats["compiling"] > 0.0
+    assert run.stats["seconds"] + run.stats["compiling"] <= whole
+    assert "compiling" not in solver.simulate(0.1).stats
+
+
+@pytest.mark.parametrize("watched", [True, False])
+def test_who_looks_is_told_what_takes_time(monkeypatch, capsys, watched):
+    monkeypatch.setattr(compiling, "PATIENCE", 0.01)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: watched, raising=False)
+    with compiling.waiting("arm (motion)"):
+        time.sleep(0.2)
+    with compiling.waiting("quick"):
+        pass
+    assert capsys.readouterr().err == ("compiling arm (motion): once, the library is kept\n" if watched else "")
