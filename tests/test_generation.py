@@ -132,6 +132,8 @@ def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
         "frames",
         "frame_motion",
         "driving_forces",
+        "motion_kinks",
+        "prescribed_branches",
     }
     folder = tmp_path / "rod"
     loop = parse_model(LOOP)

@@ -262,10 +262,10 @@ def test_a_batch_that_no_thread_can_be_had_for_is_computed(package, at_once, mon
     one = solver.accelerations(q, u)
     build = batches.build_apart
 
-    def refuses(folder, name, part):
+    def refuses(folder, name, part, *more):
         if part == "threads":
             raise CompileError("no threads")
-        return build(folder, name, part)
+        return build(folder, name, part, *more)
 
     monkeypatch.setattr(batches, "build_apart", refuses)
     solver.batch_threads = 2

@@ -106,7 +106,7 @@ class FewStates:
         moves = self.target.ffi.new("moved[]", moved)
         if each(function, call.x, bits, self.target.pointer(times), int(several), call.k, n, moves, len(moved)):
             return None
-        return found if out is None else put(found, out)
+        return tuple(found) if out is None else put(found, out)
 
     def _arguments(
         self, call: PreparedCall, memory: CallMemory, n: int, given: Sequence[Any]
