@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from ..model.errors import ModelError
-from ..model.expressions import Expression, Tree
+from ..model.expressions import Expression, ExpressionError, Tree
 from ..model.model import Model
 from ..model.rates import rate
 from ..model.slopes import has_quotient, is_singular, leaves, slope
@@ -133,17 +133,25 @@ def formula_kinds(
     for canonical, (tree, slots, rows) in forms.items():
         # numbers that all its formulas share are put in their places
         literal = {j: row for j, row in enumerate(rows[0][2]) if all(r[2][j] == row for r in rows)}
-        kind = _make(len(kinds), target, _with_numbers(canonical, literal), slots)
+        where = [places[i] if places else _place(model, target, i) for i, *_ in rows]
+        try:
+            kind = _make(len(kinds), target, _with_numbers(canonical, literal), slots)
+        except ExpressionError:  # a number in its derivative has no value
+            raise _without_value(model, where[0], tree) from None
         kind.rows.extend(rows)
-        kind.places += [places[i] if places else _place(model, target, i) for i, *_ in rows]
+        kind.places += where
         if not (has_values(kind.value) and has_values(kind.tangent)):
-            message = (
-                f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
-                f"change the expression"
-            )
-            raise ModelError([model.problem(kind.places[0], message)])
+            raise _without_value(model, where[0], tree)
         kinds.append(kind)
     return kinds
+
+
+def _without_value(model: Model, place: str, tree: Tree) -> ModelError:
+    message = (
+        f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
+        f"change the expression"
+    )
+    return ModelError([model.problem(place, message)])
 
 
 def _with_numbers(tree: Tree, literal: dict[int, float]) -> Tree:

@@ -167,7 +167,7 @@ def test_no_tolerance_collapses_askew_or_off_by_rounding(inexact: Any) -> None:
 
 
 def test_a_motion_that_stands_still_ends(made: Callable[..., Made]) -> None:
-    """At a force that jumps back and forth steps stay small; a million of them, which are allowed, would not come far."""
+    """At a force that would jump back and forth; a million small steps, which are allowed, would not come far."""
     text = """
 model: sliding
 bodies:
@@ -178,7 +178,8 @@ initial: {u: {mass: 1.0}}
 """
     solver = made(parsed, text).solver
     with pytest.raises(
-        SimulationError, match=r"t = 0\.00\d+ s: steps have become too small to go on, because of u.m"
+        SimulationError,
+        match=r"t = 0\.001 s: where sign\(u.mass\) in forces.rub.value changes its branch, .* it sticks or slides",
     ) as caught:
         solver.simulate(1e3, rtol=1e-12, atol=1e-12)
     assert caught.value.trajectory.stats["steps"] < 100_000
