@@ -16,7 +16,7 @@ SUM, PRODUCT, ATOM = 0, 1, 2
 
 HELD = {
     "HeldAtLeast": "AtLeast", "HeldFloor": "Floor", "HeldSign": "Sign", "HeldAbsolute": "Absolute",
-    "HeldMaximum": "Maximum", "HeldMinimum": "Minimum",
+    "HeldMaximum": "Maximum", "HeldMinimum": "Minimum", "HeldAngle": "atan2",
 }  # fmt: skip
 """Functions that take a mode, with those that they are without."""
 
@@ -177,6 +177,8 @@ class Printer:
                 above, below = (
                     f"({c}2.0*FLOOR(0.5*({arguments[0]}) {s} 0.25))" for c, s in (("", "+"), ("1.0 + ", "-"))
                 )
+            case "HeldAngle":
+                above, below = (f"ANGLE_{side}({arguments[1]}, {free})" for side in ("ABOVE", "BELOW"))
             case "HeldAbsolute":
                 above, below = arguments[0], f"-({arguments[0]})"
             case "HeldMaximum":

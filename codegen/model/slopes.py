@@ -87,7 +87,7 @@ def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
         case "mod" | "wrapped":
             whole = combine("/", combine("-", x, combine(function, *of)), of[1])
             return combine("-", dx, combine("*", whole, d[1]))
-        case "atan2":
+        case "atan2" | "held_atan2":
             y, dy = of[1], d[1]
             square = combine("+", combine("**", y, TWO), combine("**", x, TWO))
             return combine("-", product((y, ONE), (square, MINUS_ONE), (dx, ONE)),
@@ -528,7 +528,7 @@ def is_singular(tree: Tree) -> bool:
     inner = tree[2:] if kind == "call" else tree[1:]
     found = False
     if kind == "call":
-        found = tree[1] in ("asin", "acos", "atan2", CHOICE, VANISHING) or (
+        found = tree[1] in ("asin", "acos", "atan2", "held_atan2", CHOICE, VANISHING) or (
             tree[1] in ("sqrt", "log") and not is_positive(tree[2])
         )
     elif kind == "**":

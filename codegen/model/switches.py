@@ -1,9 +1,9 @@
 """Where the expressions of a model change their branch: switching functions.
 
-A comparison, a sign, an absolute value, the larger or smaller of two numbers: each is smooth but where a *switching
-function* of coordinates, speeds, parameters, inputs and time is zero. The sign of that function is the *mode* of the switch.
-An expression whose modes are held is smooth everywhere, which is what a step of an integrator needs; between steps modes
-change.
+A comparison, a sign, an absolute value, the larger or smaller of two numbers, `atan2` at half a turn: each is smooth but
+where a *switching function* of coordinates, speeds, parameters, inputs and time is zero. The sign of that function is the
+*mode* of the switch. An expression whose modes are held is smooth everywhere, which is what a step of an integrator needs;
+between steps modes change.
 
 A function of the grammar that has branches needs one entry in `BRANCHES`, and its held form in `codegen.program.functions`.
 """
@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from .expressions import Expression, Tree
+from .slopes import is_positive
 
 HELD: Final = "held_"
 """Begins the names of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
@@ -26,7 +27,7 @@ MODE: Final = "mode."
 KINDS: Final = ("sign", "turn")
 """What modes are: the sign of the switching function, or the angle near which the function, an angle, is measured."""
 
-JUMPS: Final = ("at_least", "sign", "mod")
+JUMPS: Final = ("at_least", "sign", "mod", "atan2")
 """Functions whose value jumps; that of the others has a kink."""
 
 
@@ -48,6 +49,7 @@ BRANCHES: Final[dict[str, Callable[[Sequence[Tree]], Tree]]] = {
     "sign": lambda arguments: arguments[0],
     "abs": lambda arguments: arguments[0],
     "mod": _turns,
+    "atan2": lambda arguments: arguments[0],
 }
 """Functions that have branches, with the switching functions of their arguments."""
 
@@ -72,9 +74,19 @@ def branching(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
     """
     found: dict[Tree, None] = {}
     for part in _inner_first(tree):
-        if part[0] == "call" and part[1] in BRANCHES and any(varies(n) for n in Expression(part).names):
+        if _has_branches(part, varies):
             found[part] = None
     return list(found)
+
+
+def _has_branches(tree: Tree, varies: Callable[[str], bool]) -> bool:
+    """Whether a tree is a call of a function that changes its branch; `atan2` does where its first argument may pass zero with a
+    second one that is not positive."""
+    if tree[0] != "call" or tree[1] not in BRANCHES:
+        return False
+    if tree[1] == "atan2":
+        return not is_positive(tree[3]) and any(varies(n) for n in Expression(tree[2]).names)
+    return any(varies(n) for n in Expression(tree).names)
 
 
 def _inner_first(tree: Tree) -> Iterator[Tree]:
@@ -217,7 +229,7 @@ class Switches:
         if kind != "call":
             return (kind, *(self.hold(a, moves) for a in tree[1:]))
         arguments = tuple(self.hold(a, moves) for a in tree[2:])
-        if tree[1] not in BRANCHES or not any(self._varies(n) for n in Expression(tree).names):
+        if not _has_branches(tree, self._varies):
             return (kind, tree[1], *arguments)
         return (kind, HELD + tree[1], *arguments, ("name", f"{MODE}{self._switch(tree, arguments).number}"))
 

@@ -111,6 +111,10 @@ HeldAtLeast, HeldMaximum, HeldMinimum, HeldSign, HeldAbsolute, HeldTurn = map(
 or of a positive argument, a negative one the other; zero leaves it to the arguments, as above. The mode of a turn is an
 angle: the argument is taken within half a turn of it."""
 
+HeldAngle = _plain("HeldAngle")
+"""atan2(y, x) with a mode, the sign of y, which it keeps at half a turn: it goes on beyond pi, or below -pi. Where x is zero, it
+is a quarter of a turn."""
+
 Floor = _elementary("Floor")
 """The largest whole number that is not above x; its derivative is taken as zero."""
 
@@ -184,7 +188,8 @@ SYMBOLIC: dict[str, Made] = {
     "sin": sin, "cos": cos, "tan": tan, "asin": asin, "acos": acos, "atan": atan, "atan2": atan2, "sinh": sinh, "cosh": cosh,
     "tanh": tanh, "sqrt": _square_root, "exp": exp, "log": log, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
     "at_least": AtLeast, "held_at_least": HeldAtLeast, "held_max": HeldMaximum, "held_min": HeldMinimum,
-    "held_sign": HeldSign, "held_abs": HeldAbsolute, "held_turn": HeldTurn, "held_mod": HeldModulo, "mod": Modulo,
+    "held_sign": HeldSign, "held_abs": HeldAbsolute, "held_turn": HeldTurn, "held_mod": HeldModulo, "held_atan2": HeldAngle,
+    "mod": Modulo,
     "wrapped": Modulo, "choice": Choice, "vanishing": Vanishing,
 }  # fmt: skip
 """The functions of the model format."""
@@ -209,6 +214,10 @@ def slope(e: Function, place: int) -> Expr:
         case "atan2":
             y, x = e.args
             return x / (x**2 + y**2) if place == 0 else -y / (x**2 + y**2)
+        case "HeldAngle":  # steps end where y is zero, and x may be zero there
+            y, x, _ = e.args
+            inverse = 1 / (x**2 + y**2)
+            return (Vanishing(x, inverse), -Vanishing(y, inverse), ZERO)[place]
         case "sinh":
             return cosh(x)
         case "cosh":
@@ -252,7 +261,7 @@ MEANINGS |= {
         *(("AtLeast", AtLeast), ("Maximum", Maximum), ("Minimum", Minimum), ("Sign", Sign), ("Absolute", Absolute)),
         *(("HeldAtLeast", HeldAtLeast), ("HeldMaximum", HeldMaximum), ("HeldMinimum", HeldMinimum)),
         *(("HeldSign", HeldSign), ("HeldAbsolute", HeldAbsolute), ("HeldTurn", HeldTurn)),
-        ("HeldFloor", HeldFloor),
+        *(("HeldFloor", HeldFloor), ("HeldAngle", HeldAngle)),
         *(("Floor", Floor), ("Choice", Choice), ("Vanishing", Vanishing), ("Along", Along), ("Power", Power)),
     ]
 }

@@ -115,6 +115,62 @@ def test_a_switch_of_a_held_input_moves_with_nothing(jumping: Any, way: str) -> 
     assert abs(found.gradients[0, 0]) < 1e-13
 
 
+ANGLES = """
+model: angles
+parameters: {{a: 0.3, s: 0.5, x0: 1.0, v0: 3.0, k: 2.0}}
+inputs: [off]
+bodies:
+  left: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}
+  right: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}
+  none: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}
+forces:
+  left: {{type: joint, joint: left, value: "k*{left} - 9"}}
+  right: {{type: joint, joint: right, value: "k*{right} - 9"}}
+  none: {{type: joint, joint: none, value: "-k*{none} - 5"}}
+initial: {{q: {{left: x0, right: x0}}, u: {{none: v0}}}}
+outputs: {{left: {{value: q.left}}, right: {{value: q.right}}, none: {{value: q.none}}}}
+"""
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_an_angle_that_jumps_at_half_a_turn(made: Callable[..., Made], method: str) -> None:
+    """`atan2` jumps where its second argument is negative, or zero; elsewhere it does not. The same is written with `sign`."""
+    angles = ("atan2(q.left - s, -a)", "atan2(q.right - s, a)", "atan2(u.none, off)")
+    signs = ("(pi*sign(q.left - s) - atan((q.left - s)/a))", "atan((q.right - s)/a)", "pi/2*sign(u.none)")
+    found, wanted = (
+        [
+            solver.judge(
+                1.0, [Final(o) for o in solver.output_names], inputs=[0.0], wrt=["a", "s", "x0", "v0", "k"], method=way,
+                integrator=method, rtol=1e-10, atol=1e-10,
+            )
+            for way in ("forward", "adjoint")
+        ]
+        for solver in (
+            made(parsed, ANGLES.format(left=left, right=right, none=none)).solver
+            for left, right, none in (angles, signs)
+        )
+    )  # fmt: skip
+    for one, other in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(one.values, other.values, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(one.gradients, other.gradients, rtol=1e-7, atol=1e-7)
+
+
+def test_speeds_without_bounds_are_no_accumulation(made: Callable[..., Made]) -> None:
+    """The speed grows beyond all bounds before t = 1, while q passes kinks more and more often, which do not end the motion."""
+    solver = made(parsed, BOUNDLESS).solver
+    with pytest.raises(SimulationError, match=r"because of u\.block; it may be without bounds") as ended:
+        solver.simulate(2.0)
+    assert ended.value.trajectory.t[-1] <= 1.0
+
+
+BOUNDLESS = """
+model: boundless
+parameters: {a: 1.0}
+bodies: {block: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}}
+forces: {f: {type: joint, joint: block, value: "u.block**2 + a*abs(sin(5*q.block))"}}
+initial: {u: {block: 1}}
+"""
+
 STUCK = """
 model: stuck
 parameters: {mu: 4.0, k: 10.0}

@@ -206,7 +206,8 @@ void ordernm_touch(ordernm_motion *m, double t, int k)
     if (!status && jumps(m, one, other)) m->results->grazed = k + 1;
 }
 
-/* Counts switches that are passed, again and again in a time that is nothing beside the motion's. */
+/* Counts switches with a jump that are passed, again and again in a time that is nothing beside the motion's. Kinks do not accumulate
+ * by themselves: a motion that passes many of them in no time has a cause elsewhere, such as speeds that grow beyond all bounds. */
 static void count(ordernm_motion *m, int k)
 {
     if (m->passed == 0 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) {
@@ -235,13 +236,13 @@ int ordernm_pass_switches(ordernm_motion *m)
         const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
         m->modes[k] = other_mode(m, k);
         m->changed[k] = m->t;
-        count(m, k);
         if (--left == 0 && (status = follow(m, m->t, m->z, m->crossed))) return status;
         if ((status = ordernm_rates_of(m, m->t, m->z, after, 0, 0, RATES | INTEGRALS))) return status;
         if (!jumps(m, before, after)) {
             if (at_once) m->modes[k] = 0.0; /* rounding goes to and fro across a kink */
             continue;
         }
+        count(m, k);
         if ((status = slope(m, m->t, m->z, after, k, &way))) return status;
         if (!(speed*way > 0.0)) {
             m->results->component = k;
