@@ -304,7 +304,9 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
     for (int e = 0; e < m->nwatched; ++e) m->paces[e] = pace(m, whole, e);
     m->complete = 0;
     status = within(m, whole, part, m->within);
-    if (m->nd && (status || m->results->condition_here > m->too_poor)) {
+    /* a step that went on behind a switch would keep a branch that is not taken there */
+    const double worst = step->event < p->nevents ? m->too_poor : fmax(m->too_poor, m->hopeless);
+    if (m->nd && (status || m->results->condition_here > worst)) {
         if ((status = event_at_pose(m, whole, part, step))) return status;
     } else {
         step->h = part*whole;
