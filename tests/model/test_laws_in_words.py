@@ -173,7 +173,6 @@ def test_mistakes_in_expressions(text: str, message: str) -> None:
         ("normal: 2*k*depth", "normal: 2*k*dept", "expressions.normal: unknown name 'dept';*did you mean 'depth'?"),
         ("normal: 2*k*depth", "normal: 2*k*depth\n  spare: mu*2", "warning: expressions.spare: expression 'spare' is not used"),
         ("  slip: velocity.tip.x", "  k: t\n  slip: velocity.tip.x", "name 'k' is already taken by a parameter"),
-        ("stop: {type: joint, joint: leg, value: shove}", "stop: {type: joint, joint: leg, value: normal}", "forces.stop.value: 'position.tip.z', which changes with the motion, is not allowed here"),
         ("mass: 1, com: [0.1", "mass: depth, com: [0.1", "bodies.arm.mass: 'position.tip.z', which changes with the motion, is not allowed here"),
     ],
 )  # fmt: skip

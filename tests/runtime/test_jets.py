@@ -77,10 +77,11 @@ def test_powers_at_zero_have_the_derivatives_that_they_have():
 
 
 def test_every_function_that_is_printed_has_a_rule():
-    printed = {getattr(np, name.removeprefix("np.")).__name__ for name in NUMPY_FUNCTIONS.values()}
+    of_numpy = [name.removeprefix("np.") for name in NUMPY_FUNCTIONS.values() if name.startswith("np.")]
+    printed = {getattr(np, name).__name__ for name in of_numpy}  # the others stand in the module, made of these
     assert printed <= RULES.keys()
 
 
 def test_what_has_no_rule_is_refused():
     with pytest.raises(TypeError):
-        np.floor(Jet(1.0, np.ones(1)))
+        np.ceil(Jet(1.0, np.ones(1)))

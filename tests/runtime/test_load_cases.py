@@ -81,7 +81,7 @@ def test_what_is_wrong_is_told(solver):
     )
     for arguments, message in (
         (([],), "no objective is given"),
-        (([one, Final("x")],), "case 1 is Final.*, expected what codegen.objective returns"),
+        (([one, Final("x")],), "case 1 is Final.*, expected what ordernm.objective returns"),
         (([one, more],), "names of the variables of case 1 are not those of case 0"),
         (([one, wider],), "lower bounds of the variables of case 1"),
         (([one, one],), "given twice; give it a weight"),
