@@ -61,9 +61,9 @@ def test_ctrl_c_leaves_what_was_computed(solver):
         if done == 3:
             raise KeyboardInterrupt
 
-    motions = codegen.simulate_many(solver, 1.0, p={"stiffness": np.linspace(1, 9, 50)}, threads=1, progress=progress)
+    motions = codegen.simulate_many(solver, 1.0, p={"stiffness": np.linspace(1, 9, 2000)}, threads=1, progress=progress)
     done = sum(x is not None for x in motions)
-    assert 3 <= done < 50 and motions.succeeded.sum() >= 3
+    assert 3 <= done < 2000 and motions.succeeded.sum() >= 3
 
 
 def test_what_is_wrong_is_told(solver):
