@@ -30,7 +30,9 @@ class PrescribedBranches(Package):
         SimulationError
             It begins there.
         """
-        motion = self._manifest.get("branching_motion", ())
+        motion = self._manifest.get("branching_motion")
+        if not motion:
+            return end, times, ""
         names = {n for one in motion for n in one["names"]}
         key = (start, end, *(x for n, x in zip(self.parameter_names, p.tolist(), strict=True) if n in names))
         looked_at: dict[Any, tuple[float, str] | None] = self.__dict__.setdefault("_kinks", {})

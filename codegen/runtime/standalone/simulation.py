@@ -365,7 +365,7 @@ class Simulation(MotionRun):
 
     def _look_at_outputs(self, problem: Problem, run: Run, outputs: Array, doutputs: Array) -> None:
         """Warn of outputs without a finite value, or derivative, at a time of the result."""
-        if all_finite(outputs) and all_finite(doutputs):
+        if all_finite(outputs) and (not doutputs.size or all_finite(doutputs)):
             return
         of = ~(np.isfinite(outputs) & np.isfinite(doutputs).all(axis=0))
         if not of.any():
