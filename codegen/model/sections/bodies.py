@@ -22,7 +22,7 @@ from .placement import Bound, bound_entry, expressions_of, rotation, vector
 
 MAX_BODIES: Final = 200_000
 LARGE, FEW_WRONG = 5000, 100
-"""A model of more than `LARGE` bodies with up to so many wrong parents is refused before its numbers are read."""
+"""A model of more than `LARGE` bodies is refused before its numbers are read if at most this number of its parents are wrong."""
 
 MAX_DIFFERENT: Final = 40_000
 """So many of those of repeat blocks may differ in their numbers; those that do not are read once."""

@@ -11,7 +11,7 @@ enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
 enum { STUCK_STEPS = 2000 };
 static const double STUCK = 1e-9;
 
-/* So many switches that are passed in such a time accumulate. */
+/* A motion that passes this number of switches in such a time has an accumulation of them. */
 enum { MOST_PASSED = 100 };
 
 /* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */

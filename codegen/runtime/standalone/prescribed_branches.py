@@ -11,7 +11,7 @@ from .motion_kinks import first_kink, known_of, times_of
 from .package import Package
 
 MOST_KINKS = 64
-"""So many parameters and times are remembered for which prescribed motion has been looked at."""
+"""Number of sets of parameters and times for which kinks of prescribed motion are remembered."""
 
 SHORT_OF_KINK = 1e-12
 """A motion ends before a kink of prescribed motion by this part of its time."""

@@ -134,7 +134,7 @@ class PreparedCall:
         self.fit(0)
 
     def fit(self, k: int) -> bool:
-        """Make room for k directions; whether there may be so many."""
+        """Make room for k directions; returns whether that number is allowed."""
         f = self.f
         if sum(map(math.prod, f.shapes)) + k * self.per_direction > LARGEST:
             return False

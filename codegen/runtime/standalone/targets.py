@@ -17,29 +17,30 @@ from .numpy_target import NumpyTarget
 from .warning import warn
 
 
+class StateCall(Protocol):
+    """The faster path of one state, or of a few; see `SingleCalls.run` and `FewStates.run`."""
+
+    def __call__(
+        self,
+        name: str,
+        given: Sequence[Any],
+        seeds: Sequence[Any] | None = None,
+        out: Any = None,
+        returned: tuple[str, ...] | None = None,
+    ) -> Sequence[Array] | None: ...
+
+
 class Target(Protocol):
     """Computes the functions of a package for arguments that have been checked; see `CTarget` for what it takes."""
 
     name: str
     threads: int
 
-    def one_state(
-        self,
-        name: str,
-        given: Sequence[Any],
-        seeds: Sequence[Any] | None = None,
-        out: Any = None,
-        returned: tuple[str, ...] | None = None,
-    ) -> Sequence[Array] | None: ...
+    @property
+    def one_state(self) -> StateCall: ...
 
-    def few_states(
-        self,
-        name: str,
-        given: Sequence[Any],
-        seeds: Sequence[Any] | None = None,
-        out: Any = None,
-        returned: tuple[str, ...] | None = None,
-    ) -> Sequence[Array] | None: ...
+    @property
+    def few_states(self) -> StateCall: ...
 
     def values(
         self,
