@@ -15,18 +15,18 @@ from .deferred import deferred
 from .version import __version__
 
 if TYPE_CHECKING:
+    from .design.fitting import Fit, fit
+    from .design.load_cases import LoadCases, load_cases
+    from .design.many_motions import Motions, simulate_many
+    from .design.objective import Objective, objective
+    from .design.optimizing import optimize
+    from .design.sweep import Sweep, sweep
+    from .design.variables import Variable
     from .generation import generate
     from .importing import Imported, from_mujoco, from_pinocchio, import_model
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
     from .reporting import report
     from .runtime import Solver, Trajectory, load, load_trajectory
-    from .runtime.design_sweep import Sweep, sweep
-    from .runtime.fitting import Fit, fit
-    from .runtime.load_cases import LoadCases, load_cases
-    from .runtime.many_motions import Motions, simulate_many
-    from .runtime.objective import Objective, objective
-    from .runtime.optimizing import optimize
-    from .runtime.variables import Variable
     from .summary import Report
 
 __all__ = [
@@ -41,10 +41,10 @@ _PLACES = {
     "Imported": "importing", "from_mujoco": "importing", "from_pinocchio": "importing", "import_model": "importing",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
     "Solver": "runtime", "Trajectory": "runtime", "load": "runtime", "load_trajectory": "runtime",
-    "Fit": "runtime.fitting", "fit": "runtime.fitting", "LoadCases": "runtime.load_cases", "load_cases": "runtime.load_cases",
-    "Motions": "runtime.many_motions", "simulate_many": "runtime.many_motions", "Objective": "runtime.objective",
-    "objective": "runtime.objective", "optimize": "runtime.optimizing", "report": "reporting",
-    "Sweep": "runtime.design_sweep", "sweep": "runtime.design_sweep", "Variable": "runtime.variables",
+    "Fit": "design.fitting", "fit": "design.fitting", "LoadCases": "design.load_cases", "load_cases": "design.load_cases",
+    "Motions": "design.many_motions", "simulate_many": "design.many_motions", "Objective": "design.objective",
+    "objective": "design.objective", "optimize": "design.optimizing", "report": "reporting",
+    "Sweep": "design.sweep", "sweep": "design.sweep", "Variable": "design.variables",
 }  # fmt: skip
 
 

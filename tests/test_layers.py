@@ -24,6 +24,7 @@ FLOORS = {
     "reference": {"loops", "model", "version"},  # shares nothing with the generator but model, graph and partition
     "emit": {"loops", "mechanics", "model", "program", "version"},
     "runtime": {"deferred", "emit", "loops", "mechanics", "model", "program", "version"},
+    "design": {"runtime", "version"},  # on solvers; knows no models, and no package carries it
 }
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed floor may import them."""
@@ -238,6 +239,8 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("model/x.py", "import codegen"),
         ("emit/x.py", "from ..cli import main"),
         ("emit/c/x.py", "from ...runtime import load"),
+        ("runtime/x.py", "from ..design import objective"),
+        ("design/x.py", "from ..model import load_model"),
         ("runtime/standalone/x.py", "import scipy.linalg"),
         ("runtime/standalone/x.py", "from ..sections import STANDALONE"),
         ("runtime/standalone/x.py", "def f():\n    from .. import load"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime.fit_result import Fit
+from codegen.design.fit_result import Fit
 from codegen.runtime.standalone.functionals import Final
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -6,8 +6,9 @@ import os
 import sys
 import warnings
 
-OURS = os.path.dirname(os.path.dirname(__file__)) + os.sep
-"""Files of the run time and the package, which a warning never means."""
+_HERE = os.path.dirname(os.path.dirname(__file__))
+OURS = (os.path.dirname(_HERE) if __name__.endswith("runtime.standalone.warning") else _HERE) + os.sep
+"""Folder of the generated package, or of ordernm, whose lines no warning points at."""
 
 
 def warn(message: str) -> None:

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.standalone.arrays import Array, Numbers
+from ..runtime.standalone.errors import SimulationError
+from ..runtime.standalone.trajectory import Trajectory
 from .failures import FAILURES
-from .standalone.arrays import Array, Numbers
-from .standalone.errors import SimulationError
-from .standalone.trajectory import Trajectory
 
 
 @dataclass(slots=True, eq=False)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..runtime.standalone.arrays import Array
 from .load_cases import LoadCases
 from .objective import Objective
-from .standalone.arrays import Array
 
 METHODS = ("L-BFGS-B", "SLSQP", "trust-constr")
 """Methods of `scipy.optimize.minimize` that take gradients and bounds; of these the first takes no constraints."""

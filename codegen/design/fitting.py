@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..runtime.standalone.arrays import Array, Numbers
+from ..runtime.standalone.trajectory import Trajectory
 from .experiments import Experiment, take_experiments
 from .failures import FAILURES
 from .fit_result import Fit
-from .standalone.arrays import Array, Numbers
-from .standalone.trajectory import Trajectory
 from .variables import Wanted
 
 UNDETERMINED = 1e-9

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .judged_points import JudgedPoints
-from .standalone.arrays import Array
+from ..runtime.standalone.arrays import Array
+from .evaluated_points import EvaluatedPoints
 
 
 def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
@@ -29,7 +29,7 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
     return low, high
 
 
-def nonlinear(points: JudgedPoints, at: slice, low: Array, high: Array) -> Any:
+def nonlinear(points: EvaluatedPoints, at: slice, low: Array, high: Array) -> Any:
     """low <= functionals that stand there <= high, a `scipy.optimize.NonlinearConstraint`."""
     from scipy.optimize import NonlinearConstraint
 
@@ -38,7 +38,7 @@ def nonlinear(points: JudgedPoints, at: slice, low: Array, high: Array) -> Any:
     )
 
 
-def dictionaries(points: JudgedPoints, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
+def dictionaries(points: EvaluatedPoints, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
     """The same as dictionaries of SLSQP's: equations, and inequalities that are to be positive."""
     places = np.arange(at.start, at.stop)
     found = []
@@ -52,7 +52,7 @@ def dictionaries(points: JudgedPoints, at: slice, low: Array, high: Array) -> li
     return found
 
 
-def _dictionary(points: JudgedPoints, kind: str, places: Any, sign: float, level: Array) -> dict[str, Any]:
+def _dictionary(points: EvaluatedPoints, kind: str, places: Any, sign: float, level: Array) -> dict[str, Any]:
     return {
         "type": kind,
         "fun": lambda x: sign * (points.safe(x).functionals[places] - level),

@@ -18,7 +18,7 @@ import sweep_measures
 from oscillator import oscillator, swing
 
 import codegen
-from codegen.runtime.sweep_journal import SweepJournalError
+from codegen.design.sweep_journal import SweepJournalError
 
 STIFFNESS = np.linspace(2, 12, 60)
 PROCESSES = functools.partial(ProcessPoolExecutor, 2, mp_context=get_context("spawn"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .standalone.errors import AssemblyError, SimulationError, SingularJointError
+from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError
 
 FAILURES = (SimulationError, AssemblyError, SingularJointError)
 """Anything else is an error of the caller's."""

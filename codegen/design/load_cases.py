@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..runtime.standalone.arrays import Array
 from .objective import Objective
 from .outcome import Outcome
-from .standalone.arrays import Array
 from .variables import Variables
 
 

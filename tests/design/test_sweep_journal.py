@@ -12,8 +12,8 @@ import pytest
 from oscillator import oscillator
 
 import codegen
-from codegen.runtime.measure_digest import measure_digest
-from codegen.runtime.sweep_journal import Journal, SweepJournalError
+from codegen.design.measure_digest import measure_digest
+from codegen.design.sweep_journal import Journal, SweepJournalError
 
 CASES = {"k": [1.0, 2.0, 3.0]}
 

@@ -8,8 +8,8 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..runtime.standalone.warning import OURS
 from .failures import FAILURES
-from .standalone.warning import OURS
 from .sweep_cases import Case, flattened
 from .sweep_journal import Row
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..runtime.standalone.arrays import Array, Numbers
+from ..runtime.standalone.functionals import Functional, check_functionals
+from ..runtime.standalone.trajectory import Trajectory
 from .constraints import bounds_of, dictionaries, nonlinear
-from .judged_points import Combine, Evaluation, JudgedPoints
+from .evaluated_points import Combine, EvaluatedPoints, Evaluation
 from .outcome import Outcome
-from .standalone.arrays import Array, Numbers
-from .standalone.functionals import Functional, check_functionals
-from .standalone.trajectory import Trajectory
 from .variables import Variables, Wanted
 
 
@@ -45,7 +45,7 @@ class Objective:
             raise ValueError(f"weights have shape {by.shape}, expected ({len(own)},): one for each functional")
         if on_failure not in ("inf", "raise"):
             raise ValueError(f"on_failure is {on_failure!r}; allowed are 'inf' and 'raise'")
-        self._points = JudgedPoints(
+        self._points = EvaluatedPoints(
             solver, variables, (self.start, self.end), own,
             weights=by, combine=combine, on_failure=on_failure, options=options,
         )  # fmt: skip

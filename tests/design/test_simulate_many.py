@@ -5,8 +5,8 @@ import pytest
 from oscillator import oscillator, swing
 
 import codegen
+from codegen.design.failures import FAILURES
 from codegen.runtime import AssemblyError, SimulationError
-from codegen.runtime.failures import FAILURES
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .standalone.arrays import Array
-from .standalone.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
+from ..runtime.standalone.arrays import Array
+from ..runtime.standalone.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
 
 ROWS = 40
 """So many variables are shown."""
@@ -61,7 +61,7 @@ class Outcome:
     def __repr__(self) -> str:
         failed = f", {self.failures} of them failed" if self.failures else ""
         lines = [f"objective {self.value:.9g} after {self.motions} motions{failed}"]
-        lines += [f"  {told(f)} = {x:.9g}" for f, x in zip(self.functionals, self.functional_values, strict=True)]
+        lines += [f"  {in_words(f)} = {x:.9g}" for f, x in zip(self.functionals, self.functional_values, strict=True)]
         width = max(map(len, self.names))
         for i, name in enumerate(self.names[:ROWS]):
             x, low, high = self.values[i], self.lower[i], self.upper[i]
@@ -82,7 +82,7 @@ def at_bound(x: float, lower: float, upper: float) -> str:
     return "upper" if upper - x <= AT_BOUND * size else ""
 
 
-def told(f: Functional) -> str:
+def in_words(f: Functional) -> str:
     """A functional in words."""
     match f:
         case Final():
@@ -97,4 +97,4 @@ def told(f: Functional) -> str:
             return f"half the squares of {', '.join(f.samples)}"
 
 
-__all__ = ["AT_BOUND", "Outcome", "at_bound", "told"]
+__all__ = ["AT_BOUND", "Outcome", "at_bound", "in_words"]

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.standalone.arrays import Array
+from ..runtime.standalone.trajectory import Trajectory
 from .experiments import Experiment, Space
 from .outcome import at_bound
-from .standalone.arrays import Array
-from .standalone.trajectory import Trajectory
 
 PART = 1e-3
 """A variable has part in a direction that is not determined where its entry is more than this part of the largest."""

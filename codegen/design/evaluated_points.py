@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..runtime.standalone.arrays import Array
+from ..runtime.standalone.errors import SimulationError
+from ..runtime.standalone.functionals import Functional
 from .failures import FAILURES
-from .standalone.arrays import Array
-from .standalone.errors import SimulationError
-from .standalone.functionals import Functional
 from .variables import Variables
 
 KEPT = 16
@@ -66,7 +66,7 @@ class Point:
     error: Exception | None = None
 
 
-class JudgedPoints:
+class EvaluatedPoints:
     """Runs and judges a motion where nothing is known yet.
 
     Parameters
@@ -158,4 +158,4 @@ class JudgedPoints:
         return Point(value, weights @ gradients[:count], judged.values, gradients)
 
 
-__all__ = ["Combine", "Evaluation", "JudgedPoints", "Point"]
+__all__ = ["Combine", "EvaluatedPoints", "Evaluation", "Point"]
