@@ -24,7 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--force", action="store_true", help="replace a model file that differs")
     parser.add_argument("--name", help="name of the model (default: the robot's)")
-    parser.add_argument("--model", metavar="NAME", help="which model of a world of SDF (default: the one that moves)")
+    parser.add_argument(
+        "--model", metavar="NAME",
+        help="which model of a world of SDF, robot or robot::arm (default: the only one that moves)",
+    )  # fmt: skip
     parser.add_argument("--key", metavar="NAME", help="keyframe of an MJCF to begin in (default: the first; '': none)")
     parser.add_argument("--base", choices=BASES, help="how the root of a URDF stands on the ground (default: fixed)")
     parser.add_argument("--keep-fixed", action="store_true", help="keep links on fixed joints as bodies of their own")

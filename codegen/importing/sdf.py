@@ -7,17 +7,16 @@ what makes a tree of all joints: `sdf_tree`.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from ..model.errors import nearest
 from ..model.positions import shortened
 from .files import Files
-from .robot import WORLD, Effect, Inertia, Link, Robot, as_three, symmetric
+from .robot import Effect, Inertia, Link, Robot, as_three, symmetric
 from .robot_reader import RobotReader
+from .sdf_choice import Choice
 from .sdf_frames import Frames
 from .sdf_joints import JointReader, SdfJoint
 from .sdf_scopes import NAMED, Item, Scope, Scopes
@@ -67,6 +66,12 @@ def _is_off(element: Element) -> bool:
     return own and all(map(_is_off, element.children))
 
 
+def _models_of(world: Element) -> list[str]:
+    """The names of the models of a world; those of includes that give none are not known yet."""
+    given = [name.text.strip() for include in world.all("include") for name in include.all("name")]
+    return [*(model.attributes.get("name", "").strip() for model in world.all("model")), *given]
+
+
 def read_sdf(root: Element, files: Files, exact_angles: bool = False, chosen: str | None = None) -> Robot:
     """The robot of an SDF file; with `exact_angles`, 1.5708 means pi/2.
 
@@ -97,35 +102,27 @@ class _Reader(RobotReader):
 
     def read(self) -> None:
         world = self.world()
-        group = self.group(world)
-        if group is None:
+        choice = Choice(self, self.frames, world)
+        read = choice.scopes(self.chosen)
+        if not read:
             return
-        self.leave_out_rest(world, group)
-        base = world.models[group[0]] if len(group) == 1 else world
-        prefix = f"{group[0]}::" if len(group) == 1 else ""
-        name = base.name or world.name
-        self.robot.name = name or Path(self.root.file).stem
+        self.leave_out_rest(world, set(read), choice)
+        base = choice.base(read)
+        prefix = choice.paths[base]
+        self.robot.name = base.name or world.name or Path(self.root.file).stem
         joints: dict[str, SdfJoint] = {}
         static: set[str] = set()
-        for key in group:
-            for inner, scope in world.models[key].all():
-                path = f"{key}::{inner}".removeprefix(prefix)
-                is_static = self.is_static(world.models[key], inner)
-                for item in scope.items.values():
-                    full = path + item.name
-                    if item.element.tag == "link":
-                        self.robot.links[full] = self.link(scope, item, full)
-                        if is_static:
-                            static.add(full)
-        for key in group:
-            for inner, scope in world.models[key].all():
-                path = f"{key}::{inner}".removeprefix(prefix)
-                for item in scope.items.values():
-                    if item.element.tag == "joint":
-                        self.joint(scope, item, path, joints)
-        for item in world.items.values():
-            if item.element.tag == "joint" and self.models_of(world, item) & set(group):
-                self.joint(world, item, "", joints, "" if len(group) > 1 else prefix)
+        for scope in read:
+            for item in scope.items.values():
+                if item.element.tag == "link":
+                    full = choice.paths[scope].removeprefix(prefix) + item.name
+                    self.robot.links[full] = self.link(scope, item, full)
+                    if scope.stands:
+                        static.add(full)
+        for scope, item in choice.joints(read):
+            path = choice.paths[scope]
+            cut = "" if path.startswith(prefix) else prefix  # names outside of the base begin in the world
+            self.joint(scope, item, path if cut else path.removeprefix(prefix), cut, joints)
         if not self.robot.links and not self.problems:
             self.wrong(base.element, 'no <link>; a model has at least one, such as <link name="arm"/>')
         if not self.problems:
@@ -151,9 +148,8 @@ class _Reader(RobotReader):
             return self.scopes.world(self.root, version)
         wanted = self.chosen
         named = [w for w in worlds if wanted is not None and w.attributes.get("name") == wanted]
-        named += [
-            w for w in worlds if wanted is not None and any(m.attributes.get("name") == wanted for m in w.all("model"))
-        ]
+        outermost = wanted.partition("::")[0] if wanted is not None else None
+        named += [w for w in worlds if outermost is not None and outermost in _models_of(w)]
         for other in worlds[1:] if not named else [w for w in worlds if w is not named[0]]:
             self.robot.leave_out("a further <world>", other.line, Effect.NONE, "the first is read")
         chosen = named[0] if named else worlds[0]
@@ -164,84 +160,29 @@ class _Reader(RobotReader):
         self.robot.gravity = as_three(self.content(gravity, 3, _GRAVITY))
         return self.scopes.world(chosen, version)
 
-    def group(self, world: Scope) -> list[str] | None:
-        """The models that are read: the chosen one, or the only one that moves, with those that joints of the world hold."""
-        if not world.models:
-            if not self.problems:
-                self.wrong(self.root, 'no <model>; <sdf> holds one, such as <model name="robot">')
-            return None
-        groups = self.groups(world)
-        if self.chosen is not None and self.chosen != world.name:
-            if self.chosen not in world.models:
-                shown = ", ".join(list(world.models)[:12]) + (", ..." if len(world.models) > 12 else "")
-                message = f"--model {self.chosen}: there is no model of that name; there are {shown}"
-                self.wrong(self.root, f"{message}{nearest(self.chosen, world.models)}")
-                return None
-            return next(group for group in groups if self.chosen in group)
-        moving = [g for g in groups if not all(world.models[m].static for m in g)] or groups
-        if len(moving) > 1:
-            names = [group[0] for group in moving]
-            shown = ", ".join(map(shortened, names[:8])) + (", ..." if len(names) > 8 else "")
-            second = world.models[names[1]].element
-            message = f"{len(names)} models that no joint holds together, {shown}; one is read"
-            self.wrong(second, f"{message}: choose it by --model {names[0]}")
-            return None
-        return moving[0]
-
-    def groups(self, world: Scope) -> list[list[str]]:
-        """Models that joints of the world hold together, in the order of the file."""
-        group = {name: {name} for name in world.models}
-        for item in world.items.values():
-            if item.element.tag == "joint":
-                together = set().union(*(group[m] for m in self.models_of(world, item)), set())
-                for name in together:
-                    group[name] = together
-        found: list[list[str]] = []
-        for name in world.models:
-            if not any(name in g for g in found):
-                found.append([m for m in world.models if m in group[name]])
-        return found
-
-    def models_of(self, world: Scope, item: Item) -> set[str]:
-        """The models of a world that a joint of it joins."""
-        found = set()
-        for tag in ("parent", "child"):
-            end = item.element.first(tag)
-            name = end.text.strip() if end is not None else ""
-            link = self.frames.link(world, world, name, end) if end is not None and name else None
-            if link:
-                found.add(link.partition("::")[0])
-        return found
-
-    def is_static(self, model: Scope, path: str) -> bool:
-        """Whether a model, or one that it is in, is static."""
-        static = model.static
-        for name in filter(None, path.split("::")):
-            model = model.models[name]
-            static = static or model.static
-        return static
-
     def leave_out(self, element: Element) -> None:
         what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
         effect = Effect.NONE if element.tag in _SWITCHES and _is_off(element) else effect
         self.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
 
-    def leave_out_rest(self, world: Scope, group: list[str]) -> None:
-        """List what is not read of the world and of its models."""
-        for child in world.element.children:
-            if child.tag not in (*_MODEL, "gravity", "world"):
+    def leave_out_rest(self, scope: Scope, read: set[Scope], choice: Choice) -> None:
+        """List what is not read of a world, or of a model that is read in part, and of what it holds."""
+        known = (*_MODEL, "gravity", "world") if scope.is_world else _MODEL
+        for child in scope.element.children:
+            if child.tag not in known:
                 self.leave_out(child)
-        for name, model in world.models.items():
-            place = place_of(model.element)
-            if name in group:
-                for _, scope in model.all():
-                    for child in scope.element.children:
-                        if child.tag not in _MODEL:
-                            self.leave_out(child)
-            elif model.static:
-                self.robot.leave_out("static <model>", place, Effect.STOPS)
+        for model in scope.models.values():
+            if any(inner in read for _, inner in model.all()):
+                self.leave_out_rest(model, read, choice)
+            elif model.stands:
+                self.robot.leave_out("static <model>", place_of(model.element), Effect.STOPS)
             else:
-                self.robot.leave_out("another <model>", place, Effect.NONE, f"--model {name} reads it" if name else "")
+                what = f"--model {choice.paths[model].removesuffix('::')} reads it"
+                self.robot.leave_out("another <model>", place_of(model.element), Effect.NONE, what)
+        if not scope.is_world and scope not in read:
+            name = choice.paths[scope].removesuffix("::")
+            what = f"a model within it is read; --model {name} reads it whole"
+            self.robot.leave_out("the rest of a <model>", place_of(scope.element), Effect.NONE, what)
 
     # ---- elements ------------------------------------------------------------------------------------------------------
 
@@ -287,13 +228,10 @@ class _Reader(RobotReader):
             six[k] = self.content(found, 1, (1.0 if k < 3 else 0.0,))[0]
         return Inertia(mass, (0.0, 0.0, 0.0), symmetric(*six)).seen_from(frame)
 
-    def joint(self, scope: Scope, item: Item, path: str, joints: dict[str, SdfJoint], cut: str = "") -> None:
-        joint = self.joint_reader.read(scope, item, path)
+    def joint(self, scope: Scope, item: Item, path: str, cut: str, joints: dict[str, SdfJoint]) -> None:
+        joint = self.joint_reader.read(scope, item, path, cut)
         if joint is None:
             return
-        if cut:  # of the world, whose names begin with that of the model
-            ends = [end if end == WORLD else end.removeprefix(cut) for end in (joint.parent, joint.child)]
-            joint = replace(joint, parent=ends[0], child=ends[1], cut=cut)
         if joint.name in joints:
             where = place_of(joints[joint.name].element).line
             self.wrong(

@@ -51,7 +51,7 @@ class SdfJoint:
     axes : tuple of Element
     pitch, damping, stiffness, rest, armature : float
     cut : str
-        Of a joint of the world: what names begin with there, and not in the robot.
+        Of a joint outside of the robot's model: what names begin with there, and not in the robot.
     """
 
     name: str
@@ -88,8 +88,19 @@ class JointReader:
         self.reader = reader
         self.frames = frames
 
-    def read(self, scope: Scope, item: Item, path: str) -> SdfJoint | None:
-        """The joint of an item; None after a problem."""
+    def read(self, scope: Scope, item: Item, path: str, cut: str) -> SdfJoint | None:
+        """The joint of an item; None after a problem.
+
+        Parameters
+        ----------
+        scope : Scope
+            Of its name.
+        item : Item
+        path : str
+            Of the scope.
+        cut : str
+            What names begin with there, and not in the robot.
+        """
         reader, element = self.reader, item.element
         for child in element.children:
             if child.tag not in _JOINT:
@@ -98,7 +109,7 @@ class JointReader:
         what = f"joint {shortened(item.name)}"
         if type_ is not None and type_ not in known:
             reader.wrong(element, f"{what} is {shortened(type_)}; {', '.join(known)} are joints{nearest(type_, known)}")
-        ends = self.ends(scope, item, path, what)
+        ends = self.ends(scope, item, path, cut, what)
         if len(ends) < 2 or type_ not in known:
             return None
         first, last = ends
@@ -106,7 +117,7 @@ class JointReader:
             reader.wrong(element, f"{what} joins link {shortened(first or 'world')} to itself; two links are needed")
             return None
         if type_ == GEARBOX:
-            return SdfJoint(path + item.name, scope, item, path, GEARBOX, first, last)
+            return SdfJoint(path + item.name, scope, item, path, GEARBOX, first, last, cut=cut)
         axes = self.axes(element, type_, what)
         damping, stiffness, rest = self.dynamics(axes)
         pitch = self.pitch(element) if type_ == "screw" else 0.0
@@ -124,6 +135,7 @@ class JointReader:
             stiffness,
             rest,
             self.rotor(element),
+            cut,
         )
         self.mimic(joint)
         return joint
@@ -132,7 +144,7 @@ class JointReader:
         what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
         self.reader.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
 
-    def ends(self, scope: Scope, item: Item, path: str, what: str) -> list[str]:
+    def ends(self, scope: Scope, item: Item, path: str, cut: str, what: str) -> list[str]:
         """The links of <parent> and <child>, of which frames may be named; fewer than two after a problem."""
         ends = []
         for tag in ("parent", "child"):
@@ -142,7 +154,7 @@ class JointReader:
                 continue
             link = self.frames.link(scope, item.home, end.text.strip(), end)
             if link is not None:
-                ends.append(path + link if link != WORLD else WORLD)
+                ends.append((path + link).removeprefix(cut) if link != WORLD else WORLD)
         return ends
 
     def axes(self, element: Element, type_: str, what: str) -> tuple[Element, ...]:
@@ -246,5 +258,5 @@ class JointReader:
         if other is not None:
             place, name = place_of(element), joint.name
             self.reader.robot.couplings.append(
-                Coupling(name, place, name, joint.path + other, ratio, offset, unreadable)
+                Coupling(name, place, name, (joint.path + other).removeprefix(joint.cut), ratio, offset, unreadable)
             )

@@ -70,6 +70,11 @@ class Scope:
         """Whether it is a world, or a file of models without one."""
         return self.element.tag != "model"
 
+    @property
+    def stands(self) -> bool:
+        """Whether it is static, or in a model that is."""
+        return self.static or (self.parent is not None and self.parent.stands)
+
     def known(self) -> list[str]:
         """Names that mean a frame here."""
         return [*([] if self.is_world else ["__model__"]), *self.items, *self.models]

@@ -96,8 +96,8 @@ class TreeMaker:
         """The frame of the scope of a joint's name, in that of the base."""
         if joint.scope is self.base:
             return Placement()
-        if joint.scope.is_world:
-            return self.outside.inverse()
+        if joint.cut:
+            return self.outside.inverse() @ self.frames.absolute(joint.scope)
         return self.frames.named(self.base, joint.path.removesuffix("::"), joint.element)
 
     def direction(self, joint: SdfJoint, axis: Element, child: Placement) -> Three:

@@ -328,3 +328,59 @@ def test_long_chains_of_files_and_models_are_refused(tmp_path):
     for text in (model("<include><uri>c0.sdf</uri></include>"), model(merged), model(deep)):
         with pytest.raises(codegen.ModelError, match="more than 30 models within each other; use fewer"):
             imported(tmp_path, sdf(text))
+
+
+FINGER = link("a") + link("b", "0 0 .4 0 0 0") + hinge("bend", "a", "b")
+"""An arm without a joint to the world."""
+
+
+def test_a_model_within_a_model_is_chosen(tmp_path):
+    """With nothing of the outer one, where no joint holds it there; as it stands in the world."""
+    inner = model("<pose>0 0 1 0 .3 0</pose>" + ARM, name="arm")
+    text = sdf(world(model(inner + link("base") + hinge("turn", "world", "base"), name="robot") + model(name="m")))
+    found = imported(tmp_path, text, model="robot::arm")
+    alone = imported(tmp_path, sdf(world(inner)))
+    assert found.model.name == "arm" and [b.name for b in found.model.bodies] == ["a", "b"]
+    assert numbers(found) == numbers(alone)
+    assert any("the rest of a <model>" in line and "--model robot reads it whole" in line for line in found.left_out)
+    assert any("another <model>" in line and "--model m reads it" in line for line in found.left_out)
+    with pytest.raises(codegen.ModelError, match="there are robot, m, robot::arm; did you mean robot::arm"):
+        imported(tmp_path, text, model="arm")
+
+
+def test_joints_of_outer_models_hold_a_model_that_is_chosen(tmp_path):
+    """To the world, where it is read alone; to another model, which is read with it then."""
+    inner = model("<pose>0 0 1 0 .3 0</pose>" + FINGER, name="finger")
+    spare = model(FINGER, name="spare")
+    to_world = hinge("hold", "world", "finger::a", "<dynamics><damping>2</damping></dynamics>")
+    found = imported(tmp_path, sdf(world(model(inner + spare + to_world, name="hand"))), model="hand::finger")
+    flat = model("<pose>0 0 1 0 .3 0</pose>" + FINGER + hinge("hold", "world", "a"), name="finger")
+    assert [b.name for b in found.model.bodies] == ["a", "b"]
+    assert "value: -2*u.a}" in found.text
+    assert numbers(found) == numbers(imported(tmp_path, sdf(world(flat))))
+
+    palm = link("palm") + hinge("wrist", "world", "palm")
+    held = model(inner + spare + palm + hinge("hold", "palm", "finger::a"), name="hand")
+    found = imported(tmp_path, sdf(world(held)), model="hand::finger")
+    assert found.model.name == "hand" and [b.name for b in found.model.bodies] == ["palm", "finger_a", "finger_b"]
+    assert any("--model hand::spare reads it" in line for line in found.left_out)
+
+
+def test_a_chosen_model_follows_joints_of_its_own_in_outer_models(tmp_path):
+    """A joint of the world that mimics one of the chosen model, and gravity of a model that is turned."""
+    turn = hinge("hold", "world", "finger::a", "<mimic joint='finger::bend'><multiplier>2</multiplier></mimic>")
+    found = imported(tmp_path, sdf(world(model(FINGER, name="finger") + turn)), model="finger")
+    assert "a_mimic: {joint: a, follows: {b: 2}}" in found.text
+    inner = model(model(FINGER, name="finger") + turn, name="hand")
+    again = imported(tmp_path, sdf(world(inner)), model="hand::finger")
+    assert found.text.partition("bodies:")[2] == again.text.replace("hand::", "").partition("bodies:")[2]
+
+
+def test_problems_of_models_that_are_not_read_do_not_stop_the_chosen_one(tmp_path):
+    wrong = model(model(name="inner") + link("c") + hinge("j", "nothing", "inner::a"), name="other")
+    text = sdf(world(model() + wrong))
+    assert imported(tmp_path, text, model="m").model.nu == 2
+    with pytest.raises(codegen.ModelError, match="'nothing' is not in this file"):
+        imported(tmp_path, text, model="other")
+    with pytest.raises(codegen.ModelError, match="'nothing' is not in this file"):
+        imported(tmp_path, text, model="other::inner")
