@@ -62,7 +62,7 @@ class Equilibrium:
         equilibrium nearby (a neutral direction that they push along).
     stable : bool or None
         Whether small motions stay small by the linearised equations: no eigenvalue has a positive real part, to rounding.
-        None where these do not decide, as with a neutral direction.
+        None where these do not decide, as with a neutral direction, or near a loss of rank of a loop.
     neutral : (m, nq)
         Directions, of length one in the tangent space, along which the mechanism may be moved and is at rest still. With any,
         q is the state that the least steps lead to, and dq the least change.

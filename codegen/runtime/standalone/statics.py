@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,16 +17,21 @@ from .equilibrium import Equilibrium, Motions, Search, followed, neutral_directi
 from .linearization import Linearization, Matrices, is_stable
 from .named_directions import Directions, named_directions
 from .package import MADE_OF, state
+from .partitions import Partitions
 from .second_derivatives import SecondDerivatives
 from .states import States
 from .tangent_equations import Motion, Point, TangentEquations
 from .tangent_space import TangentSpace
+from .warning import warn
+
+POOR = 1e4
+"""A condition of a closure above which states of rest, stability and linearisations are reported as doubtful."""
 
 AT_REST = 1e-7
 """A state whose accelerations are below this, against those of small motions, is an equilibrium to `linearize`."""
 
 
-class Statics(Dynamics, States):
+class Statics(Dynamics, States, Partitions):
     """Statics and linearisation."""
 
     def equilibrium(
@@ -56,7 +62,8 @@ class Statics(Dynamics, States):
         Returns
         -------
         Equilibrium
-            q, u, dq, stable, neutral and what was left.
+            q, u, dq, stable, neutral and what was left. Near a loss of rank of a loop, where these are not determined, a
+            warning says so, and `stable` is None.
 
         Raises
         ------
@@ -84,12 +91,14 @@ class Statics(Dynamics, States):
         search = Search(motions, udot, retract, tolerance)
         found, m, relaxed = search.find(at.q, space.speed_names, relax)
         at, n = at._replace(q=found), space.n
+        doubtful = self._look_at_rank("equilibrium", at, space, tolerance)
         damping = self.sensitivities(*at, du=space.units)[1][:, space.speeds].T
         A = np.block([[np.zeros((n, n)), np.eye(n)], [m.J, damping]])
         neutral = neutral_directions(m.J)
         return Equilibrium(
             at.q, at.u, float(np.abs(m.udot).max(initial=0.0)), search.iterations, relaxed, along.names,
-            self._following(at, m, space, along), is_stable(A, len(neutral)), neutral @ m.tangents, self.coordinate_names,
+            self._following(at, m, space, along), None if doubtful else is_stable(A, len(neutral)),
+            neutral @ m.tangents, self.coordinate_names,
         )  # fmt: skip
 
     def linearize(
@@ -133,6 +142,7 @@ class Statics(Dynamics, States):
         udot, matrices = equations.matrices()
         n = space.n
         at_rest = not equations.moves and rests(udot, matrices.A[n:, :n], AT_REST)
+        self._look_at_rank("linearize", at, space, AT_REST if at_rest else np.inf)
 
         @functools.cache
         def second() -> SecondDerivatives:
@@ -189,6 +199,55 @@ class Statics(Dynamics, States):
         tangents = self.coordinate_rates(at.q, space.units, *at[2:])
         udot, dudot = self.sensitivities(*at, dq=tangents)
         return Motions(tangents, udot[space.speeds], dudot[:, space.speeds].T)
+
+    def _look_at_rank(self, name: str, at: Point, space: TangentSpace, tolerance: float) -> bool:
+        """Whether a loop is so near a loss of rank that what is found of the state is doubtful, with a warning then.
+
+        Parameters
+        ----------
+        name : str
+            The function that was called.
+        at : Point
+            Closed; without speeds it is to be one of rest.
+        space : TangentSpace
+        tolerance : float
+            Of the accelerations of all speeds, dependent ones too: against those of small motions that move no coordinate by
+            more than 1 rad or 1 m.
+        """
+        if not self.closure_names:
+            return False
+        conditions = self.condition(at.q, at.p, at.inputs, at.t)
+        here = float(conditions[self.partition])
+        seen = [] if here <= POOR else [f"the condition of its closure is {here:.2g}"]
+        tangents = self.coordinate_rates(at.q, space.units, *at[2:])
+        if space.n and math.isfinite(tolerance):
+            udot, dudot = self.sensitivities(*at, dq=tangents)
+            sizes = np.maximum(1.0, np.abs(tangents).max(axis=1, keepdims=True))
+            left = np.abs(udot) - tolerance * (1.0 + np.abs(dudot / sizes).sum(axis=0))
+            worst = int(np.argmax(left))
+            if left[worst] > 0.0:
+                seen.append(f"udot.{self.speed_names[worst]} = {udot[worst]:.2g} is left, of a speed that is dependent")
+        if not seen:
+            return False
+        better = int(np.argmin(conditions))
+        instead = f"use_partition({better}), where the condition is {conditions[better]:.2g}, then call {name} again"
+        if conditions[better] > 0.1 * here:
+            instead = "diagnose says whether other independent coordinates (--partitions 2) would do"
+        values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:6], at.q, strict=False))
+        warn(
+            f"{name}: loop {self._poorest_loop(at)} is near a loss of rank at {values}{', ...' * (self.nq > 6)}: "
+            f"{' and '.join(seen)}. The place, stability, modes and derivatives are not determined there by the independent "
+            f"coordinates {', '.join(self.independent_names[:6])}{', ...' * (len(self.independent_names) > 6)}, and other "
+            f"branches may begin; {instead}"
+        )
+        return True
+
+    def _poorest_loop(self, at: Point) -> str:
+        """The loop whose closure has the worst condition."""
+        opened = self._opened
+        (conditions,) = opened.target.values(opened.functions["conditions"], at._replace(q=at.q.copy()).named(), ())
+        loops: list[str] = opened.manifest["loops"]
+        return loops[int(np.argmax(conditions))]
 
     def _following(self, at: Point, m: Motions, space: TangentSpace, along: Directions) -> Array:
         """dq (k, nq): how an equilibrium moves along parameters and inputs; NaN where there is none beside it."""
