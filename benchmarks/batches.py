@@ -21,8 +21,8 @@ import numpy as np
 from ctiming import FLAGS, Contestant, add_instructions, alternate, default_cache, restrict_instructions, table
 
 import codegen
-from codegen.emit.solver import Source, write_solver
 from codegen.model import Model
+from codegen.pipeline import Source, write_solver
 from codegen.runtime.standalone import batches
 
 STATES = 4096

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from ctiming import Contestant
 
-from codegen.emit.solver import Source, write_solver
 from codegen.model import Model, parse_model
+from codegen.pipeline import Source, write_solver
 
 FILE = Path(__file__).parents[1] / "examples" / "chain.yaml"
 

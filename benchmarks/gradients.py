@@ -17,7 +17,7 @@ import ladders
 import numpy as np
 from ctiming import Contestant, add_instructions, alternate, default_cache, restrict_instructions, table, use_one_core
 
-from codegen.emit.solver import Source
+from codegen.pipeline import Source
 
 CLAIM = 2.5
 """At most so many times udot."""

@@ -35,8 +35,8 @@ import codegen
 from codegen.bench.machine import machine
 from codegen.bench.peers import pinocchio_models
 from codegen.bench.peers.pinocchio_models import ROBOTS, axis_of, robots_folder, usual_state
-from codegen.emit.solver import write_solver
 from codegen.own_files import refuse_foreign_file
+from codegen.pipeline import write_solver
 from codegen.runtime.standalone.whole_file import MARK
 
 LEVELS = ("-O2", "-O3")

@@ -13,9 +13,9 @@ import numpy as np
 from chains import c_files, chain_state
 from ctiming import Contestant
 
-from codegen.emit.solver import Source, write_solver
 from codegen.loops import initial_configuration
 from codegen.model import Model, parse_model
+from codegen.pipeline import Source, write_solver
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -23,8 +23,8 @@ import numpy as np
 from ctiming import table
 from ladders import ladder_text
 
-from codegen.emit.solver import write_solver
 from codegen.model import Model, ModelBuilder, parse_model
+from codegen.pipeline import write_solver
 
 INERTIA = {"xx": 0.01, "yy": 0.01, "zz": 0.01}
 

@@ -16,7 +16,7 @@ from typing import Any
 from ctiming import table
 
 from codegen.bench.peers.pinocchio_models import chain, ours, robot
-from codegen.emit.solver import write_solver
+from codegen.pipeline import write_solver
 
 
 def counted(manifest: dict[str, Any], function: str) -> tuple[int, int]:

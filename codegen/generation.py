@@ -128,7 +128,7 @@ def generate(
     keep = refuse_foreign(path, force)
 
     from .compiling_ahead import CompilingAhead
-    from .emit.solver import write_solver
+    from .pipeline import write_solver
 
     with CompilingAhead(path, compile == "all") as ahead:
         try:
@@ -206,8 +206,8 @@ def add_others(
     frames: bool = False,
 ) -> None:
     """Add the solvers of other partitions, as many as there are, to the files and the manifest of the first."""
-    from .emit.solver import write_solver
     from .loops.alternatives import other_partition
+    from .pipeline import write_solver
 
     known = [source.chosen]
     for suffix in OTHERS[: partitions - 1]:

@@ -44,8 +44,8 @@ sys.path.insert(0, str(HERE.parent / "benchmarks"))
 from chains import c_files, chain_seeds, chain_source, chain_state
 from ctiming import LEVELS, Contestant, Timing, alternate, compile_variant, default_cache, table, use_one_core
 
-from ordernm.emit.solver import write_solver
 from ordernm.model import parse_model
+from ordernm.pipeline import write_solver
 
 AGREEMENT = 1e-10
 """Largest relative difference between two contestants, as long as M is well conditioned."""

@@ -46,9 +46,9 @@ from ctiming import LEVELS, Contestant, alternate, compile_variant, default_cach
 from ladders import TEXTS, Mechanism, mechanism, source_of
 from operations import total
 
-from ordernm.emit.solver import Source, write_solver
 from ordernm.loops import complete_speeds, partition
 from ordernm.model import Model, parse_model
+from ordernm.pipeline import Source, write_solver
 
 AGREEMENT = 1e-9
 """Largest relative difference between two constrained methods, as long as M is well conditioned."""

@@ -335,7 +335,7 @@ def test_a_failure_while_writing_leaves_what_was_there(model, tmp_path, monkeypa
 
 
 def test_a_failure_before_writing_leaves_what_was_there(model, tmp_path, monkeypatch):
-    import codegen.emit.solver
+    import codegen.pipeline
 
     folder = generate(model, tmp_path / "rod", compile=False).folder
     before = contents(folder)
@@ -343,7 +343,7 @@ def test_a_failure_before_writing_leaves_what_was_there(model, tmp_path, monkeyp
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(codegen.emit.solver, "write_solver", interrupted)
+    monkeypatch.setattr(codegen.pipeline, "write_solver", interrupted)
     with pytest.raises(KeyboardInterrupt):
         generate(model, folder, compile=False)
     assert contents(folder) == before and neighbours(folder) == ["rod"]

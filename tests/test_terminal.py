@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 import codegen
-import codegen.emit.solver
+import codegen.pipeline
 from codegen import terminal
 from codegen.cli import generate_main, main, print_report
 from codegen.terminal import StatusLine, wrapped
@@ -239,7 +239,7 @@ def test_signals_end_in_one_line(tmp_path, monkeypatch, capsys, number, said):
         signal.raise_signal(number)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(codegen.emit.solver, "write_solver", expand)
+    monkeypatch.setattr(codegen.pipeline, "write_solver", expand)
     before = signal.getsignal(number)
     assert generate_main([str(MODEL)]) == 128 + number
     out, err = capsys.readouterr()

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from codegen.emit.solver import write_solver
 from codegen.model import parse_model
+from codegen.pipeline import write_solver
 from codegen.runtime.sections import carried_files
 
 PLAIN = """

@@ -18,9 +18,9 @@ from ..model.kinks import nodes
 from ..model.model import Model, closure_row_names
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
-from .c_functions import batch_arrays
-from .libraries import FRAMES as FRAMES_LIBRARY
-from .libraries import libraries, library_of
+from .c.functions import batch_arrays
+from .c.libraries import FRAMES as FRAMES_LIBRARY
+from .c.libraries import libraries, library_of
 
 OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""

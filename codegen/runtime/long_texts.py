@@ -40,9 +40,9 @@ class LongTexts:
 
     def __call__(self, partition: int) -> str:
         # the generator is imported when it is needed: loading a solver needs none
-        from ..emit.solver import write_long
         from ..loops.alternatives import other_partition
         from ..loops.partition import partition as choose
+        from ..pipeline import write_long
 
         chosen = choose(self.model) if self.model.loops else None
         known: list[Any] = []

@@ -18,9 +18,9 @@ from random_models import random_tree
 
 import codegen
 from codegen.emit.repetition import json_text
-from codegen.emit.solver import write_solver
 from codegen.emit.templates import render
 from codegen.model import parse_model
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.runtime.standalone.rounding import DIRECTED, rounding
 

@@ -11,9 +11,9 @@ import pytest
 
 import codegen
 from codegen.cli import generate_main
-from codegen.emit.solver import write_solver
 from codegen.mechanics.procedures import UnknownFunctionError
 from codegen.model import load_model, parse_model
+from codegen.pipeline import write_solver
 from codegen.runtime.standalone.compiler import find_compiler
 from codegen.runtime.standalone.errors import SingularForceError
 

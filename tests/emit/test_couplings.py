@@ -13,9 +13,9 @@ from emit.test_random_mechanisms import check, draw
 from random_mechanisms import Mechanism
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.loops import partition
 from codegen.mechanics.structure import regions
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine
 
 COUPLED = {*BY_HAND} - {

@@ -6,7 +6,7 @@ import itertools
 import re
 from pathlib import Path
 
-from codegen.emit.c_functions import CFunctions, memory, room
+from codegen.emit.c.functions import CFunctions, memory, room
 from codegen.program.procedure import Array, Check, Own, Perform, Procedure, Routine, Run, Zero
 
 U = Array("u", ("nu",), 3)

@@ -13,11 +13,11 @@ from comparison import compare
 from random_models import expression, random_tree, vector
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.model import load_model, parse_model
 from codegen.model.errors import ModelError
 from codegen.model.forces import Spring
 from codegen.model.model import GROUND, Model, Point
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine
 from codegen.runtime import AssemblyError, SingularForceError, SingularLoopError
 

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from random_models import expression, random_seeds, random_state, random_tree, relative_error, vector
 
-from codegen.emit.solver import Source, write_solver
 from codegen.model.model import GROUND, Body, Joint, JointForce, Model, Parameter
+from codegen.pipeline import Source, write_solver
 from codegen.reference import RecursiveEngine
 
 Array = np.ndarray
@@ -285,7 +285,7 @@ import hashlib, sys
 sys.path[:0] = {path!r}
 import numpy as np
 from random_models import random_tree
-from codegen.emit.solver import write_solver
+from codegen.pipeline import write_solver
 text = write_solver(random_tree(np.random.default_rng(2), 2)).files["random_tree_numpy.py"]
 print(hashlib.sha256(text.encode()).hexdigest())
 """

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from codegen.emit.interface import OUTSIDE
-from codegen.emit.solver import Source, write_solver
 from codegen.mechanics.procedures import arrays, procedures
 from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
+from codegen.pipeline import Source, write_solver
 from codegen.program.procedure import Together, counted, for_target, walk
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

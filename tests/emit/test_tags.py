@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from codegen.emit.solver import write_solver
 from codegen.model import load_model
+from codegen.pipeline import write_solver
 
 ROOT = Path(__file__).parents[2]
 EQUATIONS = re.compile(r"\bEqs?\. (\d+(?:(?:-|, | and )\d+)*)")

@@ -14,10 +14,10 @@ from random_models import random_state
 
 import codegen
 from codegen import ModelBuilder
-from codegen.emit.solver import write_solver
 from codegen.listing import list_model
 from codegen.model import Model, parse_model
 from codegen.model.forces import Bushing
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine
 from codegen.runtime import SingularForceError
 

@@ -12,11 +12,11 @@ from random_models import random_state
 
 import codegen
 from codegen import ModelBuilder
-from codegen.emit.solver import write_solver
 from codegen.listing import list_model
 from codegen.model import Model, parse_model
 from codegen.model.errors import ModelError
 from codegen.model.forces import ALONG_LINES, Force, Spring, Torque, Torsion
+from codegen.pipeline import write_solver
 from codegen.program.block import FieldError
 from codegen.reference import DenseEngine
 

@@ -9,8 +9,8 @@ import pytest
 from force_elements import TREE, accelerations_and_mujocos, loop_errors, power, problems, tree_errors, with_elements
 from random_models import random_state
 
-from codegen.emit.solver import write_solver
 from codegen.model.errors import ModelError
+from codegen.pipeline import write_solver
 
 PUSH = "push: {type: force, on: tip, value: [k*sin(t) + q.a, pull*u.b*position.tip.z, position.top.y*l - 3*velocity.tip.x]}"
 JET = "jet: {type: force, on: {body: c, at: [0.1, 0, l]}, value: [k, 0, 2*position.d.x**3/(1 + velocity.b.y**2)], axes: body}"

@@ -17,7 +17,6 @@ from pydantic import Field
 from random_models import random_state
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.mechanics.elements import LAWS as GENERATED
 from codegen.mechanics.elements.along_line import AlongLineLaw, check_energy
 from codegen.model import parse_model
@@ -27,6 +26,7 @@ from codegen.model.forces.line_law import Coefficient, LineLaw, LineLawError
 from codegen.model.forces.line_law_table import with_table
 from codegen.model.forces.line_laws import LINE_LAWS
 from codegen.model.sections import forces as section
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine
 from codegen.reference.arithmetic import Arithmetic
 from codegen.reference.forces import LAWS, End

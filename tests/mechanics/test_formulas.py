@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from codegen.emit.solver import write_solver
 from codegen.model import Model, ModelError, parse_model
+from codegen.pipeline import write_solver
 
 
 def driven(value: str) -> Model:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.model import Model, ModelError, parse_model
+from codegen.pipeline import write_solver
 
 # name of the coordinate: force, state, and the force in mpmath
 CASES = {

@@ -10,9 +10,9 @@ import pytest
 from comparison import compare
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.model import Expression, Model, parse_model
 from codegen.model.quarter_turns import cosine_and_sine, quarter_turns
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.reference.engine import Engine
 

@@ -9,12 +9,12 @@ from coupled_mechanisms import assembled, by_hand
 from emit.test_random_mechanisms import check, draw
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.loops.partition import partition
 from codegen.mechanics.structure import region_work, regions
 from codegen.mechanics.structure.region_work import Bundle, Freedoms, is_one_region, sources_of_links
 from codegen.mechanics.structure.system import analyse
 from codegen.model import Model, load_model, parse_model
+from codegen.pipeline import write_solver
 from codegen.summary import FORWARD
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from codegen.emit.solver import write_solver
 from codegen.mechanics.structure.system import analyse
 from codegen.model import ModelError, checks, parse_model
+from codegen.pipeline import write_solver
 
 FORWARD = ("start", "kinematics", "triangularize", "back_substitute")
 DIRECTION = ("balance_out", "balance_in", "balance_back")

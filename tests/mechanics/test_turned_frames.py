@@ -10,8 +10,8 @@ import pytest
 from comparison import compare
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.model import Model, parse_model
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.reference.engine import Engine
 

@@ -21,8 +21,8 @@ from random_models import random_seeds, random_state, random_tree
 from rotor_models import with_rotors
 
 import codegen
-from codegen.emit.solver import write_solver
 from codegen.model import Model, load_model, parse_model
+from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine
 from codegen.runtime import Event
 

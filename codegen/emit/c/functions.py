@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from ..program.procedure import (
+from ...program.procedure import (
     AddEntry,
     AllColumns,
     Array,
@@ -39,8 +39,8 @@ from ..program.procedure import (
     stops,
     walk,
 )
+from ..function import Function, called_with
 from .columns import all_columns, primitives
-from .function import Function, called_with
 from .libraries import guard
 
 

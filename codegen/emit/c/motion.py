@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..loops.redundancy import ALLOWED
-from ..mechanics.procedures import ALONG_MOTIONS
-from ..mechanics.structure.system import System
-from ..model.switches import KINDS
-from ..program.procedure import Procedure
-from ..version import __version__
-from .c_functions import in_modes
-from .function import called_with
+from ...loops.redundancy import ALLOWED
+from ...mechanics.procedures import ALONG_MOTIONS
+from ...mechanics.structure.system import System
+from ...model.switches import KINDS
+from ...program.procedure import Procedure
+from ...version import __version__
+from ..function import called_with
+from ..templates import render
+from .functions import in_modes
 from .libraries import FOUR, number_of
-from .templates import render
 
 VALUES = ("state_rates", "closing_step", "completion", "outputs", "switches")
 """Functions of values that integration calls, those of them that a solver has."""

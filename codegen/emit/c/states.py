@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ..program.procedure import Array, Check, Procedure, Step
-from .c_functions import CFunctions, Lines, parameters
-from .function import Function, called_with
+from ...program.procedure import Array, Check, Procedure, Step
+from ..function import Function, called_with
+from ..templates import render
+from .functions import CFunctions, Lines, parameters
 from .motion import PRECISE
-from .templates import render
 
 OVER_STATES = ("accelerations", "sensitivities")
 """Functions that are to be had for several states at once."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from ..mechanics.stores import MARGIN
-from ..program.block import Block, Component
-from ..program.store import Memory, Owner, Store
-from .writer import Located, Place
+from ...mechanics.stores import MARGIN
+from ...program.block import Block, Component
+from ...program.store import Memory, Owner, Store
+from ..language import Located, Place
 
 HANDED_ON = {along: Store(name, Owner("function"), Memory("stack", along)) for along, name in
              ((False, "handed_on"), (True, "handed_lanes"))}  # fmt: skip

@@ -9,25 +9,26 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from ..mechanics import procedures
-from ..mechanics.expansion import Program
-from ..mechanics.fields import identifier
-from ..mechanics.formulas import FormulaKind
-from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, MODES, RECORD, REGION_RECORD
-from ..mechanics.structure.kinds import UnitKind
-from ..program.block import Block
-from ..program.digits import text_of
-from ..program.procedure import Procedure, routines
-from ..program.store import Store
-from . import numpy_functions
-from .address import REGIONS
-from .function import in_lines
-from .numpy_functions import NumpyFunctions
-from .printer import NumpyPrinter
-from .repetition import Repeated, repeated
-from .templates import render
-from .writer import Located, Place, Writer
+from ...mechanics import procedures
+from ...mechanics.expansion import Program
+from ...mechanics.fields import identifier
+from ...mechanics.formulas import FormulaKind
+from ...mechanics.outputs.outputs import RecordFormula
+from ...mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, MODES, RECORD, REGION_RECORD
+from ...mechanics.structure.kinds import UnitKind
+from ...program.block import Block
+from ...program.digits import text_of
+from ...program.procedure import Procedure, routines
+from ...program.store import Store
+from ..address import REGIONS
+from ..function import in_lines
+from ..language import Located, Place
+from ..printer import NumpyPrinter
+from ..repetition import Repeated, repeated
+from ..templates import render
+from ..writer import Writer
+from . import functions as numpy_functions
+from .functions import NumpyFunctions
 
 SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK, *KEPT.values())
 """Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""

@@ -10,9 +10,9 @@ from collections import Counter
 from collections.abc import Callable
 from itertools import accumulate, pairwise
 
-from ..mechanics.sweeps import SWEEP
-from ..program.procedure import AllColumns, Array, Primitives, Procedure, walk
-from .function import in_lines
+from ...mechanics.sweeps import SWEEP
+from ...program.procedure import AllColumns, Array, Primitives, Procedure, walk
+from ..function import in_lines
 from .libraries import guard
 
 GROUP = 4

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..version import __version__
+from ...version import __version__
+from ..templates import render
 from .libraries import LIBRARIES, few_of, guard_of_library, number_of
-from .templates import render
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")

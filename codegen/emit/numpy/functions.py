@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ..program.procedure import (
+from ...program.procedure import (
     AddEntry,
     AllColumns,
     Array,
@@ -36,7 +36,7 @@ from ..program.procedure import (
     ZeroEntries,
     over_directions,
 )
-from .function import Function
+from ..function import Function
 
 AXES = {"nq": "NQ", "nu": "NU"}
 """Numbers that the module has a name for."""

@@ -1,0 +1,71 @@
+"""What a C header and its source say of names at their beginning."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from ...mechanics.outputs.outputs import pivoted_outputs
+from ...model.model import Model
+from ..function import COMMENT
+
+
+def legend(model: Model, links: int) -> list[str]:
+    """Lines that say what arguments and results are."""
+
+    def some(names: Sequence[str]) -> str:
+        return " ".join(names[:12]) + (" ..." if len(names) > 12 else "") or "none"
+
+    nq, nu, outputs = model.nq, model.nu, [o.name for o in model.outputs]
+    lines = [
+        f"  q[{nq}]     coordinates: {some(model.coordinate_names)}",
+        f"  u[{nu}]     speeds: {some(model.speed_names)}",
+        f"  udot[{nu}]  their time derivatives",
+    ]
+    if model.parameters:
+        where = f"{model.name}_model.h has defaults, initial state and indices"
+        lines.append(f"  p[{len(model.parameters)}]     design parameters; {where}:")
+        for p in model.parameters[:64]:
+            unit = p.unit.replace("*/", "* /").replace("/*", "/ *") if p.unit else ""
+            lines.append(f"             {p.name}{f' [{unit}]' if unit else ''}")
+    if model.inputs:
+        lines.append(f"  inputs[{len(model.inputs)}]: {' '.join(model.inputs)}")
+    if any("t" in e.names for e in model.expressions()):
+        lines.append("  t         time, s")
+    if outputs:
+        lines.append(f"  outputs[{len(outputs)}]: {some(outputs)}")
+    if model.switches.found:
+        lines.append(
+            f"  modes[{len(model.switches.found)}]: of switches, for functions whose name has _in_modes, which integrators call:"
+        )
+        lines.append(
+            "            a number for each, or NULL where branches are to follow from the arguments; see motion/motion.h"
+        )
+    lines += [
+        "  energy[2]  kinetic and potential energy, J",
+        f"  M[{nu}*{nu}] and J_x[{nu}*n] are stored row by row.",
+        "A function whose name ends in _8, _2 or _1 works on so many directions at once: seeds (dq, du, ...) and derivatives",
+        f"have the direction as last index, dq[{nq}][8].",
+        f"work: {model.name.upper()}_WORKSPACE doubles of the caller's. Nothing in it is kept between calls; functions are "
+        f"re-entrant.",
+        "Functions return 0, or the number (from 1) of the link about whose joint nothing outboard has inertia.",
+    ]
+    if model.loops:
+        lines.append(f"Numbers above {links}, the number of links: a loop has lost rank.")
+    if any(e.singular for e in model.loads):
+        lines.append(f"Numbers above {links + len(model.loops)}: a force element has no direction.")
+    if pivoted_outputs(model):
+        above = links + len(model.loops) + len(model.loads)
+        lines.append(f"Numbers above {above}: an output has a value there, but no derivative; in their order.")
+    return lines
+
+
+def about_names(loops: bool) -> list[str]:
+    """What the pointers that functions of links get are called, for the head of the file."""
+    several = "; in loops there are several links (me0, me1), those they start from (root), their region and its base"
+    text = (
+        f"Functions of links are called by sweeps: me is the link, up its parent, c its constants{several if loops else ''}. "
+        "What names with near point to is memory that neighbours share while one sweep passes; lme, lup, lane and names "
+        'with d hold one value per direction. "in" and "out" list what a function reads and writes.'
+    )
+    return textwrap.wrap(text, COMMENT)

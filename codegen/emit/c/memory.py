@@ -1,0 +1,110 @@
+"""The workspace of the C functions: regions of memory, their types, and where they begin."""
+
+from __future__ import annotations
+
+from functools import cached_property, partial
+
+from ...program.procedure import AllColumns, Own, Perform, Prepare, Procedure, Run, within
+from .columns import ColumnsInC
+from .sweeps import CSweeps
+from .types import ABOUT, LANE_REGIONS, TYPES, UNUSED_WORK, Type, cast, members, near_name, of_width
+
+
+class CMemory(CSweeps):
+    """Lays out the workspace."""
+
+    @cached_property
+    def columns(self) -> ColumnsInC:
+        """What computes all columns of matrices at once."""
+        return ColumnsInC(self.asked)
+
+    def regions(self) -> list[tuple[str, bool, int]]:
+        """What sweeps keep in the workspace: name, whether per direction, number of entries."""
+        layout, model, regions = self.layout, self.model, self.system.regions
+        links, forced = len(self.system.links), model.nu if model.forces else 0
+        # sweeps that only NumPy runs, column by column, have no slots here
+        slot_size = max((len(of) for sweep, of in layout.slots.items() if sweep in self.blocks), default=0)
+        found = [
+            ("records", False, len(layout.record) * (links + 1)),
+            ("near", False, layout.near_size * self.system.slots),
+            ("ears", False, len(layout.ear) * len(regions.ears)),
+            ("couplings", False, len(layout.coupling) * regions.elimination.slots),
+            ("regions", False, len(layout.region) * len(regions.regions)),
+            ("kept", False, len(layout.kept) * (links + 1)),
+            ("kept_regions", False, len(layout.kept_region) * len(regions.regions)),
+            ("gravity", False, 3 if self.system.gravity is not None else 0),
+            ("constants", False, layout.constants_size),
+            ("trig", False, 2 * layout.angles_padded),
+            ("tau", False, forced),
+            *((name, False, n) for name, n in self.system.arrays.items()),
+            *self.columns.regions(len(layout.column), links),
+            ("slots", True, slot_size * self.system.slots),
+            ("lanes", True, len(layout.lane) * links),
+            ("region_lanes", True, len(layout.region_lane) * len(regions.regions)),
+            ("dtau", True, forced),
+            *((f"d{name}", True, n) for name, n in self.system.arrays.items()),
+        ]
+        return [r for r in found if r[2]]
+
+    @staticmethod
+    def _type(region: str, lanes: bool) -> str:
+        """What a region of memory consists of."""
+        type_ = TYPES.get(region, "LANES" if lanes else "double")
+        return f"DIRECTIONS({type_})" if region in LANE_REGIONS else type_
+
+    def types(self, lanes: bool) -> list[Type]:
+        """Types of rows of memory, of values or of what is per direction."""
+        layout, number = self.layout, "LANES" if lanes else "double"
+        found: list[Type] = []
+
+        def add(about: str, name: str, lines: list[str], kind: str = "struct") -> None:
+            attribute = "DIRECTIONS(ALIASES) " if lanes else ""
+            found.append(Type(about, kind, lines, f"{attribute}{of_width(name, lanes)}"))
+
+        if not lanes:
+            for form, constants in layout.constant_fields.items():
+                if constants and layout.forms[form] == form:
+                    about = "Constants of one shape; _d0: derivative by the first parameter that they depend on."
+                    add(about, f"constants_of_shape_{form}", members(constants, number))
+        else:
+            chosen = self.used_forms(layout.slot_forms, layout.slots)
+            for sweep, users in chosen.items():
+                add(f"In {', '.join(users)}.", f"slot_{sweep}", members(layout.slots[sweep], number))
+            if chosen:
+                lines = [f"{of_width(f'slot_{sweep}', lanes)} {sweep};" for sweep in chosen]
+                add(ABOUT["slots"], TYPES["slots"], lines, "union")
+        kept = {
+            "records": layout.record, "ears": layout.ear, "regions": layout.region, "couplings": layout.coupling,
+            "kept": layout.kept, "kept_regions": layout.kept_region, "lanes": layout.lane,
+            "region_lanes": layout.region_lane, "columns": layout.column,
+        }  # fmt: skip
+        for region, fields in kept.items():
+            if fields and (region in LANE_REGIONS) == lanes:
+                add(ABOUT[region], TYPES[region], members(fields, number))
+        return found
+
+    def used_forms(self, forms: dict[str, str], fields: dict[str, dict[str, int]]) -> dict[str, list[str]]:
+        """What sweeps tell neighbours: the first sweep with some fields, and all that have these."""
+        users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
+        return {sweep: found for sweep, found in users.items() if found}
+
+    def near_names(self) -> list[tuple[str, list[str]]]:
+        """Places in the memory that links share with their neighbours, by sweep: who uses them, lines of an enum."""
+        layout = self.layout
+        return [
+            (f"In {', '.join(users)}.", members(layout.near[sweep], "", ",", partial(near_name, sweep)))
+            for sweep, users in self.used_forms(layout.near_forms, layout.near).items()
+        ]
+
+    def laid_out(self, procedure: Procedure, places: dict[str, int]) -> list[str]:
+        """Lines that give a call the memory of the workspace: all of it, or what a few sweeps need."""
+        if lays_out(procedure):
+            return ["lay_out(&c, work);"]
+        touched = set[str]().union(*(self.touched.get(s.sweep, ()) for s in procedure.steps if isinstance(s, Run)))
+        lines = [f"c.{name} = {cast(name)}(aligned(work) + {at});" for name, at in places.items() if name in touched]
+        return lines if lines or procedure.seeds else UNUSED_WORK
+
+
+def lays_out(procedure: Procedure) -> bool:
+    """Whether a function needs all of the workspace, not what a few sweeps keep."""
+    return any(isinstance(s, (Prepare, Perform, Own, AllColumns)) for s in within(procedure.steps))

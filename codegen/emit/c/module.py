@@ -1,0 +1,203 @@
+"""The files of a solver in C: what the templates in ``templates/c`` are rendered with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from ...mechanics import procedures
+from ...mechanics.stores import MODES
+from ...program.procedure import Columns, Primitives, Procedure, within
+from ..function import Function, called_with, in_lines
+from ..runs import widest_first
+from ..templates import render
+from . import functions as c_functions
+from .functions import CFunctions
+from .legend import about_names, legend
+from .libraries import guard_of_width
+from .memory import lays_out
+from .prepared import CPrepared
+from .states import over_states, states_context
+from .types import ENERGIES, NUMBER_TYPE, TYPES, UNUSED_WORK, cast
+
+
+class CWriter(CPrepared):
+    """C source of a program."""
+
+    def context(self) -> dict[str, Any]:
+        """What the templates are rendered with."""
+        model, layout = self.model, self.layout
+        context = self.shared_context()
+        found = context["interfaces"]
+        places: dict[str, int] = {}
+        at = 0
+        memory = c_functions.memory(found)
+        switching = bool(model.switches.found)
+        if switching:  # functions that nobody calls with modes read that there are none
+            memory.fields.setdefault(MODES.name, False)
+        _ = self.swept
+        of_sweeps = self.regions()
+        own = [("own", False, memory.size)] if memory.size else []
+        # the call's own arrays before the lanes: behind them they would cost some functions a tenth
+        regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
+        for name, lanes, count in regions:
+            places[name] = at
+            at += -(-count * (8 if lanes else 1) // 8) * 8
+        kept = {name: lanes for name, lanes, _ in regions}
+        self.workspace = at + 8
+        columns = {r[0] for r in self.columns.regions(len(layout.column), len(self.system.links))}
+        self.memory_of_sweeps = sum(n * (8 if lanes else 1) for name, lanes, n in of_sweeps if name not in columns)
+        types = {name: self._type(name, lanes) for name, lanes in kept.items()}
+        fields, lane_fields = memory.declarations({n: t for n, t in types.items() if not kept[n]},
+                                                  {n: t for n, t in types.items() if kept[n]})  # fmt: skip
+        in_workspace = {name: at for name, at in places.items() if not kept[name]}
+        lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
+        of_columns = self.columns.width
+        used = sorted({w for widths in self.sets_of_widths for w in widths}, key=lambda w: (w != of_columns, w))
+        apart = sorted({w for f in found for w in f.apart})
+        states = over_states(found)
+        public = [f for f in found if not f.internal]
+        of_width = [(f, w) for f in public for w in (f.widths or (None,))]
+        return context | {
+            "NAME": model.name.upper(),
+            "about_names": about_names(bool(model.loops)),
+            "legend": legend(model, len(self.system.links)),
+            "sizes_in_c": [
+                ("LINKS", len(self.system.links)),
+                *([("NEAR_SIZE", layout.near_size)] if layout.near_size else []),
+                *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles_padded else ()),
+                *((name, i) for i, name in enumerate(ENERGIES) if "energy" in memory.fields),
+            ],
+            "near_names": self.near_names(), "types": self.types(False), "lane_types": self.types(True),
+            "workspace": self.workspace,
+            "fields": fields, "lane_fields": [*lane_fields, *self.columns.members()], "columns": self.columns,
+            "value_places": [(n, f"{cast(n)}(work + {at})" if n in TYPES else f"work + {at}")
+                             for n, at in in_workspace.items()],
+            "headers": ["string.h"] if self.columns.symmetric else [],
+            "column_types": ["c/column_types.c.jinja"] if self.columns.width else [],
+            "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
+            "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
+            "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
+            "sines": self.sines(),
+            "routines": self.where_run((r.name, [lines.routine(r)]) for r in context["routines"]),
+            "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
+            "lane_routines": [
+                (*guard(widths, used), functions)
+                for widths, of in context["lane_routines"]
+                if (functions := self.where_run((r.name, [lines.routine(r)]) for r in of))
+            ],
+            "lane_interfaces": [
+                (*guard(widths, used), functions)
+                for widths in self.sets_of_widths
+                if (functions := [of for f in found if widest_first(f) == widths for of in lines.functions(f)])
+            ],
+            "inclusions": self.inclusions(used, apart, states),
+            "ends": ["#endif"] if apart or states else [],
+            "before_one_state": ["#ifndef ORDERNM_STATES"] if states else [],
+            "after_one_state": ["#endif"] if states else [],
+            **states_context(lines, states, self.workspace),
+            "sweep_files": [
+                *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
+                *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),
+            ],
+            "matrix_files": [
+                *(["c/component.c.jinja"] if any(map(fills_lanes, found)) else []),
+                *(["c/columns.c.jinja"] if self.columns.width else []),
+            ],
+            "header_functions": [of for f in found if not f.seeds for of in lines.functions(f)],
+            "prototypes": [(Function(f.doc, "").head, c_functions.signatures(f, model.name)) for f in found],
+            "mode_words": ["c/modes.c.jinja"] if switching else [],
+            "batch_arrays": [
+                (type_, called_with("", names, ";").split("\n"))
+                for type_, names in zip(("given", "rows"), c_functions.batch_arrays(public), strict=True)
+                if names
+            ],
+            "batches": [
+                Function(
+                    "",
+                    c_functions.batch_signature(f, model.name, w),
+                    c_functions.batch_lines(f, model.name, w),
+                    guard=guard_of_width(f.name, w),
+                )
+                for f, w in of_width
+            ],
+            "own_words": [f"c/{w}.c.jinja" for w in self.printer.words],
+            "own_words_of_states": [f"c/{w}_of_states.c.jinja" for w in self.printer.words],
+            "along_words": ["c/along.c.jinja"] if "Along" in self.printer.own else [],
+            "along_widths": sorted({8, 2, *([of_columns] if of_columns else [])} - {1, 4}),
+        }  # fmt: skip
+
+    def inclusions(self, used: list[int], apart: list[int], states: list[Procedure]) -> list[str]:
+        """Lines that include the functions over directions, by what the file that includes this one wants."""
+        name, lines = self.model.name, []
+        if states:
+            lines += [
+                "#if defined(ORDERNM_STATES)",
+                *inclusions(name, [max(procedures.WIDTHS)] if any(f.seeds for f in states) else []),
+            ]
+        if apart:
+            lines += [f"#{'el' if lines else ''}if defined(ORDERNM_APART)", *inclusions(name, apart)]
+        lines += ["#else"] if lines else []
+        guards = {self.columns.width: self.columns.guard}
+        return [*lines, *inclusions(name, [w for w in used if w not in apart], guards)]
+
+    def flat_tables(self) -> list[tuple[str, list[str]]]:
+        """Declarations and lines of tables without rows: numbers; coordinates that are angles if they are not the first."""
+        numbers, angles = [repr(v) for v in self.layout.numbers], self.layout.angles
+        found = (
+            [(f"static const {NUMBER_TYPE} numbers[{len(numbers)}]", in_lines(numbers, 6))]
+            if self.reads_numbers
+            else []
+        )
+        listed = self.prepares(procedures.ANGLES) and not self.few_angles
+        if listed and angles != list(range(len(angles))):
+            found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
+        if listed and (driven := self.layout.driven_angles):
+            found.append((f"static const int driven_angle_of[{len(driven)}]", in_lines(list(map(str, driven)), 16)))
+        if listed and any(added := self.layout.added_angles):
+            found.append((f"static const {NUMBER_TYPE} added_angle[{len(added)}]", in_lines(list(map(repr, added)), 6)))
+        return found + self.columns.tables()
+
+
+def _reads_work(lines: list[str]) -> bool:
+    """Whether lines that give a call its memory give it any."""
+    return bool(lines) and lines != UNUSED_WORK
+
+
+def fills_lanes(procedure: Procedure) -> bool:
+    """Whether a function computes several columns of a matrix at once."""
+    steps = within(procedure.steps)
+    return any((isinstance(s, Columns) and s.unit.lanes) or isinstance(s, Primitives) for s in steps)
+
+
+def guard(widths: tuple[int, ...], used: list[int]) -> tuple[list[str], list[str]]:
+    """Lines around what only some widths need."""
+    if sorted(widths) == sorted(used):
+        return [], []
+    return [f"#if {' || '.join(f'WIDTH == {w}' for w in widths)}"], ["#endif"]
+
+
+def inclusions(name: str, used: list[int], guards: Mapping[int, str] = MappingProxyType({})) -> list[str]:
+    """Lines that include the functions over directions once for every width; the last one stays.
+
+    Those of some widths are in libraries of their own, by the conditions of `guards`.
+    """
+    lines = []
+    for w in used:
+        lines += ["#undef WIDTH"] if w != used[0] else []
+        include = f'#include "{name}_directions.h"'
+        lines += [f"#define WIDTH {w}", *([f"#if {guards[w]}", include, "#endif"] if w in guards else [include])]
+    return lines
+
+
+def write_c(context: dict[str, Any]) -> dict[str, str]:
+    """The C files of a solver, by name, but for those that are compiled apart."""
+    name = context["name"]
+    files = {f"{name}.c": "c/module.c.jinja", f"{name}.h": "c/module.h.jinja"}
+    if any(line.startswith("#include") for line in context["inclusions"]):
+        files[f"{name}_directions.h"] = "c/directions.h.jinja"
+    return {file: render(template, context) for file, template in files.items()}
+
+
+__all__ = ["CWriter", "write_c"]

@@ -1,0 +1,167 @@
+"""What functions need beside their sweeps, in C: the ground, sines and cosines, adjoints."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from ...mechanics import procedures
+from ...mechanics.fields import identifier
+from ...mechanics.stores import KEPT
+from ...mechanics.sweeps import FALLING
+from ..function import Function
+from .functions import in_all
+from .memory import CMemory
+from .types import TYPES, near_name
+
+FEW_ANGLES = 16
+"""Of so many angles sines wait for the last ones to be written, one by one; of more, most have been written long before."""
+
+
+class CPrepared(CMemory):
+    """Writes what is computed before sweeps run."""
+
+    def loop(self, sweep: str) -> Function:
+        f = super().loop(sweep)
+        f.lines = self.ground(sweep) + f.lines or ["(void)a;"]
+        return f
+
+    # -- the ground ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def keeping(self) -> set[str]:
+        """Sweeps that keep scalars for those that run backwards."""
+        return {
+            s
+            for s, of in self.blocks.items()
+            if any(a.memory in KEPT.values() for b in of.values() for a, _, _ in b.stores)
+        }
+
+    def ground(self, sweep: str | None = None) -> list[str]:
+        """Lines that set what is read of the ground: at rest, accelerating by -g. For a sweep, or for all of them."""
+        lines = []
+        near = self.layout.near.get(sweep, {}) if sweep else {}
+        kept = self.layout.kept if sweep in self.keeping else {}
+        for name in sorted(self.program.ground_fields):
+            if sweep and name in near:
+                region, place = "near", f"a->near[{near_name(self.layout.near_forms[sweep], name)}]"
+            elif name in kept:
+                region, place = "kept", f"a->kept[LINKS].{identifier(name)}"
+            elif not sweep and name in self.layout.record:
+                region, place = "records", f"a->records[LINKS].{identifier(name)}"
+            else:
+                continue
+            self.touched.setdefault(sweep or "", set()).add(region)
+            value = in_all("0.0")
+            if name.endswith(("W.xx", "W.yy", "W.zz")):
+                value = in_all("1.0")
+            elif name in self.system.fields_of_gravity:
+                value = f"a->gravity[{'xyz'.index(name[-1])}]"
+                self.touched[sweep or ""].add("gravity")
+            lines.append(f"{place} = {value};")
+        return lines
+
+    def gravity(self) -> list[str]:
+        """Lines that set the acceleration of the ground, -g."""
+        g = self.system.gravity
+        if g is None:
+            return []
+        lines = []
+        for i, name in enumerate(("a.x", "a.y", "a.z")):
+            value = self._gravity(g.shape.varying.get(name) or g.values.get(name, 0.0))
+            lines.append(f"a->gravity[{i}] = {value if value.startswith('a->') else in_all(value)};")
+        return lines
+
+    def _gravity(self, value: float | str) -> str:
+        """A number, or a constant of gravity's."""
+        if not isinstance(value, str):
+            return repr(value)
+        g = self.system.gravity
+        assert g is not None
+        index = self.layout.constant_offsets[g.index] + self.layout.constant_fields[g.shape.index][value]
+        return f"a->constants[{index}]"
+
+    def ground_tangent(self) -> tuple[list[str], list[str]]:
+        """Lines that set the ground's tangent where gravity depends on parameters, and that set it to zero."""
+        lines: list[str] = []
+        zero: list[str] = []
+        for name, terms in self.ground_tangents():
+            place = f"{self._ground_slot()}.{identifier(name)}"
+            text = " + ".join(f"{self._gravity(factor)}*a->dp[{p}].at[h]" for factor, p in terms) or "(VECTOR){0}"
+            lines.append(f"EACH_VECTOR {place}.at[h] = {text};")
+            zero.append(f"{place} = NOTHING;")
+        return lines, zero
+
+    def _ground_slot(self) -> str:
+        forms = self.layout.slot_forms  # those of all these sweeps are alike
+        return f"a->slots[0].{next(forms[s] for s in FALLING if s in forms)}"
+
+    def ground_transposed(self) -> list[str]:
+        """Lines that add to adjoints of parameters what those of the ground's tangent give."""
+        return [
+            f"EACH_VECTOR a->dp[{p}].at[h] += {self._gravity(factor)}*{self._ground_slot()}.{identifier(name)}.at[h];"
+            for name, terms in self.ground_tangents()
+            for factor, p in terms
+        ]
+
+    # -- the files -------------------------------------------------------------------------------------------------
+
+    @property
+    def few_angles(self) -> bool:
+        """Whether angles are few enough to be named one by one."""
+        return len(self.layout.angles) + len(self.layout.driven_angles) <= FEW_ANGLES
+
+    def sines(self) -> list[str]:
+        """Templates of what sines and cosines take."""
+        if not self.layout.angles_padded or not self.prepares(procedures.ANGLES):
+            return []
+        return [
+            "c/angles_at_once.c.jinja", *(["c/put_angles.c.jinja"] if self.few_angles else []), "c/sincos.c.jinja"
+        ]  # fmt: skip
+
+    def prepared(self, what: str) -> list[str]:
+        layout = self.layout
+        angles, driven = layout.angles, layout.driven_angles
+        free, n = len(angles), len(angles) + len(driven)
+        match what:
+            case procedures.CONSTANTS:
+                return self.constants[1]
+            case procedures.GROUND:
+                return self.gravity() + self.ground()
+            case procedures.ANGLES if n and self.few_angles:
+                each = [*(f"a->q[{i}]" for i in angles), *(f"a->prescribed[{i}]" for i in driven)]
+                each = [f"{x} + {in_all(repr(v))}" if v else x for x, v in zip(each, layout.added_angles, strict=True)]
+                each += [in_all("0.0")] * (-n % 4)
+                return [
+                    *(f"PUT_ANGLES(a->trig + ANGLES + {i}, {', '.join(each[i : i + 4])});" for i in range(0, n, 4)),
+                    f"sines_and_cosines({n}, a->trig);",
+                ]
+            case procedures.ANGLES if n:
+                angle = "i" if angles == list(range(free)) else "angle_of[i]"
+                places = f"a->trig[ANGLES + {free} + i] = a->prescribed[driven_angle_of[i]];"
+                return [
+                    *([f"for (int i = 0; i < {free}; ++i) a->trig[ANGLES + i] = a->q[{angle}];"] if angles else []),
+                    *([f"for (int i = 0; i < {n - free}; ++i) {places}"] if driven else []),
+                    *(
+                        [f"for (int i = 0; i < {n}; ++i) a->trig[ANGLES + i] += added_angle[i];"]
+                        if any(layout.added_angles)
+                        else []
+                    ),
+                    f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = {in_all('0.0')};",
+                    f"sines_and_cosines({n}, a->trig);",
+                ]
+            case procedures.GROUND_AT_REST if self.system.gravity is not None:
+                record = [line for line in self.ground() if "gravity" in line]
+                return [f"for (int i = 0; i < 3; ++i) a->gravity[i] = {in_all('0.0')};", *record]
+            case procedures.GROUND_TANGENT:
+                return self.ground_tangent()[0]
+            case procedures.GROUND_TANGENT_AT_REST:
+                return self.ground_tangent()[1]
+            case procedures.GROUND_TANGENT_TRANSPOSED:
+                return self.ground_transposed()
+            case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
+                return [
+                    f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"
+                    for name, lanes, n in self.regions()
+                    if lanes and name != "columns" and (name != "lanes" or what == procedures.ADJOINTS)
+                ]
+        return []

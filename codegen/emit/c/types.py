@@ -1,0 +1,95 @@
+"""Types of rows of memory in C: what they are called, and lines of their declarations."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from ...mechanics.fields import field_of, identifier
+from ...program.field import AnyField
+
+TYPES = {
+    "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
+    "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
+    "kept_regions": "region_kept", "columns": "link_columns",
+}  # fmt: skip
+"""What a row of each region of memory is called."""
+
+ABOUT = {
+    "records": "A link, for one call.", "ears": "An ear of loops, for one call.",
+    "regions": "A region of loops, for one call.", "couplings": "What couples two links.",
+    "kept": "Scalars of a link that sweeps run backwards read again.",
+    "kept_regions": "Scalars of a region that sweeps run backwards read again.",
+    "lanes": "A link, for every direction.", "region_lanes": "A region of loops, for every direction.",
+    "columns": "A link, for every column of a matrix.",
+    "slots": "What links tell their neighbours, for every direction: memory that every sweep uses anew.",
+}  # fmt: skip
+"""What it is, for a comment."""
+
+ENERGIES = ("KINETIC", "POTENTIAL")
+"""Places in the array of energies."""
+
+LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns")
+"""Regions with a value for every direction."""
+
+
+NUMBER_TYPE = "number"
+"""What tables of numbers consist of: they are the same where a double holds several states."""
+
+UNUSED_WORK = ["(void)work;"]
+"""Lines of a function that needs no memory."""
+
+MEMBERS, COMMENTED = 100, 120
+"""How long lines of members of structs are, and those with a comment."""
+
+
+SHARES = {1: 3, 2: 2}
+"""How many of the parts of long functions each unit of a library compiles: the second has more functions over directions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """A type of rows of memory: what it is, struct or union, its lines, its name."""
+
+    about: str
+    kind: str
+    lines: list[str]
+    name: str
+
+
+def near_name(sweep: str, component: str) -> str:
+    """The place of a component in the memory that links share with their neighbours."""
+    return f"{sweep}_{identifier(component)}".upper()
+
+
+def members(
+    components: Iterable[str], type_: str, end: str = ";", called: Callable[[str], str] = identifier
+) -> list[str]:
+    """Lines of a struct or an enum: the components of a field together, with its meaning."""
+    found: list[tuple[AnyField | None, list[str]]] = []
+    for component in components:
+        field = field_of(component)
+        if not found or found[-1][0] is not field:
+            found.append((field, []))
+        found[-1][1].append(called(component))
+    lines = []
+    for field, names in found:
+        lines += textwrap.wrap(f"{type_} {', '.join(names)}{end}".strip(), MEMBERS, subsequent_indent="    ")
+        if field is not None:
+            unit = "" if field.unit in ("", "1") else f", {field.unit.replace('*/', '* /')}"
+            comment = f"/* {field.meaning}{unit} */"
+            if len(lines[-1]) + len(comment) <= COMMENTED:
+                lines[-1] += f" {comment}"
+            else:
+                lines.append(f"    {comment}")
+    return lines
+
+
+def of_width(name: str, lanes: bool) -> str:
+    return f"DIRECTIONS({name})" if lanes else name
+
+
+def cast(region: str) -> str:
+    """What makes a region of memory of numbers."""
+    return f"({TYPES[region]} *)" if region in TYPES else ""

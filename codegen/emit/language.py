@@ -1,0 +1,200 @@
+"""What a target's language is to the writer: how a block, a loop, a table and a place in memory are written."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ..mechanics.expansion import Program
+from ..mechanics.formulas import FormulaKind
+from ..mechanics.outputs.outputs import RecordFormula
+from ..mechanics.procedures import SHAPES
+from ..mechanics.structure.kinds import UnitKind
+from ..program.block import RESERVED, Block
+from ..program.procedure import (
+    Procedure,
+)
+from ..program.store import Store
+from .address import Addresses
+from .memory import Layout
+
+KEYWORDS = frozenset(keyword.kwlist) | frozenset(
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict "
+    "return short signed sizeof static struct switch typedef union unsigned void volatile while unit element call "
+    "asm typeof typeof_unqual alignas alignof bool constexpr false nullptr static_assert thread_local true linux unix "
+    "i386 number status".split()
+)
+"""Names that variables cannot have in Python or C, to C23 and with what GNU C defines, or that tables have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """Where a component lies, as a target writes it.
+
+    Attributes
+    ----------
+    variable : str
+        Name of a variable for the row; empty where none is needed.
+    row : str
+        What the variable is.
+    text : str
+        What follows the variable.
+    type : str
+        What the row consists of, where the language has types.
+    names : tuple of str
+        What a model calls it, if it is one thing in the model: the names that a variable may have, best first.
+    """
+
+    variable: str
+    row: str
+    text: str
+    type: str = ""
+    names: tuple[str, ...] = ()
+
+
+Place = Callable[[Store, str], Located]
+Column = Callable[[int], str]
+"""The expression of an integer column of the current row of a table."""
+RowPlace = Callable[[Column, Store, str], Located]
+"""Where a component lies, for the current row of a table."""
+
+
+class Language(ABC):
+    """Source of a program in one language.
+
+    Parameters
+    ----------
+    program : Program
+    formulas : list of FormulaKind
+        Joint forces and outputs.
+    records : list of RecordFormula
+        Outputs of links, potential energy.
+    asked : tuple of Procedure
+        The functions of the solver.
+    """
+
+    numbered = True
+    """Places in memory are numbers, not names."""
+
+    def __init__(
+        self,
+        program: Program,
+        formulas: list[FormulaKind],
+        records: list[RecordFormula],
+        asked: tuple[Procedure, ...],
+    ):
+        self.asked = asked
+        self.program = program
+        self.system = program.system
+        self.model = program.system.model
+        self.formulas = formulas
+        self.records = records
+        self.layout = Layout(program)
+        self.addresses = Addresses(program, self.layout, self.numbered)
+        self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
+        self._names: dict[str, Sequence[str]] = {
+            "nq": self.model.coordinate_names, "nu": self.model.speed_names, "np": self.model.parameter_names,
+            "ninputs": self.model.inputs,
+        }  # fmt: skip
+        self.reads_numbers = False
+        """Whether any function reads the table of numbers that differ within a kind."""
+        self._shared: dict[str, list[tuple[UnitKind, ...]]] = {}
+
+    # -- the language ----------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def lines(
+        self, block: Block, place: Place, culprit: Callable[[str], str] | None = None, each: str = ""
+    ) -> list[str]:
+        """Lines of a block; `culprit` gives the number of the link or loop to name where a pivot is zero.
+
+        `each` begins the loop over directions, where the language has one.
+        """
+
+    def each(self, kinds: Sequence[UnitKind], sweep: str) -> str:
+        """What begins the loop over directions in the function that kinds share."""
+        return ""
+
+    @abstractmethod
+    def signature(self, name: str, lanes: bool, indexed: bool) -> str:
+        """Head of a function; an indexed one gets the number of a link or row."""
+
+    @abstractmethod
+    def call(self, name: str, lanes: bool, index: str | None) -> str:
+        """Statement that calls a function."""
+
+    @abstractmethod
+    def repeat(self, start: int, end: int, step: int, inward: bool, calls: list[str]) -> list[str]:
+        """Loop of i over ``start, start + step, ... < end``, or the same backwards."""
+
+    @abstractmethod
+    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[list[int], str]]) -> list[str]:
+        """Loop over all links or units that chooses the call by the kind, which `entry` gives for each i."""
+
+    def unused_index(self) -> list[str]:
+        """Lines of a function that does not read the index that it gets."""
+        return []
+
+    @abstractmethod
+    def repeat_rows(self, name: str, lanes: bool, count: int) -> list[str]:
+        """Calls for all rows of a table."""
+
+    @abstractmethod
+    def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
+        """Table of equally long rows; asked for twice, it stands there once."""
+
+    @abstractmethod
+    def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
+        """Where a component of a store lies, in the function that kinds share."""
+
+    @abstractmethod
+    def element(self, array: str, index: str, lanes: bool = False) -> Located:
+        """Where an entry of an argument, a seed or a result lies."""
+
+    @abstractmethod
+    def field_of_record(self, store: Store, link: str, name: str) -> Located:
+        """Where a component of the record, the lanes or the ground's slot of a link lies."""
+
+    @abstractmethod
+    def constant(self, shape: int, constants: str, name: str) -> Located:
+        """Where a constant of the constants at a place lies."""
+
+    @abstractmethod
+    def place_of_constants(self, index: int) -> int:
+        """Where constants begin."""
+
+    @abstractmethod
+    def prepared(self, what: str) -> list[str]:
+        """Lines, in a routine, for what lies outside of the sweeps; see `Prepare`."""
+
+    @abstractmethod
+    def number_of_row(self, table: str, row: str, index: int) -> Located:
+        """Where a number of the current row lies."""
+
+    # -- names -----------------------------------------------------------------------------------------------------
+
+    def names_of(self, array: str, index: str) -> tuple[str, ...]:
+        """What the model calls an entry of an argument, a seed or a result: ``length``, ``q_crank``, ``dp_length``."""
+        axes = SHAPES.get(array) or SHAPES.get(array.removeprefix("d"), ())
+        found = self._names.get(axes[0]) if len(axes) == 1 else None
+        if found is None or not index.isdigit():
+            return ()
+        name = re.sub(r"\W", "_", found[int(index)])
+        own = (name,) if array in ("p", "inputs") else ()
+        return *own, f"{'input' if array == 'inputs' else array}_{name}"
+
+    def called_by(self, block: Block, place: Place) -> dict[str, str]:
+        """What a function calls what a block loads, where the model has a name for it."""
+        taken = {str(s) for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | KEYWORDS
+        found: dict[str, str] = {}
+        for symbol, (store, component) in block.loads.items():
+            name = next(
+                (n for n in place(store, component).names if n not in taken and not n.isupper() and n[0] != "_"), None
+            )
+            if name is not None:
+                found[symbol.name] = name
+                taken.add(name)
+        return found

@@ -1,0 +1,35 @@
+"""Comments of generated functions: what a block reads and writes, and how much it computes."""
+
+from __future__ import annotations
+
+import re
+
+from ..mechanics.fields import identifier
+from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, NUMBER, PARAMETER, SHAPE
+from ..program.block import Block
+from ..program.operations import count
+from .function import COMMENT
+
+
+def notes(block: Block) -> list[str]:
+    """What a block reads and writes, and how much it computes."""
+    found = []
+    for word, components in (("in", list(block.loads.values())), ("out", [(s, n) for s, n, _ in block.stores])):
+        by_store: dict[str, dict[str, None]] = {}
+        for store, name in components:
+            names = by_store.setdefault(CALLED.get(store, store.label.replace("#", "")), {})
+            if store.memory in LAID_OUT or store.memory is CONSTANT or store.memory in KEPT.values():
+                names[_COMPONENT.sub("", identifier(name))] = None
+        listed = (f"{store}: {', '.join(names)}" if names else store for store, names in by_store.items())
+        found.append(f"{word}: {'; '.join(listed)}")
+    once, each = count(block, False), count(block, True)
+    words = [once.words() or ("" if each.words() else "none"), f"{each.words()} per direction" if each.words() else ""]
+    found.append(f"operations: {'; '.join(w for w in words if w)}")
+    together = ". ".join(found)
+    return [together] if len(together) <= COMMENT else found
+
+
+CALLED = {SHAPE: "c", NUMBER: "numbers", PARAMETER: "p", CE_PARAMETER: "p"}
+"""What stores are called in lists of what is read and written, where their names say less."""
+
+_COMPONENT = re.compile(r"(_[xyz]{1,2})?(_d\d+)?$")

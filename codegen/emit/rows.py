@@ -1,0 +1,172 @@
+"""Functions of constants and formulas: one for all that differ by rows of tables only."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+from ..mechanics.formulas import FormulaKind
+from ..mechanics.outputs.outputs import RecordFormula
+from ..mechanics.stores import LAID_OUT, NUMBER, SHAPE, SUM, SUM_LANE
+from ..mechanics.structure.constants import Constants
+from ..model.model import GROUND
+from ..program.block import Block
+from ..program.store import Store
+from .function import Function
+from .language import Column, Located, RowPlace
+from .notes import notes
+from .sweeps import SweepWriter
+
+
+class RowWriter(SweepWriter):
+    """Writes the functions of constants and formulas."""
+
+    def rows_function(
+        self,
+        name: str,
+        block: Block,
+        place: RowPlace,
+        integers: list[list[int]],
+        numbers: list[list[float]],
+        about: str,
+        lanes: bool = False,
+        of_values: str = "",
+        of_numbers: str = "",
+    ) -> tuple[Function, list[str]]:
+        """A function for blocks that are the same but for table rows, and the statements that call it for all rows.
+
+        `place` gets a function that makes the expression of an integer column; `about` is what it computes. Its tables are
+        called after itself, or after the functions of values and of numbers that have the same.
+        """
+        single = len(integers) == 1
+        of = of_numbers or name
+        table = f"rows_of_{of_values or name}"
+        used = [False]
+
+        def column(j: int) -> str:
+            values = {row[j] for row in integers}
+            if len(values) == 1:
+                return str(values.pop())
+            used[0] = True
+            return f"{table}[i][{j}]"
+
+        def located(store: Store, component: str) -> Located:
+            if store is NUMBER:
+                return self.number_of_row(f"numbers_of_{of}", "0" if single else "i", int(component))
+            return place(column, store, component)
+
+        first = len(self.system.links) + len(self.model.loops) + len(self.model.loads)
+        lines = self.lines(block, located, lambda margin: f"{first} + {column(0)}")
+        f = Function(about, self.signature(name, lanes, not single), lines, notes(block))
+        numbered = any(store is NUMBER for store, _ in block.loads.values())
+        if used[0]:
+            self.add_table(table, integers)
+        if numbered:
+            self.add_table(f"numbers_of_{of}", numbers)
+        if single:
+            return f, [self.call(name, lanes, None)]
+        if not (used[0] or numbered):
+            f.lines = [*self.unused_index(), *f.lines]
+        return f, self.repeat_rows(name, lanes, len(integers))
+
+    def constants_functions(self) -> tuple[list[Function], list[str]]:
+        """Functions that compute constants from parameters, and the calls."""
+        functions, calls = [], []
+        places = self.parameter_places
+        for shape in self.system.shapes:
+            if not shape.block.stores:
+                continue
+            rows = [c for c in self.system.constants if c.shape is shape]
+
+            def place(column: Column, store: Store, name: str, index: int = shape.index) -> Located:
+                if store is SHAPE:
+                    return self.constant(index, column(0), name)
+                return self.element("p", column(1 + int(name)))
+
+            integers = [[self.place_of_constants(c.index), *(places[p] for p in c.parameters)] for c in rows]
+            f, call = self.rows_function(
+                f"constants_{shape.index}", shape.block, place, integers, [list(c.numbers) for c in rows],
+                f"{shape.block.title}; {self.owners(rows)}",
+            )  # fmt: skip
+            functions.append(f)
+            calls += call
+        return functions, calls
+
+    def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
+        """Functions of the formulas of a target: for values, tangents and their transposes, as far as they are called."""
+        result: dict[str, Any] = {
+            f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls")
+        }
+
+        def place_formula(column: Column, store: Store, name: str) -> Located:
+            if store.name in (target, f"d{target}"):
+                return self.element(store.name, column(0), store.lanes)
+            return self.element(store.name, "0" if store.name in ("t", "dt") else column(1 + int(name)), store.lanes)
+
+        for kind in self.formulas:
+            if kind.target == target:
+                integers = [[i, *slots] for i, slots, _ in kind.rows]
+                numbers = [n for _, _, n in kind.rows]
+                self._add_formula(result, parts, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
+        ground = len(self.system.links)
+        for record in self.records:
+            if record.target == target:
+                slots = 1 + len(record.rows[0][1])
+
+                def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
+                    if store.name in (target, f"d{target}"):
+                        return self.element(store.name, entry_from(column(0), int(name)), store.lanes)
+                    if store.memory in (SUM, SUM_LANE):
+                        return self.element(store.name, name, store.lanes)
+                    if store.memory in LAID_OUT:
+                        return self.field_of_record(store.plain, column(1 + (store.place or 0)), name)
+                    return self.element(store.name, column(slots + int(name)), store.lanes)
+
+                integers = [
+                    [i, *(ground if link == GROUND else link for link in links), *of] for i, links, of, _ in record.rows
+                ]
+                numbers = [n for *_, n in record.rows]
+                name = f"{target}_of_link_{record.index}"
+                self._add_formula(result, parts, name, record, place_record, integers, numbers)
+        return result
+
+    def _add_formula(
+        self,
+        result: dict[str, Any],
+        parts: Collection[str],
+        name: str,
+        kind: FormulaKind | RecordFormula,
+        place: RowPlace,
+        integers: list[list[int]],
+        numbers: list[list[float]],
+    ) -> None:
+        about = kind.value.title
+        if kind.places:
+            more = len(kind.places) - 3
+            about = f"{', '.join(kind.places[:3])}{f' and {more} more' if more > 0 else ''} of the model"
+        made = [("", name, kind.value, about), ("lane_", f"d{name}", kind.tangent, f"tangent of {about}")]
+        if "back_" in parts and kind.transposed.stores:  # a formula of numbers hands nothing back
+            made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
+        for part, called, block, what in made:
+            if part in parts:
+                of_numbers = f"d{name}" if part else name
+                f, call = self.rows_function(
+                    called, block, place, integers, numbers, what, bool(part), name, of_numbers
+                )
+                result[f"{part}functions"].append(f)
+                result[f"{part}calls"] += call
+
+    def owners(self, constants: Sequence[Constants]) -> str:
+        """Whose constants some are, in words."""
+        system, model, those = self.system, self.model, {id(c) for c in constants}
+        found = [link.name for link, c in zip(system.links, system.constants_of, strict=True) if id(c) in those]
+        found += [loop.name for loop, c in zip(model.loops, system.closure_constants, strict=True) if id(c) in those]
+        found += [e.element.name for e in system.elements if id(e.constants) in those]
+        return ", ".join(found[:3]) + (f", ... ({len(found)})" if len(found) > 3 else "") if found else "gravity"
+
+
+def entry_from(first: str, further: int) -> str:
+    """Index of an entry so many after the one that an expression says."""
+    if first.isdigit():
+        return str(int(first) + further)
+    return f"{first} + {further}" if further else first

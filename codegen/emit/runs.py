@@ -1,0 +1,84 @@
+"""What functions run: sweeps, formulas and routines by name, and for how many directions at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..mechanics.procedures import WIDTHS
+from ..program.procedure import (
+    AllColumns,
+    Columns,
+    Formulas,
+    IfAsked,
+    Perform,
+    Primitives,
+    Procedure,
+    Run,
+    Single,
+    Step,
+    over_directions,
+    walk,
+)
+
+
+def part_of(step: Formulas) -> str:
+    """Which of the functions of a formula a step calls: for values, tangents, or their transpose."""
+    return "back_" if step.backwards else "lane_" if step.lanes else ""
+
+
+def name_of(step: Run | Formulas) -> str:
+    """Name of the function that a step calls."""
+    if isinstance(step, Run):
+        return step.sweep
+    return step.called
+
+
+def widest_first(procedure: Procedure) -> tuple[int, ...]:
+    """For how many directions at once a function is written."""
+    return tuple(sorted((*procedure.widths, *procedure.apart), reverse=True))
+
+
+def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
+    """What a procedure runs over directions, by name, and for how many at once; by which of its functions, by their widths."""
+    found: dict[tuple[str, int], set[int]] = {}
+    own = (*procedure.widths, *procedure.apart)
+
+    def call(name: str, width: int, within: int | None) -> None:
+        found.setdefault((name, width), set()).update(own if within is None else (within,))
+
+    def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
+        """Add steps; `anyhow` if they run for so many directions whatever the function's own width is."""
+        for step in steps:
+            match step:
+                case Run() | Formulas() if over_directions(step):
+                    for w in widths:
+                        call(name_of(step), w, None if anyhow else w)
+                case Single():
+                    for s in step.steps:
+                        call(s.sweep, 1, None)
+                case Perform():
+                    for w in widths if over_directions(step) else ():
+                        call(step.routine.name, w, None if anyhow else w)
+                    add(step.routine.steps, widths, anyhow)
+                case Columns() | IfAsked():
+                    add(step.steps, widths or (max(WIDTHS),), anyhow or not widths)
+                case AllColumns():
+                    for s in step.steps:
+                        if s.lanes:
+                            call(s.sweep, step.width, None)
+                case Primitives():
+                    call(name_of(step.formulas), max(WIDTHS), None)
+                case _:
+                    pass
+
+    add(procedure.steps, own, False)
+    return found
+
+
+def called_once(procedure: Procedure) -> set[str]:
+    """Names of what a procedure runs without directions."""
+    return {
+        step.routine.name if isinstance(step, Perform) else name_of(step)
+        for step in walk(procedure.steps)
+        if isinstance(step, (Run, Formulas, Perform)) and not over_directions(step)
+    }

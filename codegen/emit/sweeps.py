@@ -1,0 +1,190 @@
+"""Functions of links and loops over them: which a block becomes, and in which order they are called."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache, cached_property, partial
+
+from ..mechanics.procedures import sweeps as sweeps_run
+from ..mechanics.stores import MARGIN
+from ..mechanics.structure.element_kinds import ElementKind
+from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
+from ..mechanics.sweeps import INWARD, SWEEP
+from ..program.block import Block
+from ..program.store import Store
+from .function import Function
+from .language import Language
+from .notes import notes
+
+MAX_STRETCHES = 24
+"""More different stretches of links than this, and a sweep dispatches on the kind instead."""
+
+
+IDLE = -1
+"""In the place of a kind that has nothing to do in a sweep."""
+
+
+class SweepWriter(Language):
+    """Writes the functions of sweeps."""
+
+    @cached_property
+    def blocks(self) -> dict[str, dict[int, Block]]:
+        """Blocks by sweep and kind, of the sweeps that are run and have something to do."""
+        run = sweeps_run(self.asked)
+        found = self.program.blocks.items()
+        return {s: b for s, b in found if s in run and any(block.stores for block in b.values())}
+
+    def shared(self, sweep: str) -> list[tuple[UnitKind, ...]]:
+        """The kinds of a sweep that have something to do there, those together whose functions differ by nothing but rows."""
+        if sweep not in self._shared:
+            found: dict[object, list[UnitKind]] = {}
+            for kind in SWEEP[sweep].kinds(self.system):
+                block = self.program.blocks[sweep].get(kind.index)
+                if block is not None and block.stores:
+                    found.setdefault(self._form(kind, sweep, block), []).append(kind)
+            self._shared[sweep] = [tuple(kinds) for kinds in found.values()]
+        return self._shared[sweep]
+
+    def _form(self, kind: UnitKind, sweep: str, block: Block) -> object:
+        """A block and where its components lie, rows apart."""
+
+        def form(store: Store, name: str) -> tuple[object, ...]:
+            if store.memory is MARGIN:
+                return (name,)
+            return self.addresses.address(kind, sweep, store, name).form_of_code
+
+        loads = tuple((symbol, store, form(store, name)) for symbol, (store, name) in block.loads.items())
+        stores = tuple((store, form(store, name), value) for store, name, value in block.stores)
+        return block.title, loads, tuple(block.statements), stores
+
+    def instances(self, kinds: Sequence[UnitKind], sweep: str) -> list[int]:
+        """The values that i takes in the function that kinds share."""
+        return [i for kind in kinds for i in self.addresses.instances(kind, sweep)]
+
+    def link_function(self, sweep: str, kinds: tuple[UnitKind, ...]) -> Function:
+        """The function of kinds of links, ears or regions; it has the number of the first."""
+        block = self.program.blocks[sweep][kinds[0].index]
+        single = len(self.instances(kinds, sweep)) == 1
+        signature = self.signature(f"{sweep}_{kinds[0].index}", SWEEP[sweep].lanes, not single)
+        place = cache(partial(self.place, kinds, sweep))  # asked for several times for each component
+        lines = self.lines(block, place, self.addresses.culprit(kinds, sweep), self.each(kinds, sweep))
+        return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
+
+    def called(self, kinds: tuple[UnitKind, ...]) -> str:
+        """What the function that kinds share is for, in words."""
+        system, kind, count = self.system, kinds[0], sum(len(kind.members) for kind in kinds)
+        if isinstance(kind, RegionKind):
+            what, first = "regions", f"region of {kind.sources} sources"
+        elif isinstance(kind, ElementKind):
+            what, first = f"{kind.first.type}s", kind.first.name
+        elif isinstance(kind, EarKind):
+            ear = system.regions.ears[kind.members[0]]
+            loops = [self.model.loops[c.loop].name for c in ear.closures]
+            names = ", ".join(system.links[i].name for i in ear.links)
+            what, first = "ears", f"{names}{' closed by ' + ', '.join(loops) if loops else ''}"
+        else:
+            what, first = "links", system.links[kind.members[0]].name
+        return first if count == 1 else f"{count} {what}: {first}, ..."
+
+    def loop(self, sweep: str) -> Function:
+        """The loop over the links, or the units, of a sweep."""
+        spec = SWEEP[sweep]
+        shared = self.shared(sweep)
+        first = {kind.index: kinds[0].index for kinds in shared for kind in kinds}
+        kinds = [first.get(k.index, IDLE) for k in self.sequence(sweep)]
+        if spec.then and spec.then in self.blocks:
+            return self.loop_of_two(sweep, spec.then)
+        single = {kinds[0].index: len(self.instances(kinds, sweep)) == 1 for kinds in shared}
+        inward = spec.direction == INWARD
+        f = Function(spec.title, self.signature(sweep, spec.lanes, False))
+
+        def call(kind: int, i: str) -> list[str]:
+            if kind == IDLE:
+                return []
+            return [self.call(f"{sweep}_{kind}", spec.lanes, None if single[kind] else i)]
+
+        parts = stretches(kinds)
+        if len(parts) <= MAX_STRETCHES or len(single) == len(kinds):
+            for start, pattern, count in reversed(parts) if inward else parts:
+                order = list(reversed(range(len(pattern)))) if inward else list(range(len(pattern)))
+                if count == 1:
+                    for o in order:
+                        f.lines += call(pattern[o], str(start + o))
+                    continue
+                calls = [c for o in order for c in call(pattern[o], f"i + {o}" if o else "i")]
+                if calls:
+                    step = len(pattern)
+                    f.lines += self.repeat(start, start + step * count, step, inward, calls)
+        else:
+            of_kind = [k.index for k in self.sequence(sweep)]
+            entry = self.addresses.table(sweep).entry("KIND", list(range(len(kinds))), of_kind)
+            cases = [([k.index for k in of], c) for of in shared for c in call(of[0].index, "i")]
+            f.lines += self.dispatch(len(kinds), inward, entry, cases)
+        return f
+
+    def loop_of_two(self, sweep: str, then: str) -> Function:
+        """The loop over all links of two sweeps by turns."""
+        both: list[list[UnitKind | None]] = []
+        for name in (sweep, then):
+            of = {kind: kinds[0] for kinds in self.shared(name) for kind in kinds}
+            both.append([of.get(k) for k in self.sequence(name)])
+        numbers: dict[tuple[UnitKind | None, ...], int] = {}
+        sequence = [numbers.setdefault(pair, len(numbers)) for pair in zip(*both, strict=True)]
+        pairs = list(numbers)
+        single = {
+            (name, kinds[0]): len(self.instances(kinds, name)) == 1
+            for name in (sweep, then)
+            for kinds in self.shared(name)
+        }
+        lanes = SWEEP[sweep].lanes
+
+        def call(pair: int, i: str) -> list[str]:
+            return [
+                self.call(f"{name}_{kind.index}", lanes, None if single[name, kind] else i)
+                for name, kind in zip((sweep, then), pairs[pair], strict=True)
+                if kind is not None
+            ]
+
+        f = Function(SWEEP[sweep].title, self.signature(sweep, lanes, False))
+        for start, pattern, times in stretches(sequence):
+            places = [str(start + o) if times == 1 else f"i + {o}" if o else "i" for o in range(len(pattern))]
+            calls = [c for pair, i in zip(pattern, places, strict=True) for c in call(pair, i)]
+            step = len(pattern)
+            f.lines += calls if times == 1 else self.repeat(start, start + step * times, step, False, calls)
+        return f
+
+    def sequence(self, sweep: str) -> list[UnitKind]:
+        """Kinds of what a sweep goes over, one after the other."""
+        spec, system = SWEEP[sweep], self.system
+        if spec.element:
+            of: dict[int, UnitKind] = {n: k for k in system.element_kinds for n in k.members}
+            return [of[n] for n in range(len(of))]
+        return [*(system.unit_kind_of if spec.units else system.kind_of)]
+
+    def sweep_functions(self, sweep: str) -> list[Function]:
+        functions = [f for kinds in self.shared(sweep) for f in self.link_functions(sweep, kinds)]
+        if any(spec.then == sweep for spec in SWEEP.values()):
+            return functions  # called by turns with another
+        return [*functions, self.loop(sweep)]
+
+    def link_functions(self, sweep: str, kinds: tuple[UnitKind, ...]) -> list[Function]:
+        """That of `link_function`, after the parts that it is made of."""
+        return [self.link_function(sweep, kinds)]
+
+
+def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:
+    """Cut a sequence into repeated patterns: (start, pattern, repetitions). Greedy, linear in its length."""
+    result: list[tuple[int, tuple[int, ...], int]] = []
+    i, n = 0, len(kinds)
+    while i < n:
+        best, covered = 1, 1
+        for period in range(1, longest + 1):
+            j = i
+            while j + period < n and kinds[j] == kinds[j + period]:
+                j += 1
+            total = (j - i) // period * period + period
+            if total >= 2 * period and total > covered:
+                best, covered = period, total
+        result.append((i, tuple(kinds[i : i + best]), covered // best))
+        i += covered
+    return result

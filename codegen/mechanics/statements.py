@@ -1,0 +1,141 @@
+"""A model as statements: analysed, expanded and simplified, with the functions that a solver is to have."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from ..loops.partition import Partition
+from ..model.errors import ModelError
+from ..model.model import GROUND, Model
+from ..program.procedure import Formulas, Procedure, walk
+from ..program.progress import Progress, silent
+from .ears.orthogonal import RankLossError
+from .elimination import ZeroPivotError
+from .expansion import Place as MemoryPlace
+from .expansion import Program, expand
+from .formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas, motion_formulas
+from .outputs.frames import SIZES, frame_formulas, place_formulas
+from .outputs.outputs import RecordFormula, output_formulas, potential_formula
+from .outputs.switches import switch_formulas
+from .procedures import (
+    SWITCHES,
+    checked_backwards,
+    procedures,
+    sweeps,
+    swept_backwards,
+    swept_together,
+)
+from .stores import LAID_OUT, SLOT
+from .structure.kinds import RegionKind
+from .structure.system import System, analyse
+from .sweeps import transpose_name, values_name
+from .transposition import transpose_sweeps
+
+UNROLLED_LINKS = 8
+"""Models of at most so many links get one function per link unless another layout is asked for."""
+
+DIFFERENT_LINKS, DIFFERENT = 12, 0.75
+"""The same for models of at most so many links of which such a part are of kinds of their own: to write each out takes little
+more code."""
+
+
+@dataclass(slots=True)
+class Expanded:
+    """A model as statements, ready to be printed.
+
+    Attributes
+    ----------
+    asked : tuple of Procedure
+        The functions that the solver has.
+    """
+
+    system: System
+    program: Program
+    formulas: list[FormulaKind]
+    records: list[RecordFormula]
+    asked: tuple[Procedure, ...]
+
+
+def laid_out(model: Model, layout: str, chosen: Partition | None, turning: bool) -> tuple[System, bool]:
+    """A model analysed, and whether it has one function per link: chosen by links and kinds unless the layout says so.
+
+    Of `turning`, the ground may be turned; see `mechanics.structure.system.analyse`.
+    """
+    if layout == "unrolled":
+        return analyse(model, True, chosen, turning=turning), True
+    system = analyse(model, False, chosen, turning=turning)
+    links, kinds = len(system.links), len(system.kinds)
+    few = min(links, len(model.bodies)) <= UNROLLED_LINKS or (links <= DIFFERENT_LINKS and kinds >= DIFFERENT * links)
+    if layout == "auto" and few:
+        return analyse(model, True, chosen, turning=turning), True
+    return system, False
+
+
+def expanded(
+    system: System,
+    reactions: bool,
+    progress: Progress = silent,
+    functions: Collection[str] | None = None,
+    frames: bool = False,
+) -> Expanded:
+    """Expand and simplify; see `write_solver`."""
+    model = system.model
+    asked = procedures(system, reactions, functions, frames)
+    read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
+    values, records = output_formulas(system)
+    if SWITCHES.targets[0] in read:
+        of_state, of_points = switch_formulas(system)
+        values += of_state
+        records += of_points
+    potential = potential_formula(system)
+    if potential is not None:
+        records.append(potential)
+    records = [r for r in records if r.target in read]
+    for target in SIZES:
+        records += frame_formulas(system, target) if target in read else []
+    try:
+        wanted, backwards = sweeps(asked), swept_backwards(asked)
+        program = expand(
+            system, wanted.union(backwards), _read_by_formulas(system, records), progress, functions is None
+        )
+    except RankLossError as error:
+        raise ModelError([model.problem("loops", str(error))]) from None
+    except OverflowError as error:
+        message = f"numbers of the model overflow when they are multiplied ({error}); check lengths, masses and units"
+        raise ModelError([model.problem("bodies", message)]) from None
+    except ZeroPivotError as error:
+        if isinstance(error.kind, RegionKind):
+            what = system.regions.regions[error.kind.members[0]]
+            names = ", ".join(dict.fromkeys(system.links[i].name for i, _ in what.freedoms))
+            message = f"nothing that moves with {names} has inertia; give the bodies of the loops mass"
+            raise ModelError([model.problem("loops", message)]) from None
+        body = system.links[error.kind.members[0]].name.partition(".")[0]
+        message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
+        raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
+    formulas = [*force_formulas(system), *coefficient_formulas(system), *motion_formulas(model), *values]
+    formulas += [*initial_formulas(model), *place_formulas(model)]
+    formulas = [f for f in formulas if f.target in read]
+    tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
+    # pivots are met whether the function that says so is among those asked for or not
+    checked = checked_backwards(asked if functions is None else procedures(system, reactions))
+    transpose_sweeps(program, backwards, tangents, checked, *swept_together(asked))
+    for sweep in backwards:  # what was only there to be run backwards, or together with others
+        for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
+            program.blocks.pop(name, None)
+    return Expanded(system, program, formulas, records, asked)
+
+
+def _read_by_formulas(system: System, records: list[RecordFormula]) -> set[MemoryPlace]:
+    """Components of records and lanes that outputs and the potential energy read."""
+    read: set[MemoryPlace] = set()
+    for r in records:
+        for _, links, _, _ in r.rows:
+            kinds = [-1 if link == GROUND else system.kind_of[link].index for link in links]
+            for block in (r.value, r.tangent):
+                for store, name in block.loads.values():
+                    if store.memory in LAID_OUT:
+                        sweep = "moment_tangents" if store.memory is SLOT else ""
+                        kind = kinds[store.place or 0]
+                        read.add(((store.memory, sweep), kind, name))
+    return read

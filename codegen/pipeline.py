@@ -1,0 +1,203 @@
+"""From a model to the files of its solver: analyse, expand, simplify, lay out, print. The stages, one below the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .emit.c.calls import write_calls
+from .emit.c.module import CWriter, write_c
+from .emit.c.motion import has_motion, write_four, write_motion, write_precise
+from .emit.c.states import arrays_of, over_states, write_states, write_threads
+from .emit.interface import manifest, operations
+from .emit.numpy.module import write_numpy
+from .loops.description import describe
+from .loops.errors import AssemblyError, PartitionError
+from .loops.partition import Partition, partition
+from .mechanics.expansion import Program
+from .mechanics.procedures import (
+    arrays,
+    asks_reactions,
+    left_out,
+)
+from .mechanics.statements import expanded, laid_out
+from .mechanics.structure.system import System
+from .model.collector import collector_paused
+from .model.errors import ModelError
+from .model.model import Model
+from .program.algebra import expressions_kept
+from .program.digits import long_numbers
+from .program.operations import Operations
+from .program.procedure import Procedure, for_target
+from .program.progress import Progress, silent
+
+Printed = Callable[[Mapping[str, str], Mapping[str, Any]], None]
+
+
+@dataclass(slots=True)
+class Source:
+    """The files of a solver.
+
+    Attributes
+    ----------
+    files : dict of str to str
+    manifest : dict
+        See `codegen.emit.interface.manifest`.
+    seconds : dict of str to float
+        By stage.
+    passes : list of (str, Operations, float)
+        After every pass: operations of all blocks, and seconds.
+    choice : list of str
+        What was chosen for closed loops, in words.
+    chosen : Partition or None
+        The same as data.
+    """
+
+    files: dict[str, str]
+    manifest: dict[str, Any]
+    system: System
+    program: Program
+    layout: str
+    seconds: dict[str, float] = field(default_factory=dict)
+    passes: list[tuple[str, Operations, float]] = field(default_factory=list)
+    choice: list[str] = field(default_factory=list)
+    chosen: Partition | None = None
+
+
+@expressions_kept()
+@collector_paused()
+def write_solver(
+    model: Model,
+    layout: str = "auto",
+    chosen: Partition | None = None,
+    reactions: bool = False,
+    progress: Progress = silent,
+    functions: Collection[str] | None = None,
+    frames: bool = False,
+    printed: Printed | None = None,
+) -> Source:
+    """Expand a model and print its solver.
+
+    Parameters
+    ----------
+    model : Model
+    layout : {"auto", "kinds", "unrolled"}
+        One C function per kind of link, or one per link.
+    chosen : Partition, optional
+        Of the model's speeds, where it has loops; found if left out.
+    reactions : bool
+        The solver has a function for the wrenches that joints and loops transmit.
+    progress : callable
+        Hears what is being done; see `codegen.generation.generate`.
+    functions : collection of str, optional
+        Those that the solver has, all if left out; see `codegen.mechanics.procedures.procedures`.
+    frames : bool
+        The solver has functions for the frames of all bodies.
+    printed : callable, optional
+        Called with the files and the manifest when all of the C is printed, before the rest is.
+    """
+    seconds: dict[str, float] = {}
+    clock = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        seconds[stage] = now - clock
+        clock = now
+
+    if not model.nu and not model.prescribed:
+        raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
+    if model.loops and chosen is None:
+        progress("choosing dependent coordinates", 0, 0)
+        try:
+            chosen = partition(model)
+        except (AssemblyError, PartitionError) as error:
+            raise ModelError([model.problem("loops", str(error))]) from None
+        lap("partition")
+    if chosen is not None:
+        model = model.with_turned(chosen.turned)
+    progress("analysing", 0, 0)
+    system, unrolled = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
+    lap("analyse")
+    e = expanded(system, reactions, progress, functions, frames)
+    program, formulas, records, asked = e.program, e.formulas, e.records, e.asked
+    lap("expand and simplify")
+    progress("printing C", 0, 0)
+    writer = CWriter(program, formulas, records, tuple(for_target(p, True) for p in asked))
+    context = writer.context()
+    files = write_c(context)
+    counts = operations(program, [*formulas, *records], writer.procedures)
+    made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
+    if functions is not None:
+        made["left_out"] = left_out(system, asked)
+    if over := over_states(writer.procedures):
+        made["over_states"] = {
+            "functions": [p.name for p in over],
+            "arrays": [name for names in arrays_of(over) for name in names],
+            "workspace": context["states_workspace"],
+            "swept": writer.memory_of_sweeps,
+        }
+    files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
+    if has_motion(made["functions"]):
+        files[f"{model.name}_motion.c"] = write_motion(system, made, writer.procedures)
+    lap("print")
+    if printed is not None:
+        printed(files, made)
+        lap("begin to compile")
+    files |= write_apart(context, system, made, writer.procedures)
+    lap("print what is compiled apart")
+    progress("printing NumPy", 0, 0)
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked))
+    lap("print NumPy")
+    return Source(
+        files,
+        made,
+        system,
+        program,
+        "unrolled" if unrolled else "kinds",
+        seconds,
+        program.report,
+        describe(model, chosen) if chosen else [],
+        chosen,
+    )
+
+
+def write_apart(
+    context: dict[str, Any], system: System, made: Mapping[str, Any], procedures: tuple[Procedure, ...]
+) -> dict[str, str]:
+    """C files that are compiled apart, when they are needed."""
+    name, files = system.model.name, {}
+    if context["functions_over_states"]:
+        files[f"{name}_states.c"] = write_states(context)
+        files[f"{name}_threads.c"] = write_threads(context, made["over_states"]["arrays"])
+    if has_motion(made["functions"]):
+        if "state_rate_sensitivities" in made["functions"]:
+            files[f"{name}_four.c"] = write_four(made, procedures)
+        if system.model.loops:
+            files[f"{name}_precise.c"] = write_precise(system, made, procedures)
+    return files
+
+
+@expressions_kept()
+@collector_paused()
+def write_long(
+    model: Model,
+    digits: int,
+    layout: str,
+    chosen: Partition | None = None,
+    reactions: bool = False,
+    functions: Collection[str] | None = None,
+    frames: bool = False,
+) -> str:
+    """The NumPy module of a solver with numbers of so many digits, where they are no doubles; see `write_solver`."""
+    with long_numbers(digits):
+        system, _ = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
+        e = expanded(system, reactions, functions=functions, frames=frames)
+        return write_numpy(e.program, e.formulas, e.records, one_by_one(e.asked))
+
+
+def one_by_one(asked: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
+    """Functions as NumPy has them: columns of matrices one after the other."""
+    return tuple(for_target(p, False) for p in asked if not p.internal)
