@@ -6,13 +6,11 @@ differently for each mixture; errors in that show where two of them meet.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
-
-from codegen.model import Model, parse_model
 
 Choices = Mapping[str, Sequence[str]]
 
@@ -26,12 +24,13 @@ MAY_HAVE: Choices = {
         "value",
         "given",
         "acceleration",
+        "switched",
         "kinetic",
         "potential",
         "momentum",
     ),
     "springs": ("none", "numbers", "parameters", "inputs", "time"),
-    "forces": ("none", "state", "inputs", "time", "on bodies"),
+    "forces": ("none", "state", "inputs", "time", "switched", "on bodies"),
     "gravity": ("none", "numbers", "parameters"),
     "bodies": ("moving", "one fixed", "one massless"),
     "parameters": ("none", "some"),
@@ -50,12 +49,12 @@ ALIKE = {
     "joint": (("revolute", "prismatic", "screw"), ("universal", "cylindrical", "planar"), ("spherical", "free")),
     "outputs": (
         ("none",),
-        ("position", "velocity", "distance"),
+        ("position", "velocity", "distance", "switched"),
         ("value", "given", "acceleration"),
         ("kinetic", "potential", "momentum"),
     ),
     "springs": (("none",), ("numbers", "parameters"), ("inputs", "time")),
-    "forces": (("none",), ("state", "inputs", "time"), ("on bodies",)),
+    "forces": (("none",), ("state", "inputs", "time", "switched"), ("on bodies",)),
     "gravity": (("none",), ("numbers", "parameters")),
     "bodies": (("moving",), ("one fixed", "one massless")),
 }
@@ -91,6 +90,7 @@ MEASURES = {
     "potential": "potential_energy",
     "momentum": "{momentum: angular, axis: y, about: center_of_mass}",
     "given": "{value: motor*sin(t)*u.link_1}",
+    "switched": "{value: 'max(q.link_1, l)*abs(u.link_1)'}",
 }
 SPRINGS = {
     "numbers": ("20", "0.5", "0.6"),
@@ -103,6 +103,7 @@ FORCES = {
     "state": "-0.3*q.link_1 - 0.1*u.link_1*m",
     "inputs": "motor - 0.1*u.link_1",
     "time": "sin(3*t)*m",
+    "switched": "-k*max(q.link_1 - l, 0) - 0.1*abs(u.link_1)*u.link_1",
 }
 ON_BODIES = (
     "push: {type: force, on: {body: tool, at: [0.1, 0, l]}, value: [motor, -position.link_1.z, m]}",
@@ -115,11 +116,11 @@ ANGLES = (0.5, 0.7, 0.4, 0.6)
 
 
 class Mixture(NamedTuple):
-    """A model, what it has, and how it is generated: ``codegen.generate(mixture.model, folder, **mixture.options)``."""
+    """The text of a model, what the model has, and the options that it is generated with."""
 
     name: str
     choice: dict[str, str]
-    model: Model
+    text: str
     options: dict[str, object]
 
     def has(self, what: str) -> bool:
@@ -144,7 +145,7 @@ def mixtures(every: bool = False) -> list[Mixture]:
                 "reactions": choice["reactions"] == "yes",
                 "partitions": int(choice.get("partitions", "1")),
             }
-            found.append(Mixture(name, choice, parse_model(text(name, choice)), options))
+            found.append(Mixture(name, choice, text(name, choice), options))
     return found
 
 
@@ -161,16 +162,20 @@ def covering(choices: Choices) -> list[dict[str, str]]:
         row = dict(next(iter(missing)))
         for n in names:
             if n not in row:  # entries that gain alike take turns
-                gains = {e: _gain({**row, n: e}, n, missing) for e in _turned(choices[n], len(rows))}
+                gains = {e: _gain(row, n, e, names, missing) for e in _turned(choices[n], len(rows))}
                 row[n] = max(gains, key=gains.__getitem__)
         rows.append({n: row[n] for n in names})
-        missing = {w: None for w in missing if not all(row[a] == b for a, b in w)}
+        for pair in combinations(rows[-1].items(), 2):
+            missing.pop(pair, None)
     return rows
 
 
-def _gain(row: dict[str, str], name: str, missing: Iterable[tuple[tuple[str, str], ...]]) -> int:
+def _gain(row: Mapping[str, str], name: str, entry: str, names: Sequence[str], missing: Container[object]) -> int:
     """How many missing pairs an entry adds to a row that is not yet complete."""
-    return sum(all(row.get(n) == e for n, e in pair) for pair in missing if name in dict(pair))
+    at = names.index(name)
+    pairs = (((n, row[n]), (name, entry)) for n in names[:at] if n in row)
+    later = (((name, entry), (n, row[n])) for n in names[at + 1 :] if n in row)
+    return sum(pair in missing for pair in (*pairs, *later))
 
 
 def _taking_turns(choices: Choices) -> list[dict[str, str]]:

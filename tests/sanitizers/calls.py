@@ -29,6 +29,7 @@ MORE = 4
 TOLERANCE = 1e-10
 """Largest relative difference to the NumPy module, per result and state, or per direction."""
 
+IN_MODES = "_in_modes"
 PROTOTYPE = re.compile(r"^int (\w+)\(([^)]*)\);", re.MULTILINE)
 
 
@@ -47,7 +48,9 @@ class Prototype:
     batch : str
         The type of its argument, if it is a loop over a batch.
     arguments, results : tuple of str
-        Arguments include the seeds.
+        Arguments include the seeds and, last, the modes of switches.
+    in_modes : bool
+        Whether it takes modes.
     """
 
     symbol: str
@@ -57,6 +60,7 @@ class Prototype:
     arguments: tuple[str, ...]
     results: tuple[str, ...]
     scalars: frozenset[str]
+    in_modes: bool = False
 
     @property
     def c(self) -> str:
@@ -65,6 +69,8 @@ class Prototype:
         names = (*self.arguments, *self.results)
         if not self.batch:
             given = [f"*a[{at}]" if name in self.scalars else f"a[{at}]" for at, name in enumerate(names)]
+            if self.in_modes:  # they come behind the results
+                given.append(given.pop(len(self.arguments) - 1))
             unused = "    (void)step, (void)count, (void)failed;\n"
             return f"{head}{unused}    return {self.symbol}({', '.join([*given, 'work'])});\n}}\n"
         lines = [f"b.{name}.at = a[{at}], b.{name}.step = step[{at}];" for at, name in enumerate(names)]
@@ -117,15 +123,11 @@ class Part:
     def __post_init__(self) -> None:
         header = (self.folder / f"{self.name}.h").read_text()
         self.prototypes = []
-        in_modes = 0  # the functions without modes call these, and motions
         for symbol, declared in PROTOTYPE.findall(header):
-            if "_in_modes" in symbol:
-                in_modes += 1
-            else:
-                self.prototypes.append(self._prototype(symbol, declared))
+            self.prototypes.append(self._prototype(symbol, declared))
         # what runs functions on threads takes one of them, and is examined in test_threads.py
         of_threads = header.count(f"\nint {self.name}_on_threads(")
-        assert self.prototypes and header.count("\nint ") == len(self.prototypes) + of_threads + in_modes
+        assert self.prototypes and header.count("\nint ") == len(self.prototypes) + of_threads
         spec = importlib.util.spec_from_file_location(f"{self.name}_numpy", self.folder / f"{self.name}_numpy.py")
         assert spec is not None and spec.loader is not None
         self.module = importlib.util.module_from_spec(spec)
@@ -149,7 +151,9 @@ class Part:
         function, _, width = stem.rpartition("_")
         if not width.isdigit():
             function, width = stem, "0"
-        assert function in self.manifest["functions"], f"{symbol} is not in model.json"
+        in_modes = function.endswith(IN_MODES)
+        function = function.removesuffix(IN_MODES)
+        assert in_modes or function in self.manifest["functions"], f"{symbol} is not in model.json"
         arguments, results, scalars = [], [], []
         for declaration in re.split(r",\s+", declared):
             type, _, name = declaration.replace("*", "* ").rpartition(" ")
@@ -164,7 +168,10 @@ class Part:
                 case other:
                     raise AssertionError(f"{symbol}: {other} {name}")
         assert results.pop() == "work", symbol
-        return Prototype(symbol, function, int(width), "", tuple(arguments), tuple(results), frozenset(scalars))
+        assert not in_modes or arguments[-1] == "modes", symbol
+        return Prototype(
+            symbol, function, int(width), "", tuple(arguments), tuple(results), frozenset(scalars), in_modes
+        )
 
     # -- sizes -----------------------------------------------------------------------------------------------------
 
@@ -174,12 +181,12 @@ class Part:
         m = self.manifest
         nq, nu, links, loops = (len(m[n]) for n in ("coordinate_names", "speed_names", "links", "loops"))
         given = {"q": nq, "u": nu, "p": len(m["parameter_names"]), "inputs": len(m["input_names"]), "t": 1}
-        closure = len(m["closure_names"])
+        closure, switches = len(m["closure_names"]), len(m.get("switches", ()))
         return given | {f"J_{n}": nu * size for n, size in given.items()} | {
             "udot": nu, "qdot": nq, "b": nu, "x": nu, "M": nu * nu, "inverse_M": nu * nu,
             "force": nu, "actuation": len(m["prescribed_names"]), "energy": 2, "outputs": len(m["output_names"]),
             "position": closure, "velocity": closure, "condition": loops, "step": nq, "full_q": nq, "full_u": nu,
-            "reaction": 6 * links, "loop_reaction": 6 * loops,
+            "modes": switches, "switches": switches, "reaction": 6 * links, "loop_reaction": 6 * loops,
             **{n: size * len(m.get("bodies", ())) for n, size in (("frames", 18), ("frame_accelerations", 6))},
             "point_places": 3 * len(m.get("points", ())),
         }  # fmt: skip
@@ -208,8 +215,11 @@ class Part:
             "t": rng.uniform(0.2, 0.8, size=(STATES, 1)),
             "udot": rng.normal(size=(STATES, len(u))),
             "b": rng.normal(size=(STATES, len(u))),
+            "modes": np.outer((0, 1, -1), np.ones(self.sizes["modes"])),
         }
-        weighed = {n: np.empty((STATES, self.sizes[n])) for n in ("qdot", "energy", "outputs", "full_q", "full_u")}
+        weighed = {
+            n: np.empty((STATES, self.sizes[n])) for n in ("qdot", "energy", "outputs", "switches", "full_q", "full_u")
+        }
         return given | {f"d{n}": rng.normal(size=(*x.shape, DIRECTIONS)) for n, x in (given | weighed).items()}
 
     # -- calls -----------------------------------------------------------------------------------------------------
@@ -270,6 +280,8 @@ class Part:
             steps.append(int(np.prod(x.shape[1:])) if stepping[-1] else 0)
             arguments.append(np.ascontiguousarray(x, float))
         times = 1 if count is None else count
+        if f.in_modes:  # the NumPy module has no modes; with modes of zero, branches follow from the arguments
+            checked &= f.function in self.manifest["functions"] and not np.any(given["modes"])
         sizes = [times * self.size(f, r) for r in f.results]
         call = Call(f, count, shift, arguments, steps, sizes, None)
         if checked and count != 0:
@@ -297,6 +309,8 @@ class Part:
     def _expected(self, f: Prototype, arguments: list[Array]) -> list[Array] | int:
         passed = []
         for name, x in zip(f.arguments, arguments, strict=True):
+            if name == "modes":
+                continue
             x = np.moveaxis(x, -1, 0) if self.along(f, name) else x
             passed.append(x[..., 0] if name in ("t", "dt") else x)
         try:

@@ -16,18 +16,20 @@ from sanitizers.builds import ENVIRONMENT, Build
 from sanitizers.calls import Part, parts
 
 import codegen
-from codegen.model import Model
+from codegen.model import parse_model
 
 HARNESS = Path(__file__).parent / "harness.c"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+"""What models include is there."""
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
 
 
 @dataclass(frozen=True)
 class Package:
-    """What is generated, and where to; ``builds`` examine all functions of it."""
+    """The text of a model, the options that it is generated with, and the builds that examine all its functions."""
 
     name: str
-    model: Model
+    text: str
     options: tuple[tuple[str, Any], ...]
     builds: tuple[Build, ...]
     warned: tuple[Build, ...] = ()
@@ -42,7 +44,7 @@ class Package:
 
 def examine(package: Package, folder: Path) -> list[str]:
     """What is wrong with a package: nothing, one hopes."""
-    codegen.generate(package.model, folder, compile=False, **dict(package.options))
+    codegen.generate(parse_model(package.text, package.name, EXAMPLES), folder, compile=False, **dict(package.options))
     complaints = []
     for i, part in enumerate(parts(folder)[: 1 + package.second]):
         for build in filter(works, package.warned if not i else ()):
