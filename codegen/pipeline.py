@@ -129,7 +129,8 @@ def write_solver(
     context = writer.context()
     files = write_c(context)
     counts = operations(program, [*formulas, *records], writer.procedures)
-    made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
+    guess = chosen.q if chosen else ()
+    made = manifest(system, writer.procedures, writer.workspace, counts, guess, writer.has_parts)
     if functions is not None:
         made["left_out"] = left_out(system, asked)
     if over := over_states(writer.procedures):

@@ -75,8 +75,9 @@ def manifest(
     workspace: int,
     operations: Mapping[str, Any],
     assembled: tuple[float, ...] = (),
+    divided: bool = False,
 ) -> dict[str, Any]:
-    """What ``model.json`` says for the run time."""
+    """What ``model.json`` says for the run time; `divided`: some sweeps stand in parts, see `libraries`."""
     model = system.model
     defaults = model.defaults
     q0, u0 = [], []
@@ -132,7 +133,7 @@ def manifest(
         "workspace": workspace,
         "widths": list(WIDTHS),
         "functions": functions,
-        "libraries": libraries(functions),
+        "libraries": libraries(functions, divided),
         "batch": list(itertools.chain.from_iterable(batch_arrays(p for p in procedures if not p.internal))),
         "operations": operations,
         **_closures(system),

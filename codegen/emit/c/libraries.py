@@ -153,9 +153,13 @@ def guard_of_library(function: str) -> str:
     return _condition([(number_of(library), 0) for library in found])
 
 
-def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
+def libraries(functions: Mapping[str, Any], divided: bool) -> dict[str, Any]:
     """What the manifest says: of each library its number, its units, its functions, and those of another one that can be called
-    in it too; of that over few directions its functions and over how many these are."""
+    in it too; of that over few directions its functions and over how many these are.
+
+    The second unit of the first library runs nearly all that the first one runs. Where no sweep is `divided` among the two,
+    it is compiled in one piece: that takes no longer than the second unit alone.
+    """
     found: dict[str, dict[str, Any]] = {}
     units = _units({name: f.get("widths", ()) for name, f in functions.items()})
     for name in functions:
@@ -168,7 +172,8 @@ def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
         over_few = {name: few for name, few in apart.items() if few}
         found[FEW] = {"number": number_of(FEW), "units": [], "functions": [], "over_few": over_few}
     for entry in found.values():
-        entry["units"] = sorted(units[entry["number"]])
+        in_one = entry["number"] == 1 and not divided
+        entry["units"] = [] if in_one else sorted(units[entry["number"]])
     if "motion" in found and (too := [name for name in _ASKED_IN_MOTIONS if name in functions]):
         found["motion"]["too"] = too
     return {name: found[name] for name in LIBRARIES if name in found}
