@@ -18,7 +18,7 @@ import numpy as np
 from chains import chain_model, chain_seeds, chain_source, chain_state, sensitivities
 from ctiming import LEVELS, compile_variant, default_cache, table
 
-from codegen.bench import articulated_chain
+from codegen.measure import articulated_chain
 from codegen.reference import RecursiveEngine
 
 CLAIM = 1e-13

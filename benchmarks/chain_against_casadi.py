@@ -29,7 +29,7 @@ from ctiming import (
     use_one_core,
 )  # fmt: skip
 
-from codegen.bench import articulated_chain
+from codegen.measure import articulated_chain
 
 AGREEMENT = 1e-11
 

@@ -26,7 +26,7 @@ import numpy as np
 from ctiming import table
 
 import codegen
-from codegen.bench.models import changed, example
+from codegen.measure.models import changed, example
 from codegen.own_files import refuse_foreign_file
 from codegen.runtime import At, Final, Integral
 from codegen.runtime.standalone.whole_file import MARK

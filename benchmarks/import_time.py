@@ -18,7 +18,7 @@ from pathlib import Path
 
 from ctiming import table
 
-from codegen.bench.peers.pinocchio_models import robots_folder
+from codegen.measure.pinocchio_models import robots_folder
 
 ROBOTS = {
     "UR5": ("ur_description/urdf/ur5_robot.urdf", "fixed"),

@@ -32,9 +32,9 @@ from ctiming import Contestant, Timing, alternate, compile_variant, default_cach
 from pinocchio_builds import Build, libraries
 
 import codegen
-from codegen.bench.machine import machine
-from codegen.bench.peers import pinocchio_models
-from codegen.bench.peers.pinocchio_models import ROBOTS, axis_of, robots_folder, usual_state
+from codegen.measure import pinocchio_models
+from codegen.measure.machine import machine
+from codegen.measure.pinocchio_models import ROBOTS, axis_of, robots_folder, usual_state
 from codegen.own_files import refuse_foreign_file
 from codegen.pipeline import write_solver
 from codegen.runtime.standalone.whole_file import MARK

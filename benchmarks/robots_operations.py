@@ -15,7 +15,7 @@ from typing import Any
 
 from ctiming import table
 
-from codegen.bench.peers.pinocchio_models import chain, ours, robot
+from codegen.measure.pinocchio_models import chain, ours, robot
 from codegen.pipeline import write_solver
 
 

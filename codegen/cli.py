@@ -335,7 +335,7 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
 
 def _earlier_reports(options: argparse.Namespace, status: StatusLine) -> dict[str, dict[str, Any]]:
     """The reports to compare with, by name; NoReportError for those of other models or machines, with which nothing agrees."""
-    from .bench.machine import machine
+    from .measure.machine import machine
     from .model import load_model
     from .reporting.agreement import NoReportError, incomparable, read, read_gallery
 

@@ -30,6 +30,9 @@ FLOORS = {
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed floor may import them."""
 
+APART = {"measure": {"bench", "cli", "reporting"}, "bench": {"cli", "reporting"}, "reporting": {"bench", "cli"}}
+"""At the top: the benchmark and reports stand on `measure`, which knows neither, and they do not know each other."""
+
 ROOMS = {
     "joints": set(),
     "structure": {"joints"},
@@ -102,6 +105,8 @@ def faults(source: str, path: Path) -> list[str]:
                     f"{_name(path)}:{line}: {name}; beside itself the standalone run time has the standard library, numpy and "
                     f"cffi only, and extras within functions of the modules that EXTRAS names"
                 )
+        elif parts[0] == "codegen" and floor in APART and parts[1] in APART[floor]:
+            found.append(f"{_name(path)}:{line}: {floor} imports {name}; {floor} does not know {parts[1]}")
         elif parts[0] == "codegen" and floor in FLOORS:
             target = parts[1] if len(parts) > 1 else "the top"
             if target != floor and target not in FLOORS[floor]:
@@ -241,6 +246,9 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("emit/x.py", "from ..cli import main"),
         ("emit/c/x.py", "from ...runtime import load"),
         ("runtime/x.py", "from ..design import objective"),
+        ("measure/x.py", "from ..bench.problem import Setting"),
+        ("bench/x.py", "from ..reporting import figures"),
+        ("reporting/x.py", "from ..bench import page"),
         ("design/x.py", "from ..model import load_model"),
         ("runtime/standalone/x.py", "import scipy.linalg"),
         ("runtime/standalone/x.py", "from ..sections import STANDALONE"),

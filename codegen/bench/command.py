@@ -147,10 +147,11 @@ def run(
     problems: list[Any], quick: bool, peers: bool, status: StatusLine, keep: Callable[[dict[str, Any]], None]
 ) -> dict[str, Any]:
     """Measure problems, and other programs on them; `keep` is given what there is after every problem."""
-    from .machine import machine
-    from .measuring import measure, peaks
+    from ..measure.clock import one_core
+    from ..measure.core import peaks
+    from ..measure.machine import machine
+    from .measuring import measure
     from .results import FORMAT
-    from .timing import one_core
 
     results: dict[str, Any] = {"format": FORMAT, "machine": machine(), "quick": quick, "problems": {}}
     with tempfile.TemporaryDirectory(prefix="ordernm-bench-", ignore_cleanup_errors=True) as folder, one_core():

@@ -5,27 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..measure.clock import exponent
+from ..measure.operations import plain
+from ..measure.tables import error, seconds
 from ..summary import table
-from .measuring import exponent
 from .results import COMPARED, compare, other_machine
-
-
-def size(x: float | None) -> str:
-    """An error."""
-    return "" if x is None else f"{x:.1e}"
-
-
-def time(seconds: float) -> str:
-    """Seconds in a unit that suits them."""
-    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "us")):
-        if seconds * factor >= 1.0:
-            return f"{seconds * factor:.3g} {unit}"
-    return f"{1e9 * seconds:.3g} ns"
-
-
-def plain(operations: dict[str, int]) -> int:
-    """Additions and multiplications together."""
-    return operations.get("additions", 0) + operations.get("multiplications", 0)
 
 
 def machine_line(machine: dict[str, str]) -> str:
@@ -52,7 +36,7 @@ def motion_lines(result: dict[str, Any], width: int | None) -> list[str]:
     if "derivatives" in result:
         d = result["derivatives"]
         lines.append(
-            f"  derivatives by {', '.join(d['by'])} with {d['setting']}: relative error {d['error']:.1e}, {time(d['seconds'])}"
+            f"  derivatives by {', '.join(d['by'])} with {d['setting']}: relative error {d['error']:.1e}, {seconds(d['seconds'])}"
         )
     if result["failed"] and "within" in result:
         lines.append(f"  failed: error above {result['within']:.0e} with {', '.join(result['failed'])}")
@@ -69,18 +53,18 @@ def setting(p: dict[str, Any]) -> str:
 
 def error_of(p: dict[str, Any]) -> str:
     """The error of a point; of a motion that ended before its end, that it did."""
-    return size(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended']}"
+    return error(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended']}"
 
 
 def point_row(p: dict[str, Any]) -> list[str]:
     ended = "" if p["ended"] == "finished" else error_of(p)[:72]
     return [
         setting(p),
-        size(p["error"]),
+        error(p["error"]),
         str(p["evaluations"]),
         str(p["steps"]),
         str(p["rejected"]),
-        time(p["seconds"]),
+        seconds(p["seconds"]),
         ended,
     ]
 
@@ -90,7 +74,7 @@ def goal_line(goal: dict[str, Any]) -> str:
     p = goal["reached"]
     if p is None:
         return f"error {goal['goal']}: missed at every tolerance"
-    how = f"{size(p['error'])}, {p['evaluations']} evaluations, {time(p['seconds'])} with {setting(p)}"
+    how = f"{error(p['error'])}, {p['evaluations']} evaluations, {seconds(p['seconds'])} with {setting(p)}"
     return f"error {goal['goal']}: {'reached' if goal['met'] else 'missed'}, {how}"
 
 
@@ -100,9 +84,9 @@ def family_lines(result: dict[str, Any], width: int | None) -> list[str]:
     head = [result["unit"], "coordinates", "relative error", "operations each", "one more direction",
             *(f"{f}, each" for f in functions), *functions]  # fmt: skip
     cells = [
-        [str(r["size"]), str(r["bodies"]), size(r["error"]), f"{plain(r['operations']) / r['bodies']:.0f}",
+        [str(r["size"]), str(r["bodies"]), error(r["error"]), f"{plain(r['operations']) / r['bodies']:.0f}",
          f"{plain(r['operations_direction']) / r['bodies']:.0f}",
-         *(time(r["seconds"][f] / r["bodies"]) for f in functions), *(time(r["seconds"][f]) for f in functions)]
+         *(seconds(r["seconds"][f] / r["bodies"]) for f in functions), *(seconds(r["seconds"][f]) for f in functions)]
         for r in rows
     ]  # fmt: skip
     lines = table(head, cells, width)
@@ -122,9 +106,10 @@ def robot_head(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def robot_row(row: dict[str, Any]) -> list[str]:
     """A robot: ours, theirs and their ratio by function."""
-    found = [row["model"], str(row["speeds"]), size(row["error"])]
-    for what, seconds in row["seconds"].items():
-        found += [time(seconds), time(row["theirs"][what]), f"{seconds / row['theirs'][what]:.2f}"]
+    found = [row["model"], str(row["speeds"]), error(row["error"])]
+    for what, ours in row["seconds"].items():
+        theirs = row["theirs"][what]
+        found += [seconds(ours), seconds(theirs), f"{ours / theirs:.2f}"]
     return found
 
 
@@ -155,7 +140,7 @@ PEER_HEAD = ("", "setting", "error", "of derivatives", "time")
 
 
 def peer_row(row: dict[str, Any]) -> list[str]:
-    return [row["who"], row["setting"], size(row["error"]), size(row["error_derivatives"]), time(row["seconds"])]
+    return [row["who"], row["setting"], error(row["error"]), error(row["error_derivatives"]), seconds(row["seconds"])]
 
 
 def compare_lines(new: dict[str, Any], old: dict[str, Any], width: int | None) -> list[str]:

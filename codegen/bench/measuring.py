@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import math
-import statistics
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import mpmath
 import numpy as np
 
 from .. import generation
+from ..measure import accuracy
+from ..measure.clock import alternate, repeated
+from ..measure.compiled import Functions, Workshop
+from ..measure.operations import point, total
 from ..model import parse_model
-from ..reporting.core import Core
-from ..reporting.roofline import point
 from ..runtime import Solver, load
-from ..runtime.standalone.manifest import read_manifest
-from .c_clock import Clock
 from .peers.robots import measure_robots
-from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Reference, Robots, Setting
-from .timing import alternate
+from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, Setting
 from .work_precision import Point, cheapest, diagram, error_at_end, fastest, integrate
+
+BATCH = 1e-3
+"""Seconds of a turn in C, about."""
 
 Progress = Callable[[str], None]
 Result = dict[str, Any]
@@ -63,15 +63,6 @@ def generated(text: str, name: str, folder: Path, functions: Sequence[str]) -> t
     return load(folder / name), time.perf_counter() - start
 
 
-def operations(solver: Solver, function: str = "accelerations", part: str = "per_call") -> dict[str, int]:
-    """Additions, multiplications, divisions and functions of a call, all sweeps together."""
-    found: dict[str, int] = {}
-    for sweep in solver.operations[function].values():
-        for what, count in sweep.get(part, {}).items():
-            found[what] = found.get(what, 0) + int(count)
-    return found
-
-
 # -- motions ---------------------------------------------------------------------------------------------------------------
 
 
@@ -86,8 +77,8 @@ def _motion(problem: Motion, folder: Path, quick: bool, progress: Progress, budg
     )  # fmt: skip
     result: Result = {
         "kind": "motion", "title": problem.title, "source": problem.source, "end": problem.end,
-        "quantities": list(problem.quantities), "generation_seconds": seconds, "operations": operations(solver),
-        "points": [point_record(p) for p in points],
+        "quantities": list(problem.quantities), "generation_seconds": seconds,
+        "operations": total(solver.operations["accelerations"]), "points": [point_record(p) for p in points],
     }  # fmt: skip
     if quick:
         result["within"] = problem.within
@@ -166,60 +157,34 @@ def _evaluation(x: Evaluation, name: str, folder: Path, progress: Progress, budg
     q, u = first[0] if x.q is None else x.q, first[1] if x.u is None else x.u
     udot, dudot = solver.sensitivities(q, u, dq=x.dq, du=x.du, dp=x.dp)
     result: Result = {
-        "bodies": int(solver.nu), "generation_seconds": seconds, "operations": operations(solver),
-        "operations_direction": operations(solver, "sensitivities", "per_direction"), "error": None, "errors": None,
+        "bodies": int(solver.nu), "generation_seconds": seconds, "operations": total(solver.operations["accelerations"]),
+        "operations_direction": total(solver.operations["sensitivities"], "per_direction"), "error": None, "errors": None,
     }  # fmt: skip
     if x.reference is not None:
         progress(f"{name}: computing its reference in many digits")
         start = time.perf_counter()
-        errors = relative_errors(udot, dudot, x.reference())
+        exact = x.reference()
+        errors = accuracy.by_direction([udot, *dudot[: len(exact.dudot)]], [exact.udot, *exact.dudot])
         labels = ["udot", *(x.directions or [f"direction {i + 1}" for i in range(len(errors) - 1)])]
         result |= {
             "error": max(errors), "errors": dict(zip(labels, errors, strict=True)),
             "reference_seconds": time.perf_counter() - start,
         }  # fmt: skip
     progress(f"{name}: timing")
-    times = _times(solver, folder / name, Clock(folder), q, u, x, budget)
+    times = _times(solver, folder / name, q, u, x, budget)
     functions = zip(times.items(), (("accelerations", 0), ("sensitivities", WIDTH)), strict=True)
     roofline = [point(solver, label, function, k, seconds) for (label, seconds), (function, k) in functions]
     return result | {"seconds": times, "roofline": roofline}
 
 
-def relative_errors(udot: Array, dudot: Array, exact: Reference) -> list[float]:
-    """Of udot and each direction: the largest difference over the largest entry."""
-    found = []
-    with mpmath.workdps(50):
-        for values, reference in ((udot, exact.udot), *zip(dudot, exact.dudot, strict=False)):
-            size = max(abs(b) for b in reference)
-            difference = max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(values, reference, strict=True))
-            found.append(float(difference / size if size > SMALLEST else difference))
-    return found
-
-
-def _times(
-    solver: Solver, package: Path, clock: Clock, q: Array, u: Array, x: Evaluation, budget: float
-) -> dict[str, float]:
+def _times(solver: Solver, package: Path, q: Array, u: Array, x: Evaluation, budget: float) -> dict[str, float]:
     """Seconds of an evaluation in C: of udot, and of udot with eight directions (those of the problem in turn)."""
-    p, n = np.array(solver.parameters, float), len(u)
-    work = np.zeros(read_manifest(package)["workspace"])
-    lanes = [np.ascontiguousarray(np.resize(d, (WIDTH, d.shape[1])).T) for d in (x.dq, x.du, x.dp)]
-    contestants = {
-        "udot": clock.timed(package, solver.name, "accelerations", [q, u, p, np.zeros(n), work]),
-        f"udot + {WIDTH}": clock.timed(
-            package, solver.name, f"sensitivities_{WIDTH}", [q, u, p, *lanes, np.zeros(n), np.zeros((n, WIDTH)), work]
-        ),
-    }
-    return {name: s.least for name, s in alternate(contestants, budget).items()}
-
-
-def peaks(folder: Path) -> dict[str, float]:
-    """What the core can do: operations per second, vectors and one number at a time, and bytes per second, for a roofline."""
-    return {name: 1 / min(turn.seconds for turn in turns) for name, turns in Core.compiled(folder).peaks().items()}
-
-
-def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float:
-    """k of time ~ size^k, by least squares of the logarithms; NaN for less than two sizes."""
-    if len(sizes) < 2:
-        return math.nan
-    x, y = np.log(sizes), np.log(seconds)
-    return float(statistics.linear_regression(x.tolist(), y.tolist()).slope)
+    functions, workshop = Functions.of_package(package), Workshop.of_packages(package.parent)
+    given = {"q": q, "u": u, "p": np.array(solver.parameters, float)}
+    seeds = {n: np.resize(d, (WIDTH, d.shape[1])) for n, d in (("dq", x.dq), ("du", x.du), ("dp", x.dp))}
+    contestants = [
+        functions.contestant("accelerations", given, name="udot"),
+        functions.contestant("sensitivities", given | seeds, WIDTH, name=f"udot + {WIDTH}"),
+    ]
+    timed = {c.name: repeated(workshop.compiled(c, "-O2").seconds, BATCH, warm_up=True) for c in contestants}
+    return {name: s.least for name, s in alternate(timed, budget).items()}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
+from ..measure.clock import exponent
+from ..measure.operations import plain
+from ..measure.tables import error, markdown, seconds
 from ..runtime.standalone.whole_file import MARK
-from .lines import PEER_HEAD, error_of, peer_row, plain, robot_head, robot_row, setting, size, time
-from .measuring import exponent
+from .lines import PEER_HEAD, error_of, peer_row, robot_head, robot_row, setting
 from .problem import JOINT, SPEED
 
 TITLE = "How accurate, how fast"
@@ -87,14 +88,6 @@ def page_of(results: dict[str, Any]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table."""
-    return "\n".join(
-        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |"
-        for line in (head, ["---"] * len(head), *rows)
-    )
-
-
 def _motions(motions: dict[str, Any]) -> list[str]:
     parts = [MOTIONS]
     aims = [[f"`{n}`", *_aim(g)] for n, r in motions.items() for g in r.get("goals", ())]
@@ -134,7 +127,7 @@ def _aim(goal: dict[str, Any]) -> list[str]:
     if p is None:
         return [goal["goal"], "**missed**", "", "", "", ""]
     verdict = "reached" if goal["met"] else "**missed**"
-    return [goal["goal"], verdict, size(p["error"]), str(p["evaluations"]), f"{1e3 * p['seconds']:.2f}", setting(p)]
+    return [goal["goal"], verdict, error(p["error"]), str(p["evaluations"]), f"{1e3 * p['seconds']:.2f}", setting(p)]
 
 
 def _named(row: dict[str, Any]) -> bool:
@@ -174,9 +167,9 @@ def _families(families: dict[str, Any]) -> list[str]:
         for row in r["sizes"]:
             n = row["bodies"]
             rows.append(
-                [str(row["size"]), str(n), size(row["error"]), f"{plain(row['operations']) / n:.0f}",
+                [str(row["size"]), str(n), error(row["error"]), f"{plain(row['operations']) / n:.0f}",
                  f"{plain(row['operations_direction']) / n:.0f}",
-                 *(x for f in functions for x in (time(row["seconds"][f]), f"{1e9 * row['seconds'][f] / n:.1f}"))]
+                 *(x for f in functions for x in (seconds(row["seconds"][f]), f"{1e9 * row['seconds'][f] / n:.1f}"))]
             )  # fmt: skip
         head = [r["unit"], "coordinates", "error", "udot, operations each", "one more direction",
                 *(x for f in functions for x in (f, "ns each"))]  # fmt: skip

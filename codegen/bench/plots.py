@@ -8,20 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ..folders import FolderError
+from ..measure.clock import exponent
+from ..measure.drawing import STYLES, drawing, under_the_roof
 from ..own_files import refuse_foreign_file
-from ..reporting.figures import drawing, under_the_roof
-from .measuring import exponent
-
-STYLES: tuple[dict[str, Any], ...] = (
-    {"color": "#000000", "marker": "o", "linestyle": "-"},
-    {"color": "#0072b2", "marker": "^", "linestyle": (0, (5, 2))},
-    {"color": "#8a8a8a", "marker": "s", "linestyle": (0, (1, 1.2))},
-    {"color": "#d55e00", "marker": "D", "linestyle": (0, (5, 1, 1, 1))},
-    {"color": "#000000", "marker": "P", "linestyle": (0, (8, 3))},
-    {"color": "#0072b2", "marker": "v", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
-)
-"""They differ by marker and dashes, not by colour alone."""
-
 
 PICTURES = ("time_by_size", "roofline", "robots")
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..measure import tables
 from ..runtime.standalone.whole_file import MARK, write_whole
 
 FORMAT = 1
@@ -107,20 +108,11 @@ def compare(new: dict[str, Any], old: dict[str, Any]) -> list[list[str]]:
             continue
         old_error, old_evaluations, old_seconds = before[key]
         work = [] if evaluations is None and old_evaluations is None else [str(old_evaluations), str(evaluations)]
-        rows.append(
-            [*key, _size(old_error), _size(error), *(work or ["", ""]), _time(old_seconds), _time(seconds),
-             f"{seconds / old_seconds:.2f}" if old_seconds > 0 else ""]
-        )  # fmt: skip
+        ratio = f"{seconds / old_seconds:.2f}" if old_seconds > 0 else ""
+        errors, times = map(tables.error, (old_error, error)), map(tables.seconds, (old_seconds, seconds))
+        rows.append([*key, *errors, *(work or ["", ""]), *times, ratio])
     return rows
 
 
 COMPARED = ("", "", "error then", "now", "evaluations then", "now", "time then", "now", "ratio")
 """What stands above the rows of `compare`."""
-
-
-def _size(x: float | None) -> str:
-    return "" if x is None else f"{x:.1e}"
-
-
-def _time(seconds: float) -> str:
-    return f"{1e3 * seconds:.3g} ms" if seconds >= 1e-4 else f"{1e6 * seconds:.3g} us"

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..measure.clock import Timed, alternate
 from ..runtime.standalone.trajectory import INTERRUPTED
 from .problem import Setting
-from .timing import Timed, alternate
 
 if TYPE_CHECKING:
     from ..runtime import Solver, Trajectory

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .core import FIXED_WORK
+from ..measure.core import FIXED_WORK
 
 SPREAD = 0.15
 """Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 import numpy as np
 
+from ..measure import accuracy
 from ..model import Model, parse_model
 from ..reference import RecursiveEngine
 from .skipped import Skipped
@@ -88,20 +89,17 @@ def slowdown() -> float:
 
 
 def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
-    """max_i |x_i - exact_i| / max_i |exact_i|; in parts of a `natural` size where the exact ones vanish."""
-    x, exact = np.ravel(x), np.ravel(exact)
-    size = _size(exact, natural)
-    difference = max((abs(mpmath.mpf(float(a)) - e) for a, e in zip(x, exact, strict=True)), default=mpmath.mpf(0))
-    return float(difference / size)
+    """`accuracy.relative`, in parts of a `natural` size where the exact ones vanish."""
+    return accuracy.relative(x, exact, _size(np.ravel(exact), natural))
 
 
 def vanishes(exact: Any, natural: float) -> bool:
     """Whether nothing is left of it but what the rounding of a state may leave."""
-    return max((abs(e) for e in np.ravel(exact)), default=0) <= VANISHING * natural
+    return bool(accuracy.largest(exact) <= VANISHING * natural)
 
 
 def _size(exact: Any, natural: float) -> Any:
-    return mpmath.mpf(natural) if vanishes(exact, natural) else max(abs(e) for e in np.ravel(exact))
+    return mpmath.mpf(natural) if vanishes(exact, natural) else accuracy.largest(exact)
 
 
 def natural_sizes(udot: Any, values: Any) -> Array:

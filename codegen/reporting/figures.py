@@ -2,61 +2,19 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from ..runtime.standalone.whole_file import MARK
+from ..measure.drawing import STYLES as ALL_STYLES
+from ..measure.drawing import drawing, under_the_roof
 
-SETTINGS: dict[Any, Any] = {
-    "svg.hashsalt": "ordernm", "svg.fonttype": "none", "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9, "axes.grid": True, "axes.grid.which": "major", "grid.linewidth": 0.4, "grid.color": "#cccccc",
-    "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "text.parse_math": False,
-}  # fmt: skip
-
-STYLES: dict[str, dict[str, Any]] = {
-    "rk4": {"color": "#8a8a8a", "marker": "s", "linestyle": (0, (1, 1.2))},
-    "dop853": {"color": "#000000", "marker": "o", "linestyle": "-"},
-    "radau": {"color": "#0072b2", "marker": "^", "linestyle": (0, (5, 2))},
-}
-"""Of integrators: they differ by marker and dashes, not by colour alone."""
-
+METHODS = ("dop853", "radau", "rk4")
+STYLES = dict(zip(METHODS, ALL_STYLES, strict=False))
 NAMES = {"rk4": "RK4, constant steps", "dop853": "Dormand-Prince 8(5,3)", "radau": "Radau IIA 5"}
 
 ROUNDING = float(np.finfo(float).eps) / 2
 """Errors below are drawn there: zero has no place on a logarithmic axis."""
-
-
-@contextmanager
-def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any, Sequence[Any], list[str]]]:
-    """A figure and its axes; its SVG text is left in the list."""
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    text: list[str] = []
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(SETTINGS)
-        figure = Figure(figsize=(width, height))
-        FigureCanvasSVG(figure)
-        axes = figure.subplots(1, columns, squeeze=False)[0]
-        yield figure, axes, text
-        for ax in axes:
-            for axis in (ax.xaxis, ax.yaxis):
-                if axis.get_scale() == "log":
-                    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-                    axis.set_minor_formatter(NullFormatter())
-                    axis.set_major_locator(LogLocator(numticks=7))
-        figure.tight_layout()
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": MARK})
-        svg = buffer.getvalue()
-        text.append(svg[svg.index("<svg") :])
 
 
 def figures(data: dict[str, Any]) -> dict[str, str]:
@@ -194,21 +152,3 @@ def roofline(data: dict[str, Any]) -> str:
                 point["per_byte"], point["per_second"] / 1e9, marker, color="#000000", markersize=6, label=point["name"]
             )
     return text[0]
-
-
-@contextmanager
-def under_the_roof(peaks: dict[str, float]) -> Iterator[tuple[Any, list[str]]]:
-    """Axes with what a core can do, for points to be drawn in; the SVG text is left in the list."""
-    with drawing(7.2, 3.6) as (_, (ax,), text):
-        x = np.logspace(-2, 2, 200)
-        for name, dashes in (("first cache", "-"), ("memory", (0, (5, 2)))):
-            ax.plot(x, np.minimum(x * peaks[name], peaks["vectors"]) / 1e9, color="#000000", linewidth=1.2, linestyle=dashes,
-                    label=f"{name}, {peaks[name] / 1e9:.0f} GB/s")  # fmt: skip
-        ax.axhline(peaks["numbers"] / 1e9, color="#8a8a8a", linewidth=1, linestyle=(0, (1, 1.2)),
-                   label=f"one number at a time, {peaks['numbers'] / 1e9:.1f} GFlop/s")  # fmt: skip
-        yield ax, text
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        ax.set_xlabel("operations per byte of arguments and results")
-        ax.set_ylabel("GFlop/s")
-        ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..emit.templates import render
 from ..folders import FolderError
+from ..measure.tables import number, seconds
 from ..model.errors import ModelError
 from ..own_files import refuse_foreign_file
 from ..runtime.standalone.errors import AssemblyError, CompileError
@@ -72,15 +73,13 @@ def write_gallery(
 def row(name: str, data: dict[str, Any]) -> list[str]:
     """What the list shows of a report."""
     g, times = data["generated"], data.get("times", {}).get("functions", {})
-    taken = [
-        pages.seconds(times[n]["compiled"]["least"]) if n in times else "-" for n in ("udot", "udot + 8 directions")
-    ]
+    taken = [seconds(times[n]["compiled"]["least"]) if n in times else "-" for n in ("udot", "udot + 8 directions")]
     errors = data.get("errors") or []
     worst = (
         max((e["udot"] for e in errors), default=None),
         max((max(e["derivatives"].values()) for e in errors), default=None),
     )
-    return [name, *(str(g[k]) for k in ("bodies", "loops", "freedoms")), *taken, *(pages.number(x, 2) for x in worst),
+    return [name, *(str(g[k]) for k in ("bodies", "loops", "freedoms")), *taken, *(number(x, 2) for x in worst),
             str(len(data["skipped"]))]  # fmt: skip
 
 

@@ -7,9 +7,9 @@ import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..measure.core import Core, Turn
+from ..measure.operations import operations
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
-from .core import Core, Turn
-from .roofline import operations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..bench.machine import machine
 from ..generation import generate
+from ..measure.core import FIXED_WORK, Core, Turn
+from ..measure.machine import machine
+from ..measure.operations import point
 from ..model import Model, load_model
 from ..runtime import load
 from ..runtime.standalone.build import Build, build_apart, builds, first_build
 from ..runtime.standalone.manifest import read_manifest
 from ..version import __version__
-from . import differences, errors, generated, motions, pages, processes, roofline
-from .core import FIXED_WORK, Core, Turn
+from . import differences, errors, generated, motions, pages, processes
 from .skipped import Skipped
 from .states import State, states
 
@@ -177,8 +178,8 @@ def _times(
         core, packages[0], state, request.timing, packages[-1], taken,
         lambda done, of: progress("timing", done, of),
     )  # fmt: skip
-    for (point, _), x in zip(points, records, strict=True):
-        point |= {"seconds": x["least"], "seconds_high": x["high"], "core": x["core"], "cache": x["cache"]}
+    for (entry, _), x in zip(points, records, strict=True):
+        entry |= {"seconds": x["least"], "seconds_high": x["high"], "core": x["core"], "cache": x["cache"]}
     if not functions:
         return {}
     return {
@@ -187,9 +188,19 @@ def _times(
             "peaks": {name: 1 / x["least"] for name, x in peaks.items()},
             "peaks_low": {name: 1 / x["high"] for name, x in peaks.items()},
             **{work: {name: x[work] for name, x in peaks.items()} for work in FIXED_WORK},
-            "points": roofline.points(solver, functions["functions"]),
+            "points": _points(solver, functions["functions"]),
         },
     }
+
+
+def _points(solver: Solver, times: dict[str, Any]) -> list[dict[str, Any]]:
+    """Of a roofline: udot and sensitivities, by their least times in C."""
+    of = (
+        ("udot", "accelerations", 0),
+        ("udot + 1 direction", "sensitivities", 1),
+        ("udot + 8 directions", "sensitivities", 8),
+    )
+    return [point(solver, name, function, k, times[name]["compiled"]["least"]) for name, function, k in of]
 
 
 def _compile(folder: Path, *apart: str) -> float:

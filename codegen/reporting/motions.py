@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..choices import more_choices
+from ..measure.operations import operations
 from .errors import VANISHING
 from .integrating import (
     COSTLIEST,
@@ -24,15 +25,14 @@ from .integrating import (
     motion,
     timed,
 )  # fmt: skip
-from .roofline import operations
 from .skipped import Skipped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ..measure.core import Core
     from ..model import Model
     from ..runtime import Solver, Trajectory
-    from .core import Core
 
     Array = NDArray[np.float64]
 

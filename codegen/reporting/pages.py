@@ -10,6 +10,7 @@ from typing import Any
 
 from ..emit.templates import render
 from ..folders import FolderError, write_folder
+from ..measure.tables import number, seconds
 from ..runtime.standalone.manifest import file_digest
 from ..runtime.standalone.whole_file import MARK
 from . import agreement, figures, processes
@@ -158,23 +159,6 @@ def _section(title: str, text: list[str], figure: str = "", found: list[Table] |
 
 def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> Table:
     return {"title": title, "head": head, "rows": rows, "note": note}
-
-
-def number(x: float | None, digits: int = 3) -> str:
-    """A number as people read it; nothing for none."""
-    if x is None:
-        return "-"
-    if not math.isfinite(x):
-        return str(x)
-    return f"{x:.{digits}g}"
-
-
-def seconds(x: float) -> str:
-    """Such as ``231 ns``, ``4.56 us``, ``1.2 ms``, ``3 s``."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
-        if x >= size:
-            return f"{x / size:.3g} {unit}"
-    return f"{x / 1e-9:.3g} ns"
 
 
 def _generated(data: dict[str, Any]) -> Section:

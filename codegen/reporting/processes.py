@@ -14,9 +14,9 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..measure.core import FIXED_WORK, Core, Turn, record
 from ..runtime import load
 from . import integrating, times
-from .core import FIXED_WORK, Core, Turn, record
 from .integrating import Setting
 from .states import State
 

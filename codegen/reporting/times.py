@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bench.timing import calibrated, elapsed, summary
-from ..bench.timing import turns as alternating
-from .core import FIXED_WORK, Core, Watched, record
+from ..measure.clock import calibrated, elapsed, summary
+from ..measure.clock import turns as alternating
+from ..measure.core import FIXED_WORK, Core, Watched, record
 from .states import State
 
 if TYPE_CHECKING:

@@ -5,13 +5,13 @@ import json
 import math
 import time
 
-import numpy as np
 import pytest
 
-from codegen.bench import command, lines, measuring, page, results, timing, work_precision
+from codegen.bench import command, lines, measuring, page, results, work_precision
 from codegen.bench.catalogue import PROBLEMS
 from codegen.bench.problem import Goal, Setting
 from codegen.cli import main
+from codegen.measure import accuracy, clock
 from codegen.runtime import NoCompilerError
 
 
@@ -127,7 +127,7 @@ def test_without_a_compiler_it_says_so(monkeypatch, capsys):
     error = capsys.readouterr().err
     assert error.startswith("bench: no C compiler found: CC=no-such-compiler is no program; install gcc or clang")
     with pytest.raises(NoCompilerError):
-        from codegen.bench.machine import machine
+        from codegen.measure.machine import machine
 
         machine()
 
@@ -220,21 +220,18 @@ def test_contestants_take_turns():
 
         return run
 
-    found = timing.alternate({"a": contestant("a"), "b": contestant("b")}, budget=0.0, least_turns=3)
+    found = clock.alternate({"a": contestant("a"), "b": contestant("b")}, budget=0.0, least_turns=3)
     assert order == ["a", "b", "a", "b", "a", "b"]
-    assert found["a"] == timing.Seconds(1.0, 3.0, 5.0, 3)
-    slept = timing.elapsed(lambda: time.sleep(0.002), 3)()
+    assert found["a"] == clock.Seconds(1.0, 3.0, 5.0, 3)
+    slept = clock.elapsed(lambda: time.sleep(0.002), 3)()
     assert 0.002 <= slept < 1.0
 
 
 def test_exponents_of_growth():
-    assert measuring.exponent([10, 100, 1000], [2e-6, 2e-4, 2e-2]) == pytest.approx(2.0)
-    assert math.isnan(measuring.exponent([10], [1.0]))
+    assert clock.exponent([10, 100, 1000], [2e-6, 2e-4, 2e-2]) == pytest.approx(2.0)
+    assert math.isnan(clock.exponent([10], [1.0]))
 
 
 def test_relative_errors_are_by_direction():
-    from codegen.bench.problem import Reference
-
-    exact = Reference([1, 2], [[10, 0], [0, 0]])
-    found = measuring.relative_errors(np.array([1.0, 2.0 + 2e-10]), np.array([[10.0, 1e-9], [1e-12, 0.0]]), exact)
+    found = accuracy.by_direction([[1.0, 2.0 + 2e-10], [10.0, 1e-9], [1e-12, 0.0]], [[1, 2], [10, 0], [0, 0]])
     assert found == pytest.approx([1e-10, 1e-10, 1e-12], rel=1e-5)

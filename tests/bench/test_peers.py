@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from codegen.bench import articulated_chain
 from codegen.bench.peers import casadi_cvodes, comparing, mujoco_steps, pinocchio_aba, scipy_ivp
 from codegen.bench.problem import Motion
 from codegen.bench.problems.cart_pole import CART_POLE
 from codegen.bench.problems.chain_motion import ANGLES, BY_LENGTH, CHAIN_MOTION, RODS
 from codegen.bench.problems.families import chain_state
+from codegen.measure import articulated_chain
 
 
 def test_pinocchio_has_the_same_chain():

@@ -3,9 +3,9 @@
 import pytest
 
 from codegen.bench.catalogue import PROBLEMS
-from codegen.bench.machine import machine
 from codegen.bench.measuring import measure
 from codegen.bench.problem import Motion
+from codegen.measure.machine import machine
 
 ELSEWHERE = ("robots",)
 """In test_robots.py: what they need is not everywhere."""

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from codegen.bench import articulated_chain
 from codegen.bench.catalogue import PROBLEMS, UnknownProblemError, chosen
 from codegen.bench.dual import Dual, cosine, sine
 from codegen.bench.elliptic import swing
-from codegen.bench.models import changed, example
 from codegen.bench.problem import Family, Motion
 from codegen.bench.problems import chain_motion, families, four_bars, pendulum, planar_chains
+from codegen.measure import articulated_chain
+from codegen.measure.models import changed, example
 from codegen.model import parse_model
 from codegen.reference import RecursiveEngine
 

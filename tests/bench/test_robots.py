@@ -6,10 +6,10 @@ import pytest
 
 from codegen.bench import lines, page
 from codegen.bench.measuring import measure
-from codegen.bench.peers import pinocchio_models
 from codegen.bench.plots import write_plots
 from codegen.bench.problems.robots import ROBOTS
 from codegen.bench.results import figures
+from codegen.measure import pinocchio_models
 
 MACHINE = dict.fromkeys(("processor", "instructions", "compiler", "flags", "system", "python", "numpy", "ordernm"), "x")
 

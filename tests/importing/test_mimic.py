@@ -8,7 +8,7 @@ from comparison import error
 from imported_robots import joint, link, robot
 
 import codegen
-from codegen.bench.peers.pinocchio_models import robots_folder
+from codegen.measure.pinocchio_models import robots_folder
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 

@@ -7,7 +7,7 @@ import pytest
 from pinocchio_agreement import errors
 
 import codegen
-from codegen.bench.peers.pinocchio_models import robots_folder
+from codegen.measure.pinocchio_models import robots_folder
 
 ROBOTS = [
     ("ur_description/urdf/ur5_robot.urdf", "fixed"), ("panda_description/urdf/panda.urdf", "fixed"),

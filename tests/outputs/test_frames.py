@@ -395,7 +395,7 @@ bodies:
 def test_against_pinocchio(tmp_path: Path) -> None:
     """Placements, velocities, accelerations and joint Jacobians of a floating tree."""
     pin: Any = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: pip install pin")
-    from codegen.bench.peers.pinocchio_models import ours, usual_state
+    from codegen.measure.pinocchio_models import ours, usual_state
 
     theirs = pin.Model()
     joints = (pin.JointModelFreeFlyer(), pin.JointModelRX(), pin.JointModelRevoluteUnaligned(np.array([0.6, 0.0, 0.8])),

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.measure.core import Core, Turn, record
 from codegen.reference import RecursiveEngine
 from codegen.reporting import Request, figures, integrating, motions, processes, report
-from codegen.reporting.core import Core, Turn, record
 from codegen.reporting.errors import DIGITS
 from codegen.reporting.states import State
 

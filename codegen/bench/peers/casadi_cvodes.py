@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ...measure import articulated_chain
 from ...runtime.standalone.compiler import optimization
-from .. import articulated_chain
 from ..problem import Motion
 from .contestant import Contestant, Ends
 

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...measure.clock import alternate, elapsed
 from ..measuring import generated
 from ..problem import Motion, Problem, Setting, tolerances
 from ..problems.chain_motion import CHAIN_MOTION, RODS
 from ..problems.families import chain_state
 from ..problems.flyball import FLYBALL
-from ..timing import alternate, elapsed
 from ..work_precision import integrate
 from .contestant import Contestant, Ends
 

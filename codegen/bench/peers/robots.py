@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from ... import generation
+from ...measure import pinocchio_models
+from ...measure.clock import alternate, calibrated
+from ...measure.pinocchio_models import State
 from ...runtime import load
 from ..problem import Array, Robots
-from ..timing import alternate, calibrated
-from . import pinocchio_models
-from .pinocchio_models import State
 
 FUNCTIONS = ("accelerations", "jacobians", "mass_matrix", "inverse_mass_matrix")
 STATES = 1024

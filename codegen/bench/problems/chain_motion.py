@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..models import changed
+from ...measure.models import changed
 from ..problem import Motion, tolerances
 
 RODS = 4

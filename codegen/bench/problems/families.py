@@ -8,9 +8,9 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from .. import articulated_chain
+from ...measure import articulated_chain
+from ...measure.models import changed
 from ..dual import Dual, cosine, sine
-from ..models import changed
 from ..problem import Array, Evaluation, Family, Reference
 
 DIGITS = 40

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..models import example
+from ...measure.models import example
 from ..problem import Goal, Motion, tolerances
 
 FLYBALL = Motion(

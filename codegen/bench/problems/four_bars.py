@@ -12,8 +12,8 @@ from typing import Any
 
 import mpmath
 
+from ...measure.models import changed
 from ..elliptic import DIGITS, rotation
-from ..models import changed
 from ..problem import Goal, Motion, tolerances
 
 SOURCE = (

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from functools import cache
 
+from ...measure.models import example
 from ..elliptic import swing
-from ..models import example
 from ..problem import Goal, Motion, tolerances
 
 SOURCE = (

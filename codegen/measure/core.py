@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bench.timing import Timed, cores, one_core, summary
 from ..runtime.standalone.compiler import STANDARD, find_compiler, optimization, run_all
 from ..runtime.standalone.errors import CompileError
+from .clock import Timed, cores, one_core, summary
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -251,6 +251,11 @@ class Core:
         for name, n, rounds in (("first cache", IN_CACHE, 5000), ("memory", IN_MEMORY, 1)):
             runs[name] = self._sums(_two_arrays(n), rounds)
         return {name: [self.turn(run) for _ in range(TURNS)] for name, run in runs.items()}
+
+
+def peaks(folder: Path) -> dict[str, float]:
+    """What the core can do at best: operations per second, vectors and one number at a time, and bytes per second."""
+    return {name: 1 / min(turn.seconds for turn in turns) for name, turns in Core.compiled(folder).peaks().items()}
 
 
 def record(turns: Iterable[Turn]) -> dict[str, Any]:

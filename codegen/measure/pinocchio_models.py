@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...importing.placement import Placement
-from ...model import Model, ModelBuilder
-from ..problem import Array
+from ..importing.placement import Placement
+from ..model import Model, ModelBuilder
+from .compiled import Array
 
 
 class Robot(NamedTuple):

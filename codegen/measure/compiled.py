@@ -1,0 +1,324 @@
+"""Contestants in C: compiled at several levels of optimisation, called in a loop in C, compared and timed in turns.
+
+Times of the same C differ by a quarter between translation units and drift with the machine. So every contestant is a library of
+its own at each of its levels, and all take turns: a round gives, for each, the least of many batches of about two milliseconds;
+times are medians over the rounds at the best level, ratios medians of those of single rounds. The clock counts the CPU time of
+the thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import hashlib
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..runtime.standalone.build import Build
+from ..runtime.standalone.compiler import compiler_version, find_compiler, optimization, processor
+from ..runtime.standalone.manifest import read_manifest
+from ..runtime.standalone.user_cache import make_private, user_cache
+from . import machine
+from .clock import Rounds, in_rounds, repeated
+
+Array = NDArray[np.float64]
+
+LEVELS = ("-O1", "-O2", "-O3")
+INSTRUCTIONS = {"native": (), "avx2": ("-mno-avx512f",), "sse2": ("-mno-avx512f", "-mno-avx")}
+"""Flags that leave out what a machine may not have."""
+
+CLOCK = """\
+#include <time.h>
+{declarations}
+double seconds(long repetitions, double **a)
+{{
+    struct timespec begin, end;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &begin);
+    for (long i = 0; i < repetitions; ++i) {call};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &end);
+    return (double)(end.tv_sec - begin.tv_sec) + 1e-9 * (double)(end.tv_nsec - begin.tv_nsec);
+}}
+"""
+POINTER = ctypes.POINTER(ctypes.c_double)
+
+
+@dataclass
+class Contestant:
+    """A C function with its arguments.
+
+    Attributes
+    ----------
+    name : str
+    files : dict of str to str
+        Sources and headers by file name; every ``.c`` is compiled.
+    declarations : str
+        C declarations for the call, or an ``#include``.
+    call : str
+        The call, its arguments written ``a[0]``, ``a[1]``, ...
+    arrays : mapping of str to array
+        What these point at, by name: arguments, results and workspace, float64.
+    levels : sequence of str
+        Optimisation levels to compile at.
+    libraries : sequence of Path
+        Shared libraries to link with, compiled elsewhere.
+    instructions : str
+        Which of the machine's instructions it may use, of `INSTRUCTIONS`, beside what nobody may.
+    """
+
+    name: str
+    files: Mapping[str, str]
+    declarations: str
+    call: str
+    arrays: Mapping[str, Array]
+    levels: Sequence[str] = LEVELS
+    libraries: Sequence[Path] = ()
+    instructions: str = "native"
+
+
+@dataclass
+class Variant:
+    """A contestant compiled at one level; `compile_seconds` is zero where the library was in the cache."""
+
+    level: str
+    arrays: dict[str, Array] = field(repr=False)
+    run: Any = field(repr=False)
+    compile_seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._pointers = (POINTER * len(self.arrays))(*(x.ctypes.data_as(POINTER) for x in self.arrays.values()))
+
+    def seconds(self, repetitions: int = 1) -> float:
+        """Call it some times, and return the seconds of all calls."""
+        return float(self.run(ctypes.c_long(repetitions), self._pointers))
+
+
+@dataclass(frozen=True)
+class Workshop:
+    """What all contestants share: the folder that keeps what is compiled, the instructions, the compiler and its flags.
+
+    Attributes
+    ----------
+    folder : Path
+    instructions : str
+        Of `INSTRUCTIONS`.
+    flags : sequence of str
+        The same for everybody; no ``-ffast-math``.
+    """
+
+    folder: Path
+    instructions: str = "native"
+    flags: Sequence[str] = ("-march=native",)
+
+    @classmethod
+    def of_packages(cls, folder: Path) -> Workshop:
+        """With the flags of generated packages."""
+        return cls(folder, flags=optimization())
+
+    @cached_property
+    def compiler(self) -> list[str]:
+        """As for packages, see `find_compiler`."""
+        return find_compiler()
+
+    @cached_property
+    def all_flags(self) -> list[str]:
+        """With those that leave out instructions."""
+        return [*self.flags, *INSTRUCTIONS[self.instructions]]
+
+    @property
+    def widest(self) -> str:
+        """The widest vector instructions that are left."""
+        return machine.instructions(self.compiler, self.all_flags)
+
+    def compiled(self, contestant: Contestant, level: str) -> Variant:
+        """A contestant with its timing loop, a file of its own that is always compiled by ``-O2``; or both from the cache."""
+        clock = CLOCK.format(declarations=contestant.declarations, call=contestant.call)
+        flags = [*self.all_flags, *INSTRUCTIONS[contestant.instructions], "-fPIC"]
+        contents = [hashlib.sha256(path.read_bytes()).hexdigest() for path in contestant.libraries]
+        folder = self._place("", contestant.files, clock, level, flags, [*map(str, contestant.libraries), *contents])
+        library, took = folder / "contestant.so", 0.0
+        if not library.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            objects, took = self._objects(contestant.files, level, flags)
+            for name, text in {**contestant.files, "clock.c": clock}.items():
+                if name.endswith(".h") or name == "clock.c":
+                    (folder / name).write_text(text)
+            self._run(folder, "-O2", *flags, "-c", "clock.c", "-o", "clock.o")
+            linked = [word for path in contestant.libraries for word in (str(path), f"-Wl,-rpath,{path.parent}")]
+            self._run(folder, "-shared", *map(str, objects), "clock.o", *linked, "-o", "unfinished.so", "-lm")
+            (folder / "unfinished.so").rename(library)
+        run = ctypes.CDLL(str(library)).seconds
+        run.restype = ctypes.c_double
+        arrays = {name: np.array(x, dtype=np.float64, order="C") for name, x in contestant.arrays.items()}
+        return Variant(level, arrays, run, took)
+
+    def evaluated(self, contestant: Contestant) -> dict[str, Array]:
+        """Its arrays after one call, at its last level."""
+        variant = self.compiled(contestant, contestant.levels[-1])
+        variant.seconds()
+        return variant.arrays
+
+    def compete(
+        self, contestants: Sequence[Contestant], rounds: int = 9, batches: int = 25, batch: float = 2e-3
+    ) -> dict[str, Timing]:
+        """Time contestants in turns.
+
+        Parameters
+        ----------
+        contestants : sequence of Contestant
+        rounds : int
+            Every round gives one figure for each level of each contestant: the least of its batches.
+        batches : int
+            Batches a round, taken in turns.
+        batch : float
+            Seconds that a batch takes, about.
+        """
+        variants = {(c.name, level): self.compiled(c, level) for c in contestants for level in c.levels}
+        names = {f"{name} {level}": (name, level) for name, level in variants}
+        timed = {label: repeated(variants[key].seconds, batch, warm_up=True) for label, key in names.items()}
+        found = {names[label]: x for label, x in in_rounds(timed, rounds, batches).items()}
+        result = {}
+        for c in contestants:
+            levels = {level: found[c.name, level].median for level in c.levels}
+            best = min(levels, key=levels.__getitem__)
+            result[c.name] = Timing(found[c.name, best].seconds, c.name, best, levels, variants[c.name, best])
+        return result
+
+    def _objects(self, files: Mapping[str, str], level: str, flags: Sequence[str]) -> tuple[list[Path], float]:
+        """Objects of sources, and the seconds that took; those of an earlier contestant if it had the same."""
+        folder, took = self._place("objects-", files, level, flags), 0.0
+        sources = [name for name in files if name.endswith(".c")]
+        if sources and not folder.exists():
+            unfinished = Path(tempfile.mkdtemp(prefix="unfinished-", dir=self.folder))
+            for name, text in files.items():
+                (unfinished / name).write_text(text)
+            begin = time.perf_counter()
+            for source in sources:
+                self._run(unfinished, level, *flags, "-c", source, "-o", f"{source}.o")
+            took = time.perf_counter() - begin
+            unfinished.rename(folder)
+        return [folder / f"{source}.o" for source in sources], took
+
+    def _place(self, prefix: str, files: Mapping[str, str], *more: Any) -> Path:
+        what = sorted(files.items()), more, compiler_version(tuple(self.compiler)), processor()
+        return self.folder / f"{prefix}{hashlib.sha256(repr(what).encode()).hexdigest()[:20]}"
+
+    def _run(self, folder: Path, *arguments: str) -> None:
+        subprocess.run([*self.compiler, *arguments], check=True, cwd=folder)
+
+
+@dataclass(frozen=True)
+class Timing(Rounds):
+    """What a contestant took at its best level, one figure a round; medians of all levels."""
+
+    name: str
+    level: str
+    levels: dict[str, float]
+    variant: Variant = field(repr=False)
+
+
+def add_options(parser: argparse.ArgumentParser, rounds: int = 9, batches: int = 25) -> None:
+    """The options of scripts that let C functions compete."""
+    parser.add_argument("--instructions", default="native", choices=tuple(INSTRUCTIONS), help="that everybody may use")
+    parser.add_argument("--rounds", type=int, default=rounds)
+    parser.add_argument("--batches", type=int, default=batches)
+    parser.add_argument("--cache", type=Path, help="where what is compiled is kept from run to run")
+
+
+def workshop(options: argparse.Namespace) -> Workshop:
+    """As these options say."""
+    cache = make_private(user_cache() / "benchmarks") if options.cache is None else options.cache
+    return Workshop(cache, options.instructions)
+
+
+# -- functions of generated packages ---------------------------------------------------------------------------------------
+
+APART = ("_calls.c", "_motion.c", "_precise.c", "_four.c", "_states.c", "_threads.c")
+"""Sources that only calls from Python and integration over time need."""
+
+
+@dataclass(frozen=True)
+class Functions:
+    """Generated functions, as sources or in a library.
+
+    Attributes
+    ----------
+    manifest : mapping
+    files : mapping of str to str
+    libraries : sequence of Path
+    """
+
+    manifest: Mapping[str, Any]
+    files: Mapping[str, str]
+    libraries: Sequence[Path] = ()
+
+    @classmethod
+    def of(cls, source: Any) -> Functions:
+        """From what `write_solver` gives."""
+        chosen = {n: t for n, t in source.files.items() if n.endswith((".c", ".h")) and not n.endswith(APART)}
+        return cls(source.manifest, chosen)
+
+    @classmethod
+    def of_package(cls, folder: Path) -> Functions:
+        """From a package, by the library that it has compiled."""
+        manifest = read_manifest(folder)
+        headers = {p.name: p.read_text(encoding="utf-8") for p in folder.glob("*.h")}
+        return cls(manifest, headers, [Build(folder, manifest["name"]).library()])
+
+    def sizes(self) -> dict[str, int]:
+        """Entries of each array of one state, along one direction."""
+        m = self.manifest
+        q, u, p, inputs = (len(m[f"{x}_names"]) for x in ("coordinate", "speed", "parameter", "input"))
+        of = {"q": q, "u": u, "p": p, "inputs": inputs, "t": 1, "udot": u, "b": u, "energy": 2, "M": u * u}
+        of |= {"outputs": len(m["output_names"])}
+        return of | {f"d{n}": x for n, x in of.items()} | {f"J_{n}": u * of[n] for n in ("q", "u", "p", "inputs", "t")}
+
+    def contestant(
+        self, function: str, given: Mapping[str, Any], width: int = 0, name: str = "", *,
+        without: Sequence[str] = (), **more: Any,
+    ) -> Contestant:  # fmt: skip
+        """A function with what it is called with; zeros for all else.
+
+        Parameters
+        ----------
+        function : str
+            Such as "sensitivities".
+        given : mapping of str to array
+            Arguments by name; seeds as (width, n).
+        width : int
+            Directions, of functions along some.
+        without : sequence of str
+            Results that are not computed, by null pointers.
+        more
+            Further attributes of the `Contestant`.
+        """
+        f, sizes, package = self.manifest["functions"][function], self.sizes(), self.manifest["name"]
+        arrays: dict[str, Any] = {}
+        passed = []
+        seeds = f.get("seeds", ())
+        for i, argument in enumerate((*f["arguments"], *seeds, *f["results"])):
+            along = (width,) if width and argument.startswith("d") else ()
+            value = given.get(argument) if i < len(f["arguments"]) + len(seeds) else None
+            if value is None:
+                value = np.zeros((sizes[argument], *along))
+            elif along:
+                value = np.transpose(value)
+            label = f"{argument} found" if argument in arrays else argument
+            arrays[label] = value
+            passed.append("(double *)0" if argument in without else f"*a[{i}]" if argument == "t" else f"a[{i}]")
+        arrays["work"] = np.zeros(self.manifest["workspace"])
+        symbol = f"{package}_{function}_{width}" if seeds else f"{package}_{function}"
+        call = f"{symbol}({', '.join([*passed, f'a[{len(passed)}]'])})"
+        include = f'#include "{package}.h"'
+        return Contestant(name or function, self.files, include, call, arrays, libraries=self.libraries, **more)
+
+
+__all__ = ["LEVELS", "Contestant", "Functions", "Timing", "Variant", "Workshop", "add_options", "workshop"]

@@ -1,0 +1,33 @@
+"""Cells of tables, and tables in Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+
+def error(x: float | None) -> str:
+    """An error in two digits; nothing for none."""
+    return "" if x is None else f"{x:.1e}"
+
+
+def number(x: float | None, digits: int = 3) -> str:
+    """A number in a few digits; a dash for none."""
+    if x is None:
+        return "-"
+    return f"{x:.{digits}g}" if math.isfinite(x) else str(x)
+
+
+def seconds(x: float) -> str:
+    """A time, such as ``231 ns``, ``4.56 us``, ``1.2 ms``, ``3 s``."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if x >= size:
+            return f"{x / size:.3g} {unit}"
+    return f"{x / 1e-9:.3g} ns"
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A table in Markdown."""
+    lines = (head, ["---"] * len(head), *rows)
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
