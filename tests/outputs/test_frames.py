@@ -286,6 +286,32 @@ def test_frames_alone_several_and_in_batches(solver: codegen.Solver) -> None:
     assert not driven.velocity.any() and driven.angular_acceleration.any(axis=-1).all()
 
 
+@pytest.mark.parametrize("batch", [(), (3,), (200,)])
+def test_points_in_c_are_those_from_frames(solver: codegen.Solver, batch: tuple[int, ...]) -> None:
+    """Without accelerations the C gives points of one state and of a few; with them they are made of frames, in NumPy."""
+    q, u, p, inputs, t = state_of(solver, batch=batch)
+    rng = np.random.default_rng(5)
+    for count, chosen in (
+        (1, ["tip", "ground", ("ring", [0.1, -0.2, 0.3]), "rim", ("ground", np.ones(3))]),
+        (3, "tip"),
+        (9, "hand"),
+    ):
+        seeds = {
+            f"d{n}": rng.normal(size=(count, *(1,) * len(batch), k))
+            for n, k in (("q", solver.nq), ("u", solver.nu), ("p", solver.np))
+        }
+        for given in (seeds, {"dp": seeds["dp"]}, {"du": seeds["du"]}):
+            found = solver.point_sensitivities(q, u, p, inputs, t, points=chosen, **given)
+            made = solver.point_sensitivities(q, u, p, inputs, t, points=chosen, accelerations=True, **given)
+            alone = solver.points(q, u, p, inputs, t, points=chosen)
+            for a, b in zip((*found, alone), (*made, made[0]), strict=True):
+                assert (
+                    a.names == b.names and a.position.shape == b.position.shape and a.velocity.shape == b.velocity.shape
+                )
+                np.testing.assert_allclose(a.position, b.position, rtol=1e-13, atol=1e-13)
+                np.testing.assert_allclose(a.velocity, b.velocity, rtol=1e-13, atol=1e-13)
+
+
 def test_a_place_that_depends_on_parameters_counts(solver: codegen.Solver) -> None:
     """The tip is at ``[0.1, length/4, 0.3]``: beside the ring it moves with length, a place that is given does not."""
     q, u, p, _, _ = state_of(solver)

@@ -29,7 +29,7 @@ def evaluations(four_bar, monkeypatch):
     def counted_alone(name, *arguments):
         found = one_state(name, *arguments)
         if found is not None:
-            called.append(name)
+            called.append(getattr(name, "name", name))
         return found
 
     monkeypatch.setattr(four_bar._target, "values", counted)

@@ -32,6 +32,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
     name = manifest["name"]
     functions = manifest["functions"].items()
     along = [_along(name, n, f, sizes) for n, f in functions if f.get("seeds")]
+    points = _points(name, manifest["functions"])
     counted = ("coordinate_names", "speed_names", "parameter_names", "input_names", "output_names")
     return render(
         "c/calls.c.jinja",
@@ -47,6 +48,10 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "lane_parts": ["c/calls_lanes.c.jinja"] if along else [],
             "values": [_value(name, n, f, sizes) for n, f in functions if not f.get("seeds")],
             "along": along,
+            "point_parts": ["c/calls_points.c.jinja"] if points else [],
+            "points": points,
+            "bodies": len(manifest.get("bodies", ())),
+            "model_points": len(manifest.get("points", ())),
             "few": _few([symbol for f in along for symbol in f["few"]]),
         },
     )
@@ -75,6 +80,28 @@ def _value(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]
         "finite": [] if name in INTERNAL else finite,
         "guard": guard_of_library(name),
     }
+
+
+def _points(model: str, functions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The functions over points of bodies that `Solver.points` calls, of a package with the frames of these; lines compute the
+    places of the model's points, where these depend on parameters."""
+    found = []
+    for name, frames, places, given, parts in (
+        ("points", "frames", "point_places", "given & 1L << P", 1),
+        ("point_sensitivities", "frame_sensitivities", "point_place_sensitivities", "given & (1L << P | 1L << DP)", 2),
+    ):
+        if frames not in functions:
+            continue
+        lines = [
+            "double *y[RESULTS + m];",
+            "memcpy(y, x, RESULTS*sizeof *y);",
+            "for (int i = 0; i < m; ++i) y[RESULTS + i] = x[RESULTS + m + i];",
+            f"if (!status) status = {model}_call_{places}(y, {given}, t, k);",
+        ]  # fmt: skip
+        guard = guard_of_library(frames)
+        known = lines if places in functions else []
+        found.append({"name": name, "frames": frames, "guard": guard, "parts": parts, "places": known})
+    return found
 
 
 FIRST = f"ORDERNM_LIBRARY == {number_of(LIBRARIES[0])}"

@@ -35,6 +35,10 @@ FEW_LACK = -3
 """What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
 
 
+BESIDE = {"points": "frames", "point_sensitivities": "frame_sensitivities"}
+"""Functions over chosen points, and those in whose library they are."""
+
+
 def call_by_address(function: Any, x: Any, given: int, t: float, k: int) -> int:
     """What `find_caller` gives, in cffi's ABI mode."""
     status: int = function(x, given, t, k)
@@ -233,7 +237,7 @@ class CTarget:
         call = self._calls.get(f.name)
         if call is None:
             symbol = f"{self.model}_call_{f.name}"
-            library = self.library_of(f.name)
+            library = self.library_of(BESIDE.get(f.name, f.name))
             with self._lock:
                 self.ffi.cdef(f"int {symbol}(double **, long, double, long);", override=True)
                 call = self._calls[f.name] = getattr(library, symbol)
@@ -258,6 +262,7 @@ class CTarget:
                 work,
                 self.pointer(lanes),
                 self._few_at,
+                self.ffi.NULL,
                 *map(self.pointer, results),
             ],
         )

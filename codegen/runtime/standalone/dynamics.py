@@ -12,7 +12,7 @@ import numpy as np
 from .arrays import Array, Numbers, Times, all_finite
 from .functions import STATE
 from .infinite import tell_infinite
-from .jacobians import MATRICES, Jacobians, asked_for, jacobians_of
+from .jacobians import ARRAYS, MATRICES, Jacobians, asked_for, jacobians_of
 from .package import Package
 from .results import empty, overlap, places, put
 
@@ -62,8 +62,7 @@ class Dynamics(Package):
         if self._watched and "p" in asked:
             self._look_at_directions("jacobians", given, (None, None, np.eye(self.np), None, None))
         else:
-            whole = None if out is None else [getattr(out, n) for n in asked]
-            call = "jacobians", given, None, whole, MATRICES[asked]
+            call = MATRICES[asked], given, None, None if out is None else ARRAYS[asked](out)
             found = self._one_state(*call) or self._few_states(*call)
             if found is not None:
                 return out or (

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .functions import Function
+from .functions import Function, Wanted
 from .results import empty, put
-from .single_calls import ARRAY, DOUBLE, SLOT, CallMemory, PreparedCall, SingleCalls, fits
+from .single_calls import ARRAY, DOUBLE, LISTS, SLOT, CallMemory, PreparedCall, SingleCalls, fits
 
 FEW, FEW_ALONG = 96, 32
 """States; with more, a large batch takes less time, along directions sooner."""
@@ -45,11 +45,10 @@ class FewStates:
 
     def run(
         self,
-        name: str,
+        wanted: str | Wanted,
         given: Sequence[Any],
         seeds: Sequence[Any] | None = None,
         out: Any = None,
-        returned: tuple[str, ...] | None = None,
     ) -> Sequence[Array] | None:
         """Results of a function, (n, ...), and derivatives (k, n, ...); see `SingleCalls.run`.
 
@@ -63,7 +62,7 @@ class FewStates:
             return None
         memory = self.single_calls.take()
         try:
-            call = memory.get(name if returned is None else (name, returned)) or memory.prepare(name, returned)
+            call = memory.get(wanted) or memory.setdefault(wanted, memory.prepare(wanted))
             return self._each(call, memory, n, given, seeds, out)
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError):  # other types and shapes
             return None
@@ -100,7 +99,7 @@ class FewStates:
             moved.append((at, self.target.pointer(found[-1]), size, rows, size, n * size, 1))
         if seeds is None and type(out) is ARRAY:
             out = (out,)
-        if out is not None and not fits(out, found):
+        if out is not None and not (type(out) in LISTS and fits(out, found)):
             return None
         each, function = self._function(f)
         moves = self.target.ffi.new("moved[]", moved)

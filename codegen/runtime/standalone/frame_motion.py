@@ -86,7 +86,7 @@ def _with_one(x: Array, last: Array | float) -> Array:
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class PointMotion:
     """Points fixed in bodies, along the ground's axes; or the derivatives of all that, directions first.
 
@@ -109,15 +109,14 @@ class PointMotion:
 
 
 def frames_from(frames: Array, accelerations: Array | None, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
-    """Frames of some bodies from the numbers of all: (..., 18 nbodies) and (..., 6 nbodies) or None.
+    """Frames of some bodies from the numbers of all: (..., nbodies, 18) and (..., nbodies, 6) or None.
 
-    `bodies` is an index of the axis of bodies: a slice, a list, or the number of one, whose arrays are without that axis.
+    `bodies` is an index of the axis of bodies: None for all, a list, or the number of one, whose arrays are without that axis.
     """
-    x = frames.reshape(*frames.shape[:-1], frames.shape[-1] // 18, 18)[..., bodies, :]
-    if accelerations is None:
-        return FrameMotion(names, x, None)
-    a = accelerations.reshape(*accelerations.shape[:-1], accelerations.shape[-1] // 6, 6)
-    return FrameMotion(names, x, a[..., bodies, :])
+    if bodies is not None:
+        frames = frames[..., bodies, :]
+        accelerations = None if accelerations is None else accelerations[..., bodies, :]
+    return FrameMotion(names, frames, accelerations)
 
 
 def alone(motion: PointMotion) -> PointMotion:

@@ -12,6 +12,7 @@ import numpy as np
 from .arguments import some
 from .arrays import Array, Numbers, Times
 from .frame_motion import FrameMotion, PointMotion, alone, frames_from, point_tangents, points_on
+from .functions import Wanted, over_points
 from .package import Package
 
 MOST_CHOICES = 64
@@ -68,7 +69,10 @@ class Frames(Package):
         """
         chosen, names = self._bodies(bodies)
         given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
-        return self._frames_along(given, along, accelerations, chosen, names)
+        if accelerations or chosen is not None:
+            return self._frames_along(given, along, accelerations, chosen, names)
+        values, tangents = self._along("frame_sensitivities", given, along)
+        return FrameMotion(names, values, None), FrameMotion(names, tangents, None)
 
     def frame_jacobians(
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
@@ -110,7 +114,11 @@ class Frames(Package):
         """
         chosen = self._chosen(points)
         given = (q, self._moving_at(u), p, inputs, t)
-        frames = self._frames(given, accelerations, slice(None), chosen.names)
+        if not accelerations and chosen.values is not None:
+            call = chosen.values, given
+            if (known := self._one_state(*call) or self._few_states(*call)) is not None:
+                return PointMotion(chosen.names, *known)
+        frames = self._frames(given, accelerations, None, chosen.names)
         found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
         return alone(found) if chosen.single else found
 
@@ -132,7 +140,12 @@ class Frames(Package):
         """
         chosen = self._chosen(points)
         given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
-        values, tangents = self._frames_along(given, along, accelerations, slice(None), chosen.names)
+        if not accelerations and chosen.along is not None and not self._watched:
+            call = chosen.along, given, along
+            if (known := self._one_state(*call) or self._few_states(*call)) is not None:
+                position, dposition, velocity, dvelocity = known
+                return PointMotion(chosen.names, position, velocity), PointMotion(chosen.names, dposition, dvelocity)
+        values, tangents = self._frames_along(given, along, accelerations, None, chosen.names)
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
         r = chosen.places(p)
         found = points_on(frames, r, chosen.names)
@@ -151,7 +164,7 @@ class Frames(Package):
             See `frame_jacobians`.
         """
         chosen = self._chosen(points)
-        values, tangents = self._by_speeds(q, p, inputs, t, slice(None), chosen.names)
+        values, tangents = self._by_speeds(q, p, inputs, t, None, chosen.names)
         frames, along = chosen.carriers(values, False), chosen.carriers(tangents, True)
         moved = point_tangents(frames, along, chosen.places(p), 0.0, chosen.names)
         found = _columns(along.angular_velocity, moved.velocity)
@@ -167,7 +180,7 @@ class Frames(Package):
         """Where bodies are among all, an index that one alone makes a number, and their names."""
         known = self._known_bodies("frames")
         if bodies is None:
-            return slice(None), known
+            return None, known
         if isinstance(bodies, str):
             return _place(bodies, known, "bodies"), (bodies,)
         names = tuple(_several(bodies, "bodies"))
@@ -179,10 +192,15 @@ class Frames(Package):
         try:
             found = self._chosen_before.get(key)
         except TypeError:  # places in lists and arrays
-            return _Chosen(self, points)
+            key = _as_tuples(points)
+            try:
+                found = self._chosen_before.get(key)
+            except TypeError:
+                return _Chosen(self, points)
         if found is None:
             found = _Chosen(self, points)
             if len(self._chosen_before) < MOST_CHOICES:
+                found.prepare()
                 self._chosen_before[key] = found
         return found
 
@@ -251,7 +269,12 @@ class _Chosen:
         One was asked for alone.
     moved : bool
         Whether parameters move some of them in their bodies.
+    values, along : Wanted or None
+        Their motion by a single call of the C; None for a choice that is not remembered.
     """
+
+    values: Wanted | None = None
+    along: Wanted | None = None
 
     def __init__(self, solver: Frames, points: Points):
         self.solver = solver
@@ -291,6 +314,21 @@ class _Chosen:
         self.given = np.array(places).reshape(-1, 3)
         self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
 
+    def prepare(self) -> None:
+        """Make what calls the C for these points."""
+        functions, places = self.solver._functions, self.solver._shapes["point_places"]
+        table = np.empty((len(self.on), 5))
+        table[:, 0], table[:, 2:] = self.on, self.given
+        table[:, 1] = self.of_model if self.moved else -1
+        numbers = np.concatenate([[len(self.on)], table.reshape(-1)])
+        shape = (3,) if self.single else (len(self.on), 3)
+        if "frames" in functions:
+            f = over_points(functions["frames"], places, shape)
+            self.values = Wanted("frames", f.results[2:], f, numbers)
+        if "frame_sensitivities" in functions:
+            f = over_points(functions["frame_sensitivities"], places, shape)
+            self.along = Wanted("frame_sensitivities", f.results[4:], f, numbers)
+
     def carriers(self, frames: FrameMotion, tangents: bool) -> FrameMotion:
         """The frame of each point's body, from those of the bodies."""
         return frames.of(self.on, self.ground, tangents)
@@ -312,10 +350,9 @@ class _Chosen:
         return self._from(found, np.zeros_like(self.given))
 
     def _from(self, found: Array, others: Array) -> Array:
-        """Places (..., 3 npoints) of the model's points, and others of points that are given."""
-        x = found.reshape(*found.shape[:-1], found.shape[-1] // 3, 3)
+        """Places (..., npoints, 3) of the model's points, and others of points that are given."""
         parts = [
-            x[..., n, :] if n >= 0 else np.broadcast_to(others[i], x[..., 0, :].shape)
+            found[..., n, :] if n >= 0 else np.broadcast_to(others[i], found[..., 0, :].shape)
             for i, n in enumerate(self.of_model)
         ]
         return np.stack(parts, axis=-2)
@@ -327,6 +364,13 @@ def _several(given: Any, what: str) -> list[Any]:
         return list(given)
     except TypeError:
         raise ValueError(f"{what} is {given!r}, expected a name, or a list of those that are wanted") from None
+
+
+def _as_tuples(given: Any) -> Any:
+    """Lists and arrays as tuples, to look them up; what else there is stays as it is."""
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    return tuple(map(_as_tuples, given)) if isinstance(given, (list, tuple)) else given
 
 
 def _is_pair(point: Any) -> bool:

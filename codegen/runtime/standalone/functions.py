@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from .arrays import Shape
+from .arrays import Array, Shape
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
@@ -104,6 +104,39 @@ class Function:
         return any(map(math.prod, self.shapes))
 
 
+class Wanted:
+    """Some of the results of a function, those too that it does not compute: they are zero. A mere name stands for all results.
+
+    Parameters
+    ----------
+    name : str
+        Of the function.
+    returned : sequence of str
+    function : Function, optional
+        One that no manifest lists; see `over_points`.
+    table : array, optional
+        The numbers that say which points these are.
+    """
+
+    __slots__ = ("function", "name", "returned", "table")
+
+    def __init__(
+        self, name: str, returned: Sequence[str], function: Function | None = None, table: Array | None = None
+    ):
+        self.name, self.returned, self.function, self.table = name, tuple(returned), function, table
+
+
+def over_points(f: Function, places: Shape, shape: Shape) -> Function:
+    """The call of ``NAME_calls.c`` that gives the motion of points of that shape, from the function that gives frames."""
+    names = ("frames", "point_places", "position", "velocity")
+    shapes = (f.shapes[0], places, shape, shape)
+    if not f.seeds:
+        return replace(f, name="points", results=names, shapes=shapes, derived=(False,) * 4)
+    both = tuple(n for name in names for n in (name, f"d{name}"))
+    twice = tuple(s for s in shapes for _ in range(2))
+    return replace(f, name="point_sensitivities", results=both, shapes=twice, derived=(False, True) * 4)
+
+
 def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     """Shapes of everything that functions take and return, after batch axes."""
     nq, nu, n_p, ninputs, noutputs, nclosure = (
@@ -117,8 +150,8 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
         "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
         "position": (nclosure,), "velocity": (nclosure,), "step": (nq,), "condition": (nloops,),
         "actuation": (len(manifest["prescribed_names"]),),
-        "full_q": (nq,), "full_u": (nu,), "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * nloops,),
-        "frames": (18 * nbodies,), "frame_accelerations": (6 * nbodies,), "point_places": (3 * len(manifest.get("points", ())),),
+        "full_q": (nq,), "full_u": (nu,), "reaction": (len(manifest["links"]), 6), "loop_reaction": (nloops, 6),
+        "frames": (nbodies, 18), "frame_accelerations": (nbodies, 6), "point_places": (len(manifest.get("points", ())), 3),
     }  # fmt: skip
 
 

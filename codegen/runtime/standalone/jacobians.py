@@ -5,11 +5,13 @@ from __future__ import annotations
 import difflib
 import functools
 import itertools
+import operator
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from .arrays import Array
+from .functions import Wanted
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -41,9 +43,14 @@ JACOBIANS = ("q", "u", "p", "inputs", "t")
 
 
 MATRICES = {
-    asked: tuple(f"J_{n}" for n in asked) for r in range(1, 6) for asked in itertools.combinations(JACOBIANS, r)
+    asked: Wanted("jacobians", [f"J_{n}" for n in asked])
+    for r in range(1, 6)
+    for asked in itertools.combinations(JACOBIANS, r)
 }
 """What they are called among results, by which ones are asked for."""
+
+ARRAYS = {asked: operator.attrgetter(*asked) for asked in MATRICES}
+"""What takes these out of `Jacobians`."""
 
 
 def jacobians_of(matrices: Mapping[str, Array]) -> Jacobians:

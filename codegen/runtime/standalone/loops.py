@@ -11,11 +11,11 @@ import numpy as np
 from .arguments import placing
 from .arrays import Array, Shape, largest
 from .assembly import ROUNDING, Assembly
-from .functions import STATE
+from .functions import STATE, Wanted
 from .states import States
 from .targets import Opened
 
-POSITION = ("position",)
+POSITION = Wanted("closure", ["position"])
 
 
 class Loops(States):
@@ -43,7 +43,7 @@ class Loops(States):
         """Whether that is one state in plain arrays whose coordinates assembly leaves as they are."""
         if self._arguments.quaternions:
             return False
-        gaps = self._one_state("closure", given, None, None, POSITION)
+        gaps = self._one_state(POSITION, given)
         return gaps is not None and largest(gaps[0]) <= ROUNDING and not self._assembly.may_be_turned(given[0])
 
     def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .arrays import Array, Shape, of_state
 from .errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
-from .functions import Function
+from .functions import Function, Wanted
 from .results import put
 
 
@@ -37,11 +37,10 @@ class NumpyTarget:
 
     def one_state(
         self,
-        name: str,
+        wanted: str | Wanted,
         given: Sequence[Any],
         seeds: Sequence[Any] | None = None,
         out: Any = None,
-        returned: tuple[str, ...] | None = None,
     ) -> None:
         """None: there is no faster path than `values` and `along`; see `SingleCalls.run`."""
 
@@ -122,8 +121,8 @@ class NumpyTarget:
         return self._call(f, [*(arrays[a] for a in f.arguments), *given], f.whole_shapes(batch, k), out)
 
     def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Array]:
-        found = self._results(f, arguments)
-        return put([_full(r, shape) for r, shape in zip(found, shapes, strict=True)], out)
+        found = [np.asarray(r, np.float64) for r in self._results(f, arguments)]
+        return put([_full(r, s, shape) for r, s, shape in zip(found, f.shapes, shapes, strict=True)], out)
 
     def _results(self, f: Function, arguments: list[Any]) -> Any:
         """What a function of the module returns."""
@@ -140,7 +139,12 @@ class NumpyTarget:
             raise kind(error.link) from None
 
 
-def _full(x: Any, shape: Shape) -> Array:
-    """An array of its own of that shape; arguments without batch axes give results without them."""
-    x = np.asarray(x, dtype=np.float64)
-    return x if x.shape == shape else np.broadcast_to(x, shape).copy()
+def in_rows(x: Array, shape: Shape) -> Array:
+    """The same numbers with the last axes of that shape; the module has those of all bodies in one row."""
+    return x if len(shape) < 2 or x.shape[-len(shape) :] == shape else x.reshape(*x.shape[:-1], *shape)
+
+
+def _full(x: Array, alone: Shape, whole: Shape) -> Array:
+    """An array of its own of the whole shape; arguments without batch axes give results without them."""
+    x = in_rows(x, alone)
+    return x if x.shape == whole else np.broadcast_to(x, whole).copy()

@@ -27,7 +27,7 @@ from .arrays import Array, Numbers, Shape, Times, normalise
 from .functions import Function
 from .jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
 from .manifest import check_files
-from .numpy_target import NumpyTarget
+from .numpy_target import NumpyTarget, in_rows
 from .package import Package, state
 from .targets import Opened
 
@@ -232,8 +232,8 @@ class ExtendedTarget(NumpyTarget):
         with decimal.localcontext(self.numbers.context):
             found = self._results(f, [self.numbers.to_decimals(x) for x in arguments])
             return [
-                np.broadcast_to(np.asarray(self.numbers.to_mp(x), object), shape).copy()
-                for x, shape in zip(found, shapes, strict=True)
+                np.broadcast_to(in_rows(np.asarray(self.numbers.to_mp(x), object), alone), shape).copy()
+                for x, alone, shape in zip(found, f.shapes, shapes, strict=True)
             ]
 
 

@@ -54,9 +54,12 @@ class Reactions(Package):
         """
         along = (dq, du, dp, dinputs, dt)
         found = self._along("reaction_sensitivities", (q, u, p, inputs, t), along)
-        values, tangents = found[: len(found) // 2], found[len(found) // 2 :]
-        joints, loops = self._of_joints(values[0]), _of_loops(values[1:], values[0])
-        return joints, loops, self._of_joints(tangents[0]), _of_loops(tangents[1:], tangents[0])
+        if len(found) == 2:
+            joints, djoints = found
+            loops, dloops = joints[..., :0, :], djoints[..., :0, :]
+        else:
+            joints, loops, djoints, dloops = found
+        return self._of_joints(joints), loops, self._of_joints(djoints), dloops
 
     @functools.cached_property
     def _joint_links(self) -> tuple[Indices | None, Indices]:
@@ -68,10 +71,9 @@ class Reactions(Package):
     def _of_joints(self, wrenches: Array) -> Array:
         """Those of the joints of bodies, from those of links."""
         of_bodies, fixed = self._joint_links
-        links = wrenches.reshape(*wrenches.shape[:-1], wrenches.shape[-1] // 6, 6)
         if of_bodies is None:
-            return links
-        joints: Array = links.take(of_bodies, axis=-2)
+            return wrenches
+        joints: Array = wrenches.take(of_bodies, axis=-2)
         if len(fixed):
             joints[..., fixed, :] = math.nan
         return joints
@@ -79,5 +81,4 @@ class Reactions(Package):
 
 def _of_loops(wrenches: Sequence[Array], like: Array) -> Array:
     """Those of loops; none, of as many states, where there are no loops."""
-    batch = like.shape[:-1]
-    return wrenches[0].reshape(*batch, wrenches[0].shape[-1] // 6, 6) if wrenches else np.zeros((*batch, 0, 6))
+    return wrenches[0] if wrenches else like[..., :0, :]

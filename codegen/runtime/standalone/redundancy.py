@@ -10,7 +10,7 @@ import numpy as np
 from .arrays import Array, Numbers
 from .assembly import allowed_gaps
 from .directions import take_directions
-from .functions import STATE
+from .functions import STATE, Wanted
 from .package import Package
 from .targets import Opened
 from .warning import warn
@@ -34,11 +34,10 @@ class Redundancy(Package):
             plain = self._one_state
 
             def looked_at(
-                name: str, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None,
-                returned: tuple[str, ...] | None = None,
-            ) -> Sequence[Array] | None:  # fmt: skip
-                self._look_at_state(name, given)
-                return plain(name, given, seeds, out, returned)
+                wanted: str | Wanted, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None
+            ) -> Sequence[Array] | None:
+                self._look_at_state(wanted if isinstance(wanted, str) else wanted.name, given)
+                return plain(wanted, given, seeds, out)
 
             self._one_state = looked_at
 

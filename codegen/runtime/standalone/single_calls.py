@@ -6,13 +6,14 @@ A copy of a few numbers takes less time than finding out where an array begins. 
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from .arrays import Array, Shape
-from .functions import ARGUMENTS, SEEDS, Function
+from .functions import ARGUMENTS, SEEDS, Function, Wanted
 from .results import overlapping
 
 LARGEST = 2**15
@@ -24,7 +25,10 @@ SELECTIVE = ("jacobians",)
 """Functions that leave out results with no place to go, but for the first."""
 
 SLOT = {
-    n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "few", "results"))
+    n: i
+    for i, n in enumerate(
+        (*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "few", "points", "results")
+    )
 }
 """Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
 
@@ -62,7 +66,7 @@ class CallMemory(dict[Any, "PreparedCall"]):
         self.pointers = {n: target.pointer(x) for n, x in arrays.items()}
         self.q, self.u, self.p, self.inputs = (self.arguments[n] for n in ("q", "u", "p", "inputs"))
 
-    def prepare(self, name: str, returned: tuple[str, ...] | None) -> PreparedCall:
+    def prepare(self, wanted: str | Wanted) -> PreparedCall:
         """The call of a function.
 
         Raises
@@ -72,12 +76,14 @@ class CallMemory(dict[Any, "PreparedCall"]):
         ValueError
             It has too many results.
         """
-        f = self.target.functions[name]
+        if isinstance(wanted, str):
+            f = self.target.functions[wanted]
+            wanted = Wanted(wanted, f.results)
+        else:
+            f = wanted.function or self.target.functions[wanted.name]
         if sum(map(math.prod, f.shapes)) > LARGEST:
             raise ValueError
-        key: Any = name if returned is None else (name, returned)
-        self[key] = found = PreparedCall(f, f.results if returned is None else returned, self)
-        return found
+        return PreparedCall(f, wanted, self)
 
 
 class PreparedCall:
@@ -86,8 +92,7 @@ class PreparedCall:
     Parameters
     ----------
     f : Function
-    returned : sequence of str
-        The results that are returned, those too that the function does not compute: they are zero.
+    wanted : Wanted
     memory : CallMemory
 
     Attributes
@@ -109,13 +114,30 @@ class PreparedCall:
     """
 
     __slots__ = (
-        "call", "capacity", "extra", "f", "function", "k", "kept", "needed", "per_direction", "places", "pointer", "results",
-        "returned", "rows", "seeds", "shapes", "x",
+        "call",
+        "capacity",
+        "extra",
+        "f",
+        "fitting",
+        "function",
+        "k",
+        "kept",
+        "looked_at",
+        "needed",
+        "per_direction",
+        "places",
+        "pointer",
+        "results",
+        "returned",
+        "rows",
+        "seeds",
+        "shapes",
+        "x",
     )  # fmt: skip
 
-    def __init__(self, f: Function, returned: Sequence[str], memory: CallMemory):
+    def __init__(self, f: Function, wanted: Wanted, memory: CallMemory):
         target = memory.target
-        self.f, self.returned, self.pointer, self.call = f, returned, target.pointer, target.call
+        self.f, self.returned, self.pointer, self.call = f, wanted.returned, target.pointer, target.call
         self.function = target.address(f)
         self.shapes = target.shapes
         self.needed = sum(1 << SLOT[n] for n in f.takes if n not in ("p", "inputs", "t"))
@@ -128,7 +150,8 @@ class PreparedCall:
         self.k, self.capacity = 0, -1
         lanes = np.empty(self.per_direction * max(f.widths, default=0))
         self.x = target.pointers(memory.pointers, memory.work, lanes, [None] * len(f.results))
-        self.kept = memory.pointers, lanes
+        self.x[SLOT["points"]] = target.pointer(wanted.table)
+        self.kept = memory.pointers, lanes, wanted
         self.rows: dict[str, Array] = {}
         self.places: dict[str, Array | None] = {}
         self.fit(0)
@@ -161,7 +184,25 @@ class PreparedCall:
             place if place is None or r in values or not f.seeds else place[:k]
             for r, place in ((r, self.places[r]) for r in self.returned)
         ]
+        self.fitting: list[int] = []
         return True
+
+    def fits(self, out: Any) -> bool:
+        """Whether the results may be written there. The arrays that were looked at last are known by their addresses until one of
+        them is gone, so that loops have them looked at once."""
+        if type(out) not in LISTS:
+            return False
+        places = [*map(id, out)]
+        if places == self.fitting:
+            return True
+        found = fits(out, self.results)
+        self.fitting = places if found else []
+        self.looked_at = [weakref.ref(x, self.forget) for x in out] if found else []
+        return found
+
+    def forget(self, reference: Any) -> None:
+        """An array is gone; another one may have its address."""
+        self.fitting = []
 
     def take_seeds(self, seeds: Sequence[Any]) -> int:
         """Copy the seeds; the bits of those that are given.
@@ -180,10 +221,10 @@ class PreparedCall:
                     if shape != (1,) or not isinstance(x, float):
                         raise ValueError
                     rows[0] = x
-                elif k == 1:
-                    row[:] = x[0] if x.ndim == 2 and len(x) == 1 else x
-                elif x.shape == shape and x.dtype == DOUBLE:
+                elif x.shape == shape and x.dtype is DOUBLE:
                     rows[...] = x
+                elif k == 1:
+                    row[:] = x
                 else:
                     raise ValueError
         if not bits:
@@ -228,24 +269,21 @@ def _run(target: Any, free: list[CallMemory]) -> Callable[..., Sequence[Array] |
     pop, push = free.pop, free.append
 
     def run(
-        name: str,
+        wanted: str | Wanted,
         given: Sequence[Any],
         seeds: Sequence[Any] | None = None,
         out: Any = None,
-        returned: tuple[str, ...] | None = None,
     ) -> Sequence[Array] | None:
         """Results of a function, in `out` if there is one.
 
         Parameters
         ----------
-        name : str
-            Of the function.
+        wanted : str or Wanted
+            The function, or which of its results.
         given, seeds : sequence of Any
             As they were passed, in the order of `Function.order` and `Function.directions`.
         out : sequence of arrays, optional
             One for each result that is returned; the array itself for a function with one.
-        returned : tuple of str, optional
-            The results that are returned; all if left out.
 
         Returns
         -------
@@ -258,7 +296,7 @@ def _run(target: Any, free: list[CallMemory]) -> Callable[..., Sequence[Array] |
             memory = CallMemory(target)
         found: Sequence[Array] | None = None
         try:
-            call = memory.get(name if returned is None else (name, returned)) or memory.prepare(name, returned)
+            call = memory.get(wanted) or memory.setdefault(wanted, memory.prepare(wanted))
             if len(given) == 5:
                 q, u, p, inputs, t = given
                 bits = 0
@@ -293,7 +331,7 @@ def _run(target: Any, free: list[CallMemory]) -> Callable[..., Sequence[Array] |
                 results = call.results
                 if seeds is None and type(out) is ARRAY:
                     out = (out,)
-                if (out is None or fits(out, results)) and not call.call(call.function, call.x, bits, t, call.k):
+                if (out is None or call.fits(out)) and not call.call(call.function, call.x, bits, t, call.k):
                     if out is not None:
                         for i, place in enumerate(out):
                             place[...] = results[i]
@@ -312,22 +350,14 @@ def _run(target: Any, free: list[CallMemory]) -> Callable[..., Sequence[Array] |
     return run
 
 
-ARRAY = np.ndarray
+ARRAY, LISTS = np.ndarray, (tuple, list)
 
 
-def fits(out: Any, results: Sequence[Array]) -> bool:
+def fits(out: Sequence[Any], results: Sequence[Array]) -> bool:
     """Whether results may be written there."""
-    count = len(results)
-    if type(out) not in (tuple, list) or len(out) != count:
+    if len(out) != len(results):
         return False
-    apart = True  # arrays that own their memory share it with none but themselves
-    for i, x in enumerate(out):
-        if type(x) is not ARRAY or x.shape != results[i].shape or x.dtype != DOUBLE:
+    for x, result in zip(out, results, strict=True):
+        if type(x) is not ARRAY or x.dtype != DOUBLE or x.shape != result.shape or not x.flags.carray:
             return False
-        flags = x.flags
-        if not flags.carray:
-            return False
-        apart = apart and flags.owndata
-    if apart and count < 3:
-        return out[0] is not out[-1] or count == 1
-    return len({*map(id, out)}) == count if apart else not overlapping(out)
+    return not overlapping(out)

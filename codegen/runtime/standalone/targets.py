@@ -11,7 +11,7 @@ from .arrays import Array, Shape
 from .c_target import CTarget
 from .comparison import compare
 from .errors import NoCompilerError, SingularJointError
-from .functions import Function, functions_of
+from .functions import Function, Wanted, functions_of
 from .manifest import check_files
 from .numpy_target import NumpyTarget
 from .warning import warn
@@ -22,11 +22,10 @@ class StateCall(Protocol):
 
     def __call__(
         self,
-        name: str,
+        wanted: str | Wanted,
         given: Sequence[Any],
         seeds: Sequence[Any] | None = None,
         out: Any = None,
-        returned: tuple[str, ...] | None = None,
     ) -> Sequence[Array] | None: ...
 
 

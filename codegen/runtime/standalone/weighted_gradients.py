@@ -9,13 +9,17 @@ import numpy as np
 
 from .arrays import Array, Numbers, Times, lengths
 from .directions import take_directions
-from .functions import ALONG, STATE, WEIGHTED
+from .functions import ALONG, STATE, WEIGHTED, Wanted
 from .package import state
 from .states import States
 
 WEIGHTS = {"dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
            "dfull_u": "weights_u"}  # fmt: skip
 """What the weights of generated functions are called here."""
+
+
+BY_ALL = {name: Wanted(name, ALONG) for name in WEIGHTED}
+"""Derivatives by everything, those too that the functions leave out since they are zero."""
 
 
 class Gradients(NamedTuple):
@@ -110,8 +114,8 @@ class WeightedGradients(States):
     def _gradients(self, name: str, given: Sequence[Any], weights: Sequence[Any]) -> Gradients:
         opened = self._opened
         if not self._watched:
-            wanted = name, given, weights, None, ALONG
-            gradients = self._one_state(*wanted) or self._few_states(*wanted)
+            call = BY_ALL[name], given, weights
+            gradients = self._one_state(*call) or self._few_states(*call)
             if gradients is not None:
                 return Gradients(*gradients)
         arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
