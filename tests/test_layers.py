@@ -16,15 +16,16 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = {
     "version": set(),
     "deferred": set(),  # names that are imported when first asked for
-    "model": {"version"},
+    "elementary": set(),  # the elementary functions
+    "model": {"elementary", "version"},
     "importing": {"model", "version"},  # robots of other formats
-    "program": {"version"},  # knows no mechanics
+    "program": {"elementary", "version"},  # knows no mechanics
     "loops": {"model", "version"},  # graph, assembly and partition, on floats
     "mechanics": {"loops", "model", "program", "version"},  # knows no C and no files
-    "reference": {"loops", "model", "version"},  # shares nothing with the generator but model, graph and partition
-    "emit": {"loops", "mechanics", "model", "program", "version"},
+    "reference": {"elementary", "loops", "model", "version"},  # nothing of the generator but these, graph and partition
+    "emit": {"elementary", "loops", "mechanics", "model", "program", "version"},
     "pipeline": {"emit", "loops", "mechanics", "model", "program", "version"},  # the stages from model to files
-    "runtime": {"deferred", "emit", "loops", "mechanics", "model", "pipeline", "program", "version"},
+    "runtime": {"deferred", "elementary", "emit", "loops", "mechanics", "model", "pipeline", "program", "version"},
     "design": {"runtime", "version"},  # on solvers; knows no models, and no package carries it
 }
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
@@ -98,7 +99,9 @@ def faults(source: str, path: Path) -> list[str]:
     for line, name in imports(source, path):
         parts = name.split(".")
         if path.parent == STANDALONE:
-            own = parts[:3] == ["codegen", "runtime", "standalone"] and len(parts) > 3
+            own = parts[:2] == ["codegen", "elementary"] or (
+                parts[:3] == ["codegen", "runtime", "standalone"] and len(parts) > 3
+            )
             extra = parts[0] in EXTRAS.get(path.stem, ()) and line in lines_of_functions(source)
             if not own and not extra and parts[0] not in sys.stdlib_module_names | {"numpy", "cffi"}:
                 found.append(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.expressions import AT_LEAST, Expression, functions_for
+from ..model.expressions import Expression, functions_for
 from ..model.model import GROUND, Coupling, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
 from ..model.quarter_turns import cosine_and_sine, quarter_turns
@@ -28,7 +28,7 @@ LEAST_TOLERANCE = 1e-12
 LEAST_GRADIENT = 1e-200
 """Added to its square: where a gradient vanishes nothing is divided by zero."""
 
-ON_ARRAYS = functions_for(np) | {AT_LEAST: lambda a, b: np.where(np.greater_equal(a, b), 1.0, 0.0)}
+ON_ARRAYS = functions_for(np)
 """The functions of the grammar on many numbers at once."""
 
 

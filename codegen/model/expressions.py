@@ -29,16 +29,14 @@ from types import ModuleType
 from typing import Any, Final, NoReturn, Protocol
 from weakref import WeakValueDictionary
 
+from ..elementary import ON_ARRAYS, TABLE, TreeFunctions
+from ..elementary import Tree as Tree
 from .errors import nearest
 from .units import UnitError, unit_at
 
-Tree = tuple[Any, ...]
 Number = int | float
 
-FUNCTIONS: Final[dict[str, int]] = {
-    "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "tanh": 1,
-    "sqrt": 1, "exp": 1, "log": 1, "abs": 1, "sign": 1, "min": 2, "max": 2, "mod": 2,
-}  # fmt: skip
+FUNCTIONS: Final[dict[str, int]] = {name: e.arity for name, e in TABLE.items()}
 """Functions of the grammar and how many arguments they take (``min`` and ``max``: at least so many)."""
 
 AT_LEAST: Final = "at_least"
@@ -64,10 +62,7 @@ WRITTEN_OUT: Final = {"if": "if(condition, x, y)", "step": "step(x, from, to)", 
                       "rate": "rate(POINT, POINT)"}  # fmt: skip
 """What is written as a function and becomes an expression of others, and how."""
 
-_OTHER_LANGUAGES: Final = {
-    "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "fabs": "abs", "sgn": "sign",
-    "signum": "sign", "sqr": "sqrt", "fmin": "min", "fmax": "max", "minimum": "min", "maximum": "max",
-}  # fmt: skip
+_OTHER_LANGUAGES: Final = {other: name for name, e in TABLE.items() for other in e.elsewhere}
 
 
 def functions(name: str) -> str:
@@ -277,8 +272,7 @@ def _float_sign(a: float) -> float:
 
 
 FLOAT_FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {
-    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh")},
-    **{name: getattr(math, name) for name in ("tanh", "sqrt", "exp", "log")},
+    **{name: getattr(math, name) for name in TABLE if hasattr(math, name)},
     "abs": abs,
     "sign": _float_sign,
     "min": min,
@@ -293,14 +287,11 @@ FLOAT_FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {
 }
 """The functions of the grammar for Python floats."""
 
-_OTHER_NAMES = {
-    "numpy": {
-        "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "min": "minimum", "max": "maximum",
-        "**": "power",
-    },
-    "mpmath": {"abs": "fabs", "**": "power", "number": "mpf"},
-    "sympy": {"abs": "Abs", "min": "Min", "max": "Max", "mod": "Mod", "**": "Pow", "number": "sympify"},
-}  # fmt: skip
+_OPERATIONS = {
+    "numpy": {"**": "power"},
+    "mpmath": {"**": "power", "number": "mpf"},
+    "sympy": {"**": "Pow", "number": "sympify"},
+}
 
 
 def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
@@ -313,25 +304,24 @@ def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
         Python's ``math`` does.
     """
     root = getattr(module, "__name__", None) or type(module).__module__
-    others = _OTHER_NAMES.get(root.split(".")[0], {})
-    fallback: dict[str, Callable[..., Any]] = {
-        "number": float,
-        "abs": abs,
-        "min": min,
-        "max": max,
-        "sign": _float_sign,
-        "mod": operator.mod,
-        "**": operator.pow,
-    }
+    library = root.split(".")[0]
+    own = (
+        vars(ON_ARRAYS)
+        if library == "numpy"
+        else {name: FLOAT_FUNCTIONS[name] for name in ("abs", "sign", "min", "max", "mod")}
+    )
+    own = {"number": float, "**": operator.pow, **own}
     functions: dict[str, Callable[..., Any]] = {}
     for name in [*FUNCTIONS, "number", "**"]:
-        its_name = others.get(name, name if name != "number" else "")
-        found: Callable[..., Any] | None = getattr(module, its_name, None) or fallback.get(name)
+        its_name = _OPERATIONS.get(library, {}).get(name, name if name != "number" else "")
+        if library in _OPERATIONS and name in TABLE:
+            its_name = TABLE[name].spelled(library)
+        found: Callable[..., Any] | None = getattr(module, its_name, None) or own.get(name)
         if found is None:
             raise TypeError(f"{root} has no function for {name!r}; numpy, mpmath, sympy and math do")
         functions[name] = found
     number = functions["number"]
-    functions[AT_LEAST] = lambda a, b: number(1 if a >= b else 0)
+    functions[AT_LEAST] = own.get(AT_LEAST) or (lambda a, b: number(1 if a >= b else 0))
     where = getattr(module, "where", None)  # of arrays; of single numbers one branch alone is evaluated
     functions[CHOICE] = where or FLOAT_FUNCTIONS[CHOICE]
     functions[VANISHING] = (lambda a, b: where(a == 0, 0 * a, a * b)) if where else FLOAT_FUNCTIONS[VANISHING]
@@ -495,11 +485,14 @@ def combine(kind: str, *arguments: Tree) -> Tree:
                 f"{_print(_node(kind, arguments), 0)} is too large; numbers up to 1.8e308 are allowed"
             ) from None
         except ValueError:
-            raise ExpressionError(f"{_print(_node(kind, arguments), 0)} has no real value") from None
+            takes = f"; {kind} takes {TABLE[kind].takes}" if kind in TABLE and TABLE[kind].takes else ""
+            raise ExpressionError(f"{_print(_node(kind, arguments), 0)} has no real value{takes}") from None
     if kind == "neg":
         return arguments[0][1] if arguments[0][0] == "neg" else ("neg", arguments[0])
     if kind == VANISHING and (arguments[0][0] == "number" or arguments[1][0] == "number"):
         kind = "*"  # nothing is infinite, or the first factor never 0
+    if kind in ("mod", WRAPPED) and arguments[1] == _ZERO:
+        raise ExpressionError(f"{_print(_node(kind, arguments), 0)} divides by zero")
     if kind in FUNCTIONS or kind in OF_TREES:
         return ("call", kind, *arguments)
     a, b = arguments
@@ -533,6 +526,10 @@ def combine(kind: str, *arguments: Tree) -> Tree:
             f"{_print((kind, a, b), 0)}: the remainder % takes numbers, constants and repeat indices only"
         )
     return (kind, a, b)
+
+
+COMBINED: Final = TreeFunctions(combine)
+"""Makes trees with their numbers computed, see `combine`."""
 
 
 def _node(kind: str, arguments: tuple[Tree, ...]) -> Tree:
@@ -982,7 +979,7 @@ class _Parser:
                 break
             self.advance()
         self.close(opened)
-        needed, many = FUNCTIONS[name], name in ("min", "max")
+        needed, many = FUNCTIONS[name], TABLE[name].many
         if len(arguments) != needed and not (many and len(arguments) > needed):
             self.fail(
                 f"{name} with {len(arguments)} argument{'s' * (len(arguments) > 1)}; "

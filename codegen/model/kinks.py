@@ -7,27 +7,18 @@ zero, the motion is compared from both sides, with the branches of each. A jump 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from .expressions import AT_LEAST, WRAPPED, Expression, Tree, combine, functions_for
+from ..elementary import named
+from .expressions import AT_LEAST, WRAPPED, Expression, Tree, functions_for
 from .rates import rate, rates_of
-from .switches import BRANCHES
+from .switches import switching
 
-SWITCHING: Final[Mapping[str, Callable[[Sequence[Tree]], Tree]]] = {
-    **BRANCHES,
-    WRAPPED: BRANCHES["mod"],
-    "sqrt": lambda of: of[0],
-    "asin": lambda of: combine("-", ("number", 1), combine("*", of[0], of[0])),
-    "acos": lambda of: combine("-", ("number", 1), combine("*", of[0], of[0])),
-    "atan2": lambda of: of[0],
-}
-"""What is zero where a function of the grammar may not be smooth, from its arguments."""
-
-TOUCHING: Final = ("sqrt", "asin", "acos", "**")
+TOUCHING: Final = ("**", *named("name", lambda e: e.touches))
 """Those that may not be smooth where the switching function touches zero, too."""
 
 BESIDE: Final = 1e-9
@@ -82,8 +73,8 @@ def nodes(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
         seen.add(tree)
         for a in tree[2 if kind == "call" else 1 :]:
             yield from of(a)
-        if kind == "call" and tree[1] in SWITCHING:
-            yield tree, SWITCHING[tree[1]](tree[2:])
+        if kind == "call" and (s := switching(tree[1], tree[2:])) is not None:
+            yield tree, s
         elif kind == "**" and not (tree[2][0] == "number" and isinstance(tree[2][1], int)):
             yield tree, tree[1]
 
@@ -238,7 +229,7 @@ def _plain(
     e: Expression, at: Mapping[str, Any], shape: tuple[int, ...], by: Mapping[str, Callable[..., Any]] | None = None
 ) -> np.ndarray:
     """Values of some shape; not numbers where there are none. Functions of the grammar may be given in place of NumPy's."""
-    functions = functions_for(np) | {AT_LEAST: lambda a, b: np.greater_equal(a, b) * 1.0} | dict(by or {})
+    functions = functions_for(np) | dict(by or {})
     with np.errstate(all="ignore"):
         try:
             found = np.asarray(e.evaluate(at, functions), float)

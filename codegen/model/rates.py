@@ -11,7 +11,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
-from .expressions import AT_LEAST, Expression, Tree, combine
+from ..elementary import TABLE, tree_of
+from .expressions import AT_LEAST, COMBINED, Expression, Tree, combine
 from .slopes import is_singular, slope
 from .switches import has_modes
 
@@ -95,34 +96,17 @@ def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
         (x, m), (dx, dm) = of, d
         turns = combine("/", combine("-", x, combine(function, x, m)), m)
         return combine("-", dx, combine("*", turns, dm))
-    if function == "atan2":
-        (y, x), (dy, dx) = of, d
-        above = combine("-", combine("*", x, dy), combine("*", y, dx))
-        return combine("/", above, combine("+", combine("*", x, x), combine("*", y, y)))
-    (x,), (dx,) = of, d
-    whole: Tree = ("call", function, x)
-    if function in ("tan", "sqrt", "exp", "sin", "cos", "sinh", "cosh", "tanh", "abs", "sign"):
-        by: Tree = {
-            "sin": lambda: combine("cos", x),
-            "cos": lambda: combine("neg", combine("sin", x)),
-            "tan": lambda: combine("+", ONE, combine("*", whole, whole)),
-            "sinh": lambda: combine("cosh", x),
-            "cosh": lambda: combine("sinh", x),
-            "tanh": lambda: combine("-", ONE, combine("*", whole, whole)),
-            "exp": lambda: whole,
-            "sqrt": lambda: combine("/", ONE, combine("*", TWO, whole)),
-            "abs": lambda: combine("sign", x),
-            "sign": lambda: ZERO,
-        }[function]()
-        return combine("*", by, dx)
-    square = combine("*", x, x)
-    below: Tree = {
-        "log": lambda: x,
-        "atan": lambda: combine("+", ONE, square),
-        "asin": lambda: combine("sqrt", combine("-", ONE, square)),
-        "acos": lambda: combine("neg", combine("sqrt", combine("-", ONE, square))),
-    }[function]()
-    return combine("/", dx, below)
+    value: Tree = ("call", function, *of)
+    total = ZERO
+    for slope_, d_of in zip(TABLE[function].slopes, d, strict=True):
+        if d_of != ZERO:
+            total = combine("+", total, _times(tree_of(slope_, (value, *of), COMBINED), d_of))
+    return total
+
+
+def _times(factor: Tree, d: Tree) -> Tree:
+    """A product, with a division instead of one by a reciprocal."""
+    return combine("/", combine("*", factor[1], d), factor[2]) if factor[0] == "/" else combine("*", factor, d)
 
 
 def with_names_replaced(expression: Expression, by: dict[str, Tree]) -> Expression:
@@ -136,9 +120,10 @@ def _replaced(tree: Tree, by: dict[str, Tree]) -> Tree:
         return tree
     if kind == "name":
         return by.get(tree[1], tree)
-    if kind == "call":
-        return combine(tree[1], *(_replaced(a, by) for a in tree[2:]))
-    return combine(kind, *(_replaced(a, by) for a in tree[1:]))
+    first = 2 if kind == "call" else 1
+    inner = [_replaced(a, by) for a in tree[first:]]
+    unchanged = all(a is b for a, b in zip(inner, tree[first:], strict=True))
+    return tree if unchanged else combine(tree[first - 1], *inner)
 
 
 __all__ = ["rate", "rates_of", "with_names_replaced"]

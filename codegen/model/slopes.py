@@ -10,10 +10,12 @@ taken do not contribute (`CHOICE`). Where nothing of that helps, the result is i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
 
+from ..elementary import LIKE_ITS_ARGUMENT, TABLE, TreeFunctions, named, tree_of
 from .expressions import AT_LEAST, CHOICE, VANISHING, Expression, Tree, combine
 
 ZERO: Tree = ("number", 0)
@@ -27,6 +29,12 @@ NORM = "norm"
 
 SIZE = "size"
 """Key of a power of an absolute value: ``(SIZE, ((1, x),))``."""
+
+HELD = "held_"
+"""Begins the names of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
+
+NOT_NEGATIVE = (AT_LEAST, *named("name", lambda e: e.positive == LIKE_ITS_ARGUMENT))
+"""Functions whose values are not below zero, beside those that are above it."""
 
 Factors = list[tuple[Tree, Tree]]
 """Trees, or keys, with their exponents."""
@@ -68,7 +76,7 @@ def _slope(tree: Tree, by: Tree) -> Tree:
 
 def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
     """The derivative of a function's value from those of its arguments."""
-    if all(x == ZERO for x in d) or function in (AT_LEAST, "sign", "held_at_least", "held_sign"):
+    if all(x == ZERO for x in d) or function.removeprefix(HELD) in (AT_LEAST, "sign"):
         return ZERO
     x, dx = of[0], d[0]
     match function:
@@ -87,29 +95,24 @@ def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
         case "mod" | "wrapped":
             whole = combine("/", combine("-", x, combine(function, *of)), of[1])
             return combine("-", dx, combine("*", whole, d[1]))
-        case "atan2" | "held_atan2":
-            y, dy = of[1], d[1]
-            square = combine("+", combine("**", y, TWO), combine("**", x, TWO))
-            return combine("-", product((y, ONE), (square, MINUS_ONE), (dx, ONE)),
-                           product((x, ONE), (square, MINUS_ONE), (dy, ONE)))  # fmt: skip
-        case "asin" | "acos":  # two factors: 1 - x**2 loses digits where x is near 1
-            power = ("number", -0.5)
-            found = product((combine("-", ONE, x), power), (combine("+", ONE, x), power), (dx, ONE))
-            return found if function == "asin" else combine("neg", found)
-        case "log":
-            return product((dx, ONE), (x, MINUS_ONE))
-    whole = combine(function, x)
-    factor: Tree = {
-        "sin": lambda: combine("cos", x),
-        "cos": lambda: combine("neg", combine("sin", x)),
-        "tan": lambda: combine("+", ONE, combine("**", whole, TWO)),
-        "atan": lambda: combine("/", ONE, combine("+", ONE, combine("**", x, TWO))),
-        "sinh": lambda: combine("cosh", x),
-        "cosh": lambda: combine("sinh", x),
-        "tanh": lambda: combine("/", ONE, combine("**", combine("cosh", x), TWO)),
-        "exp": lambda: whole,
-    }[function]()
-    return product((factor, ONE), (dx, ONE))
+    e, value = TABLE[function.removeprefix(HELD)], ("call", function, *of)
+    total = ZERO
+    for slope_, d_of in zip(e.slopes, d, strict=False):  # a mode has none
+        if d_of != ZERO:
+            total = combine(
+                "+", total, product((tree_of(slope_, (value, *of[: e.arity]), ROOTS_APART), ONE), (d_of, ONE))
+            )
+    return total
+
+
+def _with_roots_apart(kind: str, *trees: Tree) -> Tree:
+    """An operation or a function, where the root of a product is a product of roots; see `codegen.elementary`."""
+    if kind == "sqrt" and trees[0][0] == "*":
+        return product((trees[0][1], HALF), (trees[0][2], HALF))
+    return combine(kind, *trees)
+
+
+ROOTS_APART = TreeFunctions(_with_roots_apart)
 
 
 def _of_product(of: Product, by: Tree) -> Tree:
@@ -506,9 +509,8 @@ def is_positive(tree: Tree) -> bool:
         return is_positive(tree[1]) and is_positive(tree[2])
     if kind == "**":
         return is_positive(tree[1])
-    return bool(
-        kind == "call" and (tree[1] in ("exp", "cosh") or (tree[1] in ("sqrt", "abs") and is_positive(tree[2])))
-    )
+    positive = TABLE[tree[1]].positive if kind == "call" and tree[1] in TABLE else ""
+    return positive == "always" or (positive == LIKE_ITS_ARGUMENT and is_positive(tree[2]))
 
 
 def _is_not_negative(tree: Tree) -> bool:
@@ -517,7 +519,7 @@ def _is_not_negative(tree: Tree) -> bool:
         return _is_not_negative(tree[1]) and _is_not_negative(tree[2])
     if kind == "**" and tree[2][0] == "number" and isinstance(tree[2][1], int) and tree[2][1] % 2 == 0:
         return True
-    return tree == ZERO or is_positive(tree) or (kind == "call" and tree[1] in ("sqrt", "abs", AT_LEAST))
+    return tree == ZERO or is_positive(tree) or (kind == "call" and tree[1] in NOT_NEGATIVE)
 
 
 def is_singular(tree: Tree) -> bool:
@@ -528,8 +530,9 @@ def is_singular(tree: Tree) -> bool:
     inner = tree[2:] if kind == "call" else tree[1:]
     found = False
     if kind == "call":
-        found = tree[1] in ("asin", "acos", "atan2", "held_atan2", CHOICE, VANISHING) or (
-            tree[1] in ("sqrt", "log") and not is_positive(tree[2])
+        domain = TABLE[tree[1]].domain if tree[1] in TABLE else None
+        found = tree[1] in ("atan2", "held_atan2", CHOICE, VANISHING) or (
+            domain is not None and not (domain[1] == math.inf and is_positive(tree[2]))
         )
     elif kind == "**":
         base, e = tree[1:]

@@ -5,21 +5,19 @@ where a *switching function* of coordinates, speeds, parameters, inputs and time
 *mode* of the switch. An expression whose modes are held is smooth everywhere, which is what a step of an integrator needs;
 between steps modes change.
 
-A function of the grammar that has branches needs one entry in `BRANCHES`, and its held form in `codegen.program.functions`.
+A function of the grammar that has branches needs its switching function in `codegen.elementary`, and its held form in
+`codegen.program.functions`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from .expressions import Expression, Tree
-from .slopes import is_positive
-
-HELD: Final = "held_"
-"""Begins the names of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
+from ..elementary import TABLE, named, tree_of
+from .expressions import AT_LEAST, COMBINED, WRAPPED, Expression, Tree
+from .slopes import HELD, is_positive
 
 MODE: Final = "mode."
 """Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
@@ -27,34 +25,21 @@ MODE: Final = "mode."
 KINDS: Final = ("sign", "turn")
 """What modes are: the sign of the switching function, or the angle near which the function, an angle, is measured."""
 
-JUMPS: Final = ("at_least", "sign", "mod", "atan2")
+JUMPS: Final = (AT_LEAST, *named("name", lambda e: e.jumps))
 """Functions whose value jumps; that of the others has a kink."""
 
 
-def _difference(arguments: Sequence[Tree]) -> Tree:
-    a, b = arguments
-    return a if b == ("number", 0) else ("-", a, b)
+BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
+"""Functions that have branches."""
 
-
-def _turns(arguments: Sequence[Tree]) -> Tree:
-    """Positive where an even number of moduli is in a number, negative where it is odd."""
-    x, m = arguments
-    return ("call", "sin", ("/", ("*", ("number", math.pi), x), m))
-
-
-BRANCHES: Final[dict[str, Callable[[Sequence[Tree]], Tree]]] = {
-    "at_least": _difference,
-    "max": _difference,
-    "min": _difference,
-    "sign": lambda arguments: arguments[0],
-    "abs": lambda arguments: arguments[0],
-    "mod": _turns,
-    "atan2": lambda arguments: arguments[0],
-}
-"""Functions that have branches, with the switching functions of their arguments."""
-
-PARTLY_DEFINED: Final = ("sqrt", "log", "asin", "acos")
+PARTLY_DEFINED: Final = named("name", lambda e: e.domain is not None)
 """Functions whose argument has bounds. A branch of it that is held may leave them, so switches in it are located, not held."""
+
+
+def switching(function: str, arguments: Sequence[Tree]) -> Tree | None:
+    """What is zero where a function of some arguments may not be smooth; None for one that is smooth."""
+    like = TABLE.get({AT_LEAST: "max", WRAPPED: "mod"}.get(function, function))
+    return tree_of(like.switching, arguments, COMBINED) if like is not None and like.switching is not None else None
 
 
 def branching(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
@@ -235,7 +220,8 @@ class Switches:
 
     def _switch(self, call: Tree, arguments: tuple[Tree, ...]) -> Switch:
         """The switch of a function of some arguments, which is made if it is the first."""
-        value = BRANCHES[call[1]](arguments)
+        value = switching(call[1], arguments)
+        assert value is not None
         switch = self._by_value.get(value)
         if switch is None:
             switch = self._by_value[value] = Switch(len(self.found), call, value)

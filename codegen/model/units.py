@@ -10,6 +10,7 @@ import re
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
+from ..elementary import named
 from .errors import nearest
 
 PI: Final = Fraction("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899")
@@ -133,7 +134,7 @@ class DimensionError(ValueError):
     """Dimensions that do not fit each other."""
 
 
-_PURE: Final = frozenset({"sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log"})
+_PURE: Final = frozenset(named("name", lambda e: e.pure))
 _PLAIN: Final = "plain"
 """What a number without a unit is: nothing in a product, and anything in a sum."""
 

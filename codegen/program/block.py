@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
 
+from ..elementary import named
 from . import algebra
 from .digits import number
 from .expressions import Expr, Number, Symbol
@@ -88,8 +89,8 @@ class Block:
 
 
 RESERVED = frozenset(
-    "a h i l acos asin atan atan2 cos cosh exp fabs fmax fmin log pow sin sinh sqrt tan tanh y0 y1 yn j0 j1 jn np "
-    "int double const static link numbers call values handed_on".split()
+    ["pow", *named("c")]
+    + "a h i l y0 y1 yn j0 j1 jn np int double const static link numbers call values handed_on".split()
 )
 """Names that generated code uses for other things."""
 

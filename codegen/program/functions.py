@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
+from types import SimpleNamespace
 
 import mpmath
 
+from ..elementary import BY_SYMBOL, ODD
 from .algebra import (
     MEANINGS,
     MINUS_ONE,
@@ -26,8 +28,6 @@ from .algebra import (
 )  # fmt: skip
 from .digits import are_long, number, value_of
 
-ODD = ("sin", "tan", "asin", "atan", "sinh", "tanh")
-EVEN = ("cos", "cosh")
 MULTIPLIED = 16
 """Powers up to this one are written as products."""
 
@@ -62,23 +62,23 @@ def value_of_function(name: str, values: Sequence[float]) -> float:
         case "Vanishing" | "Along":
             return a * b if a else 0
         case "Power":
-            name = "power" if are_long() else "pow"
-    found: float = getattr(mpmath if are_long() else math, name)(*values)
+            found: float = mpmath.power(a, b) if are_long() else math.pow(a, b)
+        case _:
+            of_long = mpmath, BY_SYMBOL[name].spelled("mpmath")
+            found = getattr(*of_long if are_long() else (math, name))(*values)
     return found
 
 
-def _elementary(name: str) -> Made:
+def _elementary(name: str, parity: int = 0) -> Made:
     """A function that has a value at once where it is of numbers, and without a sign in its argument where it is odd or even."""
 
     def of(*arguments: object) -> Expr:
         args = tuple(map(expression, arguments))
         if all(a.is_Number for a in args):
             return computed(lambda: value_of_function(name, [value_of(a) for a in args]))
-        if name in ODD or name in EVEN:
-            c, _ = coefficient(args[0])
-            if c < 0:
-                positive = function(name, negative(args[0]))
-                return negative(positive) if name in ODD else positive
+        if parity and coefficient(args[0])[0] < 0:
+            positive = function(name, negative(args[0]))
+            return negative(positive) if parity == ODD else positive
         return function(name, *args)
 
     return of
@@ -169,24 +169,26 @@ def Power(*arguments: object) -> Expr:
     if isinstance(n, Number) and isinstance(n.value, int) and abs(n.value) <= MULTIPLIED:
         return b**n
     if b.is_Number and n.is_Number:
-        power: Callable[[float, float], float] = mpmath.power if are_long() else math.pow
-        return computed(lambda: power(value_of(b), value_of(n)))
+        return computed(lambda: value_of_function("Power", (value_of(b), value_of(n))))
     return function("Power", b, n)
-
-
-_TRANSCENDENTAL = (
-    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log",
-)  # fmt: skip
-sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, log = map(_elementary, _TRANSCENDENTAL)
 
 
 def _square_root(*arguments: object) -> Expr:
     return sqrt(*arguments)
 
 
+_PIECEWISE = {
+    "AtLeast": AtLeast, "Maximum": Maximum, "Minimum": Minimum, "Sign": Sign, "Absolute": Absolute, "HeldAtLeast": HeldAtLeast,
+    "HeldMaximum": HeldMaximum, "HeldMinimum": HeldMinimum, "HeldSign": HeldSign, "HeldAbsolute": HeldAbsolute,
+    "HeldTurn": HeldTurn, "HeldFloor": HeldFloor, "HeldAngle": HeldAngle, "Floor": Floor, "Choice": Choice,
+    "Vanishing": Vanishing, "Along": Along, "Power": Power,
+}  # fmt: skip
+_SMOOTH: dict[str, Made] = {
+    name: _elementary(name, e.parity) for name, e in BY_SYMBOL.items() if name and name not in ("sqrt", *_PIECEWISE)
+}
+
 SYMBOLIC: dict[str, Made] = {
-    "sin": sin, "cos": cos, "tan": tan, "asin": asin, "acos": acos, "atan": atan, "atan2": atan2, "sinh": sinh, "cosh": cosh,
-    "tanh": tanh, "sqrt": _square_root, "exp": exp, "log": log, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
+    **_SMOOTH, "sqrt": _square_root, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
     "at_least": AtLeast, "held_at_least": HeldAtLeast, "held_max": HeldMaximum, "held_min": HeldMinimum,
     "held_sign": HeldSign, "held_abs": HeldAbsolute, "held_turn": HeldTurn, "held_mod": HeldModulo, "held_atan2": HeldAngle,
     "mod": Modulo,
@@ -194,43 +196,20 @@ SYMBOLIC: dict[str, Made] = {
 }  # fmt: skip
 """The functions of the model format."""
 
+_FUNCTIONS = SimpleNamespace(**SYMBOLIC)
+
 
 def slope(e: Function, place: int) -> Expr:
     """The derivative of a function by one of its arguments."""
+    if e.name in BY_SYMBOL:
+        return expression(BY_SYMBOL[e.name].slopes[place](_FUNCTIONS, e, *e.args))
     x = e.args[0]
     match e.name:
-        case "sin":
-            return cos(x)
-        case "cos":
-            return -sin(x)
-        case "tan":
-            return e**2 + 1
-        case "asin":  # two factors: 1 - x**2 loses digits where x is near 1
-            return 1 / sqrt((1 - x) * (1 + x))
-        case "acos":
-            return -1 / sqrt((1 - x) * (1 + x))
-        case "atan":
-            return 1 / (x**2 + 1)
-        case "atan2":
-            y, x = e.args
-            return x / (x**2 + y**2) if place == 0 else -y / (x**2 + y**2)
         case "HeldAngle":  # steps end where y is zero, and x may be zero there
             y, x, _ = e.args
             inverse = 1 / (x**2 + y**2)
             return (Vanishing(x, inverse), -Vanishing(y, inverse), ZERO)[place]
-        case "sinh":
-            return cosh(x)
-        case "cosh":
-            return sinh(x)
-        case "tanh":
-            return 1 / cosh(x) ** 2  # 1 - e**2 loses all digits where e is near 1
-        case "exp":
-            return e
-        case "log":
-            return 1 / x
-        case "Absolute":
-            return Sign(x)
-        case "Sign" | "AtLeast" | "Floor" | "HeldSign" | "HeldAtLeast" | "HeldFloor":
+        case "AtLeast" | "Floor" | "HeldSign" | "HeldAtLeast" | "HeldFloor":
             return ZERO
         case "HeldTurn":
             return ONE if place == 0 else ZERO
@@ -244,24 +223,12 @@ def slope(e: Function, place: int) -> Expr:
             return ZERO if place == 0 else Choice(x, *((ONE, ZERO) if place == 1 else (ZERO, ONE)))
         case "Vanishing":
             return e.args[1 - place]
-        case "Maximum" | "Minimum":
-            a, b = e.args
-            first = AtLeast(a, b) if e.name == "Maximum" else AtLeast(b, a)
-            return first if place == 0 else ONE - first
         case "Power":
             base, exponent = e.args
-            return exponent * Power(base, exponent + MINUS_ONE) if place == 0 else e * log(base)
+            return exponent * Power(base, exponent + MINUS_ONE) if place == 0 else e * _SMOOTH["log"](base)
     raise ValueError(f"{e.name} has no derivative here")
 
 
 MEANINGS |= {
-    name: Meaning(make, partial(value_of_function, name), slope)
-    for name, make in [
-        *((name, SYMBOLIC[name]) for name in _TRANSCENDENTAL),
-        *(("AtLeast", AtLeast), ("Maximum", Maximum), ("Minimum", Minimum), ("Sign", Sign), ("Absolute", Absolute)),
-        *(("HeldAtLeast", HeldAtLeast), ("HeldMaximum", HeldMaximum), ("HeldMinimum", HeldMinimum)),
-        *(("HeldSign", HeldSign), ("HeldAbsolute", HeldAbsolute), ("HeldTurn", HeldTurn)),
-        *(("HeldFloor", HeldFloor), ("HeldAngle", HeldAngle)),
-        *(("Floor", Floor), ("Choice", Choice), ("Vanishing", Vanishing), ("Along", Along), ("Power", Power)),
-    ]
+    name: Meaning(make, partial(value_of_function, name), slope) for name, make in (_SMOOTH | _PIECEWISE).items()
 }

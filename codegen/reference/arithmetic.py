@@ -17,11 +17,10 @@ from typing import Any
 import mpmath
 import numpy as np
 
+from ..elementary import ON_ARRAYS, TABLE
+
 Array = np.ndarray[Any, Any]
 
-
-_MPMATH_NAMES = {"abs": "fabs"}
-_NUMPY_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
 
 NUMBERS = ("float64", "mpmath", "decimal")
 
@@ -47,6 +46,7 @@ class Arithmetic:
         self.numbers = numbers
         self.extended = numbers != "float64"
         self.dtype: Any = object if self.extended else np.float64
+        self.functions = Functions(self)
 
     def number(self, x: Any) -> Any:
         """One number, exactly the value of ``x`` (an int, a float or one of mpmath's) where the kind can hold it."""
@@ -85,9 +85,10 @@ class Arithmetic:
         """The elementary function of that name, on single numbers."""
         if self.numbers == "decimal":
             return _DECIMAL.get(name) or _by_mpmath(name)
-        other_names = _MPMATH_NAMES if self.extended else _NUMPY_NAMES
-        function: Callable[..., Any] = getattr(mpmath if self.extended else np, other_names.get(name, name))
-        return function
+        if self.extended:
+            return _of_mpmath(name)
+        found: Callable[..., Any] = getattr(np if name == "floor" else ON_ARRAYS, name)
+        return found
 
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:
         """Factor a small symmetric positive definite A = L diag(d) L^T.
@@ -218,14 +219,29 @@ _DECIMAL: dict[str, Callable[..., Any]] = {
 """Functions of decimal numbers that need no mpmath."""
 
 
+def _of_mpmath(name: str) -> Callable[..., Any]:
+    found: Callable[..., Any] = getattr(mpmath, TABLE[name].spelled("mpmath") if name in TABLE else name)
+    return found
+
+
 def _by_mpmath(name: str) -> Callable[..., Decimal]:
     """A function of decimal numbers, computed by mpmath in as many digits."""
 
     def of(*x: Decimal) -> Decimal:
         with mpmath.workprec(math.ceil(decimal.getcontext().prec * math.log2(10)) + GUARD_BITS):
-            return _decimal(getattr(mpmath, name)(*x))
+            return _decimal(_of_mpmath(name)(*x))
 
     return of
+
+
+class Functions:
+    """The elementary functions of one kind of numbers as attributes, for the formulas of `codegen.elementary`."""
+
+    def __init__(self, arithmetic: Arithmetic) -> None:
+        self._arithmetic = arithmetic
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        return self._arithmetic.function(name)
 
 
 class LeftInverse:

@@ -7,11 +7,12 @@ partial derivative times operand derivative.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..elementary import TABLE
 from ..model.expressions import Expression, Tree
 from ..model.slopes import is_singular, leaves, slope
 from .arithmetic import Arithmetic, Array
@@ -156,42 +157,17 @@ class Pairs:
             for x in arguments[1:]:  # on a tie the first one counts, for the derivative too
                 result = x if (x.value < result.value if name == "min" else x.value > result.value) else result
             return result
-        if name == "atan2":
-            return self._atan2(*arguments)
         if name == "at_least":
             return self.number(1 if arguments[0].value >= arguments[1].value else 0)
         if name in ("mod", "wrapped"):
             x, m = arguments
             return x - self.number(self.arithmetic.function("floor")(x.value / m.value)) * m
-        (a,) = arguments
-        x, f = a.value, self.arithmetic.function
-        value = f(name)(x)
-        # Derivatives with respect to the argument; called only where there are directions, so that a value at the
-        # edge of a function's domain (sqrt(0)) does not fail for a derivative nobody asked for.
-        partials: dict[str, Callable[[], Any]] = {
-            "sin": lambda: f("cos")(x),
-            "cos": lambda: -f("sin")(x),
-            "tan": lambda: 1 + value * value,
-            "asin": lambda: 1 / f("sqrt")((1 - x) * (1 + x)),
-            "acos": lambda: -1 / f("sqrt")((1 - x) * (1 + x)),
-            "atan": lambda: 1 / (1 + x * x),
-            "sinh": lambda: f("cosh")(x),
-            "cosh": lambda: f("sinh")(x),
-            "tanh": lambda: 1 / f("cosh")(x) ** 2,
-            "sqrt": lambda: 1 / (2 * value),
-            "exp": lambda: value,
-            "log": lambda: 1 / x,
-            "sign": lambda: 0,
-            "abs": lambda: f("sign")(x),
-        }
-        return Pair(value, partials[name]() * a.tangent if self.k else self._zero)
-
-    def _atan2(self, y: Pair, x: Pair) -> Pair:
-        value = self.arithmetic.function("atan2")(y.value, x.value)
-        if not self.k:
-            return Pair(value, self._zero)
-        r2 = x.value * x.value + y.value * y.value
-        return Pair(value, (x.value * y.tangent - y.value * x.tangent) / r2)
+        of = [a.value for a in arguments]
+        value, tangent = self.arithmetic.function(name)(*of), self._zero
+        if self.k:  # a value at the edge of a function's domain must not fail for a derivative nobody asked for
+            for slope_, a in zip(TABLE[name].slopes, arguments, strict=True):
+                tangent = tangent + slope_(self.arithmetic.functions, value, *of) * a.tangent
+        return Pair(value, tangent)
 
     def power(self, x: Pair, y: Pair) -> Pair:
         """x**y for numbers; an exponent without derivative asks no logarithm of the base."""

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from .sections import CARRIED, STANDALONE
+from .sections import CARRIED, carried_text
 from .solver import Solver
 from .standalone.manifest import SEAL, check_files, read_manifest
 from .standalone.trajectory import Trajectory
@@ -84,8 +84,10 @@ def _brought(path: Path) -> list[Path]:
 
 
 def _is_own(file: Path) -> bool:
-    own = STANDALONE / file.name
-    return own.is_file() and own.read_bytes() == file.read_bytes()
+    try:
+        return carried_text(file.stem) == file.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return False
 
 
 def _package(path: Path, brought: list[Path]) -> ModuleType:

@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 STANDALONE = Path(__file__).parent / "standalone"
-"""The run time: the standard library, NumPy and cffi is all it imports."""
+"""The run time: the standard library, NumPy, cffi and modules of `SHARED` is all it imports."""
+
+SHARED = Path(__file__).parents[1]
+"""What the run time imports beside itself: modules of the lowest floors, which packages carry too."""
 
 MOTION = Path(__file__).parent / "motion"
 """The integrators, in C; what a package that can be integrated over time carries beside its own."""
@@ -68,7 +71,7 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
     while left:
         modules |= left
         left = set().union(*map(_imported, left)) - modules
-    found = {f"{CARRIED}/{m}.py": _text(m) for m in ("__init__", *sorted(modules))}
+    found = {f"{CARRIED}/{m}.py": carried_text(m) for m in ("__init__", *sorted(modules))}
     if "Judging" in sections_of(manifest):
         found |= {
             f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))
@@ -83,14 +86,17 @@ def _module(section: str) -> str:
 
 
 @functools.cache
-def _text(module: str) -> str:
-    return (STANDALONE / f"{module}.py").read_text(encoding="utf-8")
+def carried_text(module: str) -> str:
+    """The text of a module of the run time in a package, where what it shares with all of ordernm stands beside it."""
+    file = STANDALONE / f"{module}.py"
+    text = (file if file.is_file() else SHARED / file.name).read_text(encoding="utf-8")
+    return re.sub(r"^from \.\.\.(\w+) import", r"from .\1 import", text, flags=re.MULTILINE)
 
 
 @functools.cache
 def _imported(module: str) -> frozenset[str]:
     """Modules of the run time that one imports, at its head or within functions."""
-    return frozenset(re.findall(r"^ *from \.(\w+) import", _text(module), re.MULTILINE))
+    return frozenset(re.findall(r"^ *from \.(\w+) import", carried_text(module), re.MULTILINE))
 
 
-__all__ = ["CARRIED", "STANDALONE", "carried_files", "sections_of"]
+__all__ = ["CARRIED", "carried_files", "carried_text", "sections_of"]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...elementary import ELEMENTWISE, ON_ARRAYS
 from .arrays import Array, Numbers, Times
 from .diagnosis import ClosureCondition, Diagnosis, MassCondition
 from .directions import take_directions
@@ -17,7 +18,7 @@ from .functions import ALONG
 from .infinite import tell_infinite
 from .numpy_target import NumpyTarget
 from .package import seeds, state
-from .rounding import UNIT, NearestFunctions, can_round, spread
+from .rounding import UNIT, NearestFunctions, can_round, spread, to_nearest
 from .targets import Opened, Target
 
 LARGEST = 1000
@@ -107,6 +108,7 @@ class Diagnosing(Dynamics):
         if opened.number not in known:
             target = NumpyTarget(opened.folder, opened.manifest)
             target.module.np = NearestFunctions()
+            vars(target.module).update((name, to_nearest(getattr(ON_ARRAYS, name))) for name in ELEMENTWISE)
             known[opened.number] = target
         return known[opened.number]
 

@@ -6,10 +6,12 @@ No step is taken and nothing is subtracted that is not subtracted in the formula
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ...elementary import ON_ARRAYS, TABLE, Elementary
 from .arrays import Array
 
 
@@ -164,48 +166,28 @@ def vanishing(x: Any, y: Any) -> Any:
     return Jet(value, slope)
 
 
-def _arctan2(x: Any, y: Any) -> Jet:
-    a, b = value_of(x), value_of(y)
-    square = a * a + b * b
-    return Jet(np.arctan2(a, b), _scaled((lambda: b / square, x), (lambda: -a / square, y)))
+def _elementary(e: Elementary) -> Callable[..., Any]:
+    """The rule of an elementary function, from its derivatives."""
+    function = getattr(ON_ARRAYS, e.name)
 
-
-def _chosen(choose: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Jet]:
-    """The larger or the smaller of two; the first where they are equal."""
-
-    def rule(x: Any, y: Any) -> Jet:
-        a, b = value_of(x), value_of(y)
-        first = np.where(choose(a, b), 1.0, 0.0)
-        return Jet(np.where(first, a, b), _scaled((lambda: first, x), (lambda: 1.0 - first, y)))
+    def rule(*given: Any) -> Jet:
+        of = [value_of(x) for x in given]
+        found = function(*of)
+        if not any(isinstance(x, Jet) for x in given):
+            return found
+        terms = [(partial(slope, ON_ARRAYS, found, *of), x) for slope, x in zip(e.slopes, given, strict=True)]
+        return Jet(found, _scaled(*terms))
 
     return rule
 
 
-def _of_one(function: Callable[[Any], Any], derivative: Callable[[Any, Any], Any]) -> Callable[[Jet], Jet]:
-    """A function of one number, from its derivative in terms of argument and value."""
-
-    def rule(x: Jet) -> Jet:
-        found = function(x.value)
-        return Jet(found, np.where(x.slope != 0.0, _wide(derivative(x.value, found)) * x.slope, 0.0))
-
-    return rule
-
+ELEMENTARY: dict[str, Callable[..., Any]] = {e.spelled("numpy") or e.name: _elementary(e) for e in TABLE.values()}
 
 RULES: dict[str, Callable[..., Any]] = {
-    "add": _add, "subtract": _subtract, "multiply": _multiply, "divide": _divide, "power": _power, "arctan2": _arctan2,
-    "negative": Jet.__neg__, "floor": lambda x: np.floor(x.value),
+    **ELEMENTARY, "add": _add, "subtract": _subtract, "multiply": _multiply, "divide": _divide, "power": _power,
+    "negative": Jet.__neg__, "floor": lambda x: np.floor(x.value), "absolute": ELEMENTARY["abs"],
     "greater": lambda x, y: value_of(x) > value_of(y),
     "less": lambda x, y: value_of(x) < value_of(y),
     "greater_equal": lambda x, y: value_of(x) >= value_of(y), "less_equal": lambda x, y: value_of(x) <= value_of(y),
-    "maximum": _chosen(np.greater_equal), "minimum": _chosen(np.less_equal),
-    "sin": _of_one(np.sin, lambda x, f: np.cos(x)), "cos": _of_one(np.cos, lambda x, f: -np.sin(x)),
-    "tan": _of_one(np.tan, lambda x, f: 1.0 + f * f),
-    "arcsin": _of_one(np.arcsin, lambda x, f: 1.0 / np.sqrt((1.0 - x) * (1.0 + x))),
-    "arccos": _of_one(np.arccos, lambda x, f: -1.0 / np.sqrt((1.0 - x) * (1.0 + x))),
-    "arctan": _of_one(np.arctan, lambda x, f: 1.0 / (1.0 + x * x)),
-    "sinh": _of_one(np.sinh, lambda x, f: np.cosh(x)), "cosh": _of_one(np.cosh, lambda x, f: np.sinh(x)),
-    "tanh": _of_one(np.tanh, lambda x, f: 1.0 / np.cosh(x) ** 2), "exp": _of_one(np.exp, lambda x, f: f),
-    "log": _of_one(np.log, lambda x, f: 1.0 / x), "sqrt": _of_one(np.sqrt, lambda x, f: 0.5 / f),
-    "absolute": _of_one(np.abs, lambda x, f: np.sign(x)), "sign": _of_one(np.sign, lambda x, f: np.zeros_like(f)),
 }  # fmt: skip
 """What NumPy's functions that generated statements call do to jets, by their names."""

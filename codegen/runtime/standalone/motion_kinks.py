@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...elementary import ON_ARRAYS, TABLE, tree_of
 from .arrays import Array
 from .motion_inputs import Inputs
 
@@ -108,19 +109,9 @@ def _switching(tree: Sequence[Any]) -> Iterator[Any]:
     for a in of:
         yield from _switching(a)
     if kind == "call":
-        match tree[1]:
-            case "abs" | "sign" | "sqrt":
-                yield of[0]
-            case "atan2":
-                yield of[0]
-            case "min" | "max" | "at_least":
-                yield ("-", *of)
-            case "mod" | "wrapped":
-                yield ("call", "sin", ("/", ("*", ("number", math.pi), of[0]), of[1]))
-            case "asin" | "acos":
-                yield ("-", ("number", 1), ("*", of[0], of[0]))
-            case _:
-                pass
+        e = TABLE.get({"at_least": "max", "wrapped": "mod"}.get(tree[1], tree[1]))
+        if e is not None and e.switching is not None:
+            yield tree_of(e.switching, of)
     elif kind == "**" and not (tree[2][0] == "number" and isinstance(tree[2][1], int)):
         yield of[0]
 
@@ -281,23 +272,12 @@ def _function(name: str, of: list[Pair], taken: Callable[[Any], Any]) -> Pair:
             case _:
                 up = np.copysign(np.abs(a), taken(a))
                 return np.arctan2(up, b), (b * da - a * db) / (a * a + b * b)
-    match name:
-        case "abs":
-            sign = np.where(taken(a) < 0.0, -1.0, 1.0)
-            return sign * a, sign * da
-        case "sign":
-            return np.sign(taken(a)) + 0.0 * a, 0.0
-        case "sqrt":
-            return np.sqrt(a), da / (2.0 * np.sqrt(a))
-        case "sin" | "cos" | "tan" | "sinh" | "cosh" | "tanh" | "exp" | "log" | "asin" | "acos" | "atan":
-            numpy_name = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}.get(name, name)
-            x = getattr(np, numpy_name)(a)
-            by = {
-                "sin": lambda: np.cos(a), "cos": lambda: -np.sin(a), "tan": lambda: 1.0 + x * x, "sinh": lambda: np.cosh(a),
-                "cosh": lambda: np.sinh(a), "tanh": lambda: 1.0 - x * x, "exp": lambda: x, "log": lambda: 1.0 / a,
-                "asin": lambda: 1.0 / np.sqrt(1.0 - a * a), "acos": lambda: -1.0 / np.sqrt(1.0 - a * a),
-                "atan": lambda: 1.0 / (1.0 + a * a),
-            }[name]()  # fmt: skip
-            return x, by * da
-        case _:
-            raise ValueError(f"the package's motion has the function {name!r}, which is not known here")
+    if name == "abs":
+        sign = np.where(taken(a) < 0.0, -1.0, 1.0)
+        return sign * a, sign * da
+    if name == "sign":
+        return np.sign(taken(a)) + 0.0 * a, 0.0
+    if name not in TABLE:
+        raise ValueError(f"the package's motion has the function {name!r}, which is not known here")
+    x = getattr(ON_ARRAYS, name)(a)
+    return x, TABLE[name].slopes[0](ON_ARRAYS, x, a) * da

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from ...elementary import ELEMENTWISE, TABLE, Elementary
 from .arguments import Arguments, placing
 from .arrays import Array, Numbers, Shape, Times, normalise
 from .functions import Function
@@ -127,9 +128,9 @@ class Digits:
         """An array of any numbers as one of mpmath's."""
         return np.asarray(self.to_mpf(x), object)
 
-    def function(self, name: str) -> Callable[..., Any]:
-        """One of mpmath's elementary functions, on arrays of decimal numbers; nan where it has no real value."""
-        f = getattr(self._libmp, f"mpf_{name}")
+    def function(self, e: Elementary) -> Callable[..., Any]:
+        """An elementary function as mpmath computes it, on arrays of decimal numbers; nan where it has no real value."""
+        f = getattr(self._libmp, f"mpf_{e.spelled('mpmath')}")
 
         def of(*given: Any) -> Decimal:
             if not all(isinstance(x, int) or x.is_finite() for x in given):
@@ -139,24 +140,20 @@ class Digits:
             except (self._libmp.ComplexResult, ValueError, ZeroDivisionError):
                 return Decimal("nan")
 
-        return np.frompyfunc(of, 2 if name == "atan2" else 1, 1)
+        return np.frompyfunc(of, e.arity, 1)
 
 
 def _power(a: Any, b: Any) -> Any:
     return Decimal(1) if b == 0 else a**b
 
 
-BY_MPMATH = {"sin": "sin", "cos": "cos", "tan": "tan", "arcsin": "asin", "arccos": "acos", "arctan": "atan",
-             "arctan2": "atan2", "sinh": "sinh", "cosh": "cosh", "tanh": "tanh"}  # fmt: skip
-"""NumPy's functions that mpmath computes."""
-
-
 class Functions:
     """Stands for NumPy in a module that works on decimal numbers: what makes arrays makes them of objects."""
 
     def __init__(self, numbers: Digits):
-        for name, theirs in BY_MPMATH.items():
-            setattr(self, name, numbers.function(theirs))
+        for e in TABLE.values():
+            if e.rounds:
+                setattr(self, e.spelled("numpy") or e.name, numbers.function(e))
         self.sqrt = np.frompyfunc(lambda x: Decimal(x).sqrt(), 1, 1)
         self.exp = np.frompyfunc(lambda x: Decimal(x).exp(), 1, 1)
         self.log = np.frompyfunc(lambda x: Decimal(x).ln(), 1, 1)
@@ -207,12 +204,13 @@ class Text(importlib.abc.InspectLoader):
     def module(self, name: str) -> Any:
         """The module, loaded."""
         module = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, self))
-        module.__dict__["np"] = Functions(self.numbers)
+        functions = module.__dict__["np"] = Functions(self.numbers)
         with decimal.localcontext(self.numbers.context):
             for word, name in self.known.items():
                 value = float(word)
                 module.__dict__[name] = Decimal(value) if repr(value) == word else Decimal(word)
             self.exec_module(module)
+        vars(module).update((name, getattr(functions, name)) for name in ELEMENTWISE)
         return module
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ...elementary import named
 from .arrays import Array
 
 DIRECTED = ("up", "down")
@@ -39,9 +40,7 @@ place in the mean, by half of it in a directed mode, and always to the same side
 UNIT = 2.0**-53
 """Rounding of one operation to nearest, relative: the least error that a number has."""
 
-ELEMENTARY = (
-    "sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh", "exp", "log", "power",
-)  # fmt: skip
+ELEMENTARY = (*named("numpy", lambda e: e.rounds), "power")
 """Functions of NumPy's that are computed to nearest in any mode: their own algorithms may count on it."""
 
 
@@ -82,19 +81,22 @@ class NearestFunctions:
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(np, name)
-        if name not in ELEMENTARY:
-            return found
+        return to_nearest(found) if name in ELEMENTARY else found
 
-        def to_nearest(*given: Any) -> Any:
-            library = _library()
-            mode = library.fegetround()
-            try:
-                library.fesetround(NEAREST)
-                return found(*given)
-            finally:
-                library.fesetround(mode)
 
-        return to_nearest
+def to_nearest(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that rounds to nearest in any mode."""
+
+    def of(*given: Any) -> Any:
+        library = _library()
+        mode = library.fegetround()
+        try:
+            library.fesetround(NEAREST)
+            return function(*given)
+        finally:
+            library.fesetround(mode)
+
+    return of
 
 
 def spread(compute: Callable[[], Sequence[Array]], nearest: Sequence[Array]) -> list[Array]:

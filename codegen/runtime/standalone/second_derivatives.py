@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ...elementary import ELEMENTWISE
 from .arrays import Array, Shape
-from .jets import Jet, choice, value_of, vanishing
+from .jets import ELEMENTARY, Jet, choice, value_of, vanishing
 from .numpy_target import NumpyTarget
 from .targets import Opened
 
@@ -26,6 +27,7 @@ class SecondDerivatives:
         module: Any = NumpyTarget(opened.folder, opened.manifest).module
         module.Call, module.result = _call_of_jets(module.Call), _result_of_jets(module.result)
         module.choice, module.vanishing = choice, vanishing
+        vars(module).update((name, ELEMENTARY[name]) for name in ELEMENTWISE)
         self.module = module
 
     def along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> list[Jet]:
