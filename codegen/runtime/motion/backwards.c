@@ -153,21 +153,20 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const doub
     return status;
 }
 
-/* The adjoint of a state from the weights of its outputs at the last time that is left. */
-int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu)
+/* The adjoint of a state from weights of its outputs, of a group of functionals, [nfunctionals][ntimes][noutputs], at one time. */
+static int outputs_transposed(ordernm_adjoint *a, int n, double t, const double *z, const double *weights, long ntimes, long time,
+    double *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
-    const ordernm_gradients *const g = a->gradients;
     const int width = a->width;
-    const long time = --a->sampled[n];
     memset(nu, 0, a->n*width*sizeof(double));
-    if (!g->weights) return 0;
+    if (!weights) return 0;
     for (int i = 0; i < s->noutputs; ++i)
         for (int l = 0; l < width; ++l) {
             const int functional = n*width + l;
             a->weights[i*width + l] =
-                functional < g->nfunctionals ? g->weights[((long)functional*g->ntimes + time)*s->noutputs + i] : 0.0;
+                functional < a->gradients->nfunctionals ? weights[((long)functional*ntimes + time)*s->noutputs + i] : 0.0;
         }
     if (!ordernm_any(a->weights, s->noutputs*width)) return 0;
     ordernm_call c;
@@ -182,11 +181,37 @@ int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double 
     return 0;
 }
 
+/* The same at the last time that is left. */
+int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu)
+{
+    const ordernm_gradients *const g = a->gradients;
+    return outputs_transposed(a, n, t, z, g->weights, g->ntimes, --a->sampled[n], nu);
+}
+
+/* Adds what is weighed behind a jump where the step at hand begins. */
+static int sample_behind(ordernm_adjoint *a)
+{
+    const ordernm_motion *const m = a->motion;
+    const ordernm_gradients *const g = a->gradients;
+    const long size = (long)a->n*a->width;
+    while (a->behind > 0 && g->behind[a->behind - 1] >= m->t) {
+        a->timed = --a->behind;
+        for (int n = 0; n < a->ngroups; ++n) {
+            const int status = outputs_transposed(a, n, m->t, m->z, g->behind_weights, g->nbehind, a->timed, a->nu);
+            if (status) return status;
+            ordernm_accumulate(a->lambda + n*size, 1.0, a->nu, size);
+        }
+    }
+    return 0;
+}
+
 /* The adjoint of a group before a switch where rates jump by -`jump`, whose switching function changes at a speed. */
-int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed)
+int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed,
+    int timed)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
+    const ordernm_gradients *const of = a->gradients;
     const int width = a->width;
     double *const lambda = a->lambda + (long)n*a->n*width;
     ordernm_call c;
@@ -196,6 +221,8 @@ int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double 
     memset(m->dswitches, 0, s->nswitches*width*sizeof(double));
     for (int i = 0; i < a->n; ++i)
         for (int l = 0; l < width; ++l) m->dswitches[k*width + l] -= lambda[i*width + l]*jump[i]/speed;
+    for (int l = 0; timed && l < width && n*width + l < of->nfunctionals; ++l)
+        m->dswitches[k*width + l] -= of->time_weights[(n*width + l)*of->nbehind + a->timed]/speed;
     clear(a, &c);
     c.switches = m->switches;
     c.dswitches = m->dswitches;
@@ -274,6 +301,8 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
     a->motion = ordernm_begin(&a->problem, (double *)((char *)a + used));
     a->motion->results = &a->none;
     if (a->of_stages) ordernm_radau_layout_stages(a->motion, a->motion->ny, a->of_stages);
+    a->behind = g->nbehind;
+    a->timed = -1;
     for (int n = 0; n < a->ngroups; ++n) {
         a->sampled[n] = g->ntimes;
         double *const lambda = a->lambda + (long)n*a->n*a->width;
@@ -305,7 +334,8 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
         ordernm_take_derivatives(m, step[4]);
         ordernm_take_modes(m, step + ORDERNM_STEP_HEAD);
         int status = a->has_next ? ordernm_switches_transposed(a, a->next_t, a->next, a->next_modes) : 0;
-        if (!status) status = m->method->backwards(a, step);
+        if (!status && step[1] > 0.0) status = m->method->backwards(a, step);
+        if (!status) status = sample_behind(a);
         if (m->nheld) {
             a->has_next = 1;
             a->next_t = m->t;
@@ -362,6 +392,7 @@ int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long c
         memcpy(step + m->head, m->z, state);
         ordernm_find_segment(m, m->t, step[1]);
         ordernm_take_derivatives(m, step[4]);
+        if (step[1] == 0.0) break; /* the end, behind an event */
         if (m->method->replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
         if (k + 1 == count) break;

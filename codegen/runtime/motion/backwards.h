@@ -11,7 +11,8 @@ struct ordernm_adjoint {
     ordernm_motion *motion;
     int width, index, ngroups;        /* functionals, so many at a time */
     int n;                            /* entries that are integrated and differentiated */
-    long *sampled;                    /* times that are left, of each group */
+    long *sampled, behind;            /* times that are left: of each group, of all behind jumps */
+    long timed;                       /* the one of the latter that the next switch backwards makes; -1 for none */
     double *lambda;                   /* [ngroups][n][width] */
     double *kappa[MOST_STAGES], *nu;  /* [n][width] */
     double *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with loops closed */
@@ -45,7 +46,8 @@ static inline void ordernm_accumulate(double *to, double factor, const double *o
 int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
 int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
 int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu);
-int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed);
+int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed,
+    int timed);
 int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row);
 int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z);
 

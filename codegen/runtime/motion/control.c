@@ -124,13 +124,18 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     const int switching = s->switches != 0;
     m->held = ordernm_take(&of, (s->nswitches + 1)*sizeof(int));
     if (at) ordernm_hold_switches(m);
-    double **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go};
-    for (int i = 0; i < 5; ++i) *of_switches[i] = ordernm_numbers(&of, s->nswitches);
+    double **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go, &m->speeds, &m->modes_before,
+        &m->switches_kept};
+    for (int i = 0; i < 8; ++i) *of_switches[i] = ordernm_numbers(&of, s->nswitches);
+    m->together = ordernm_take(&of, (s->nswitches + 1)*sizeof(int));
+    m->z_before = ordernm_numbers(&of, switching ? m->size : 0);
+    m->lost = ordernm_numbers(&of, (long)m->ngroups*LANES);
     m->dswitches = ordernm_numbers(&of, (long)s->nswitches*LANES);
     m->switch_along = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);
     m->switch_time = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);
-    m->input_rates = ordernm_numbers(&of, switching ? s->ninputs : 0);
-    m->no_dp = ordernm_numbers(&of, switching ? s->np : 0);
+    m->passing_time = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);
+    m->input_rates = ordernm_numbers(&of, s->ninputs);
+    m->no_dp = ordernm_numbers(&of, s->np);
     m->head = ordernm_head_size(p);
     m->nwatched = p->nevents + m->nheld;
     const int most_watched = p->nevents + s->nswitches;
@@ -179,6 +184,13 @@ long ordernm_known_size(const ordernm_problem *p)
     return method_of(p) == &ordernm_radau ? 4 + 4*whole_lines(s->nq + s->nfree_u + p->nintegrals) : 0;
 }
 
+static int finite_along(const double *S, int n, int width, int lane)
+{
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i) sum += 0.0*S[i*width + lane];
+    return sum == 0.0;
+}
+
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
 {
     void *const line = ordernm_line(room);
@@ -204,6 +216,9 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
             for (int i = 0; p->du && i < s->nfree_u; ++i)
                 S[(s->nfree_q + i)*g->width + l] = p->du[k*s->nu + s->free_u[i]];
             for (int i = 0; p->dp && i < s->np; ++i) g->dp[i*g->width + l] = p->dp[k*s->np + i];
+            if (finite_along(S, s->nfree_q + s->nfree_u, g->width, l)) continue;
+            m->lost[n*LANES + l] = NAN; /* lost in a motion before this one */
+            for (int i = 0; i < s->nfree_q + s->nfree_u; ++i) S[i*g->width + l] = 0.0;
         }
     }
     m->t = p->start;
@@ -746,6 +761,7 @@ static int go_on(ordernm_motion *m, const trial *step, int *stop)
     int failure = ordernm_next_step(m, step->end, step->knot, step->at_pose, 0);
     const int at_knot = ordernm_next_knot(m, m->t) != step->knot;
     if (!failure && m->nheld && (m->switched || at_knot)) failure = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
+    if (!failure && p->nevents && m->switched) failure = ordernm_compare_events(m);
     if (!failure && p->nevents && (m->switched || at_knot)) failure = ordernm_jumped_events(m, !at_knot, stop);
     if (!failure && m->nheld) failure = ordernm_limit_turns(m);
     if (failure == SLIDES && !p->ntimes) keep(m, m->t, m->z);
@@ -772,7 +788,10 @@ static int accept(ordernm_motion *m, const trial *step)
     if (unknown) return failed(r, unknown);
     resize(m, step);
     if ((reason = go_on(m, step, &stop)) != ORDERNM_ENDED) return reason;
-    if (stop) return ORDERNM_EVENT;
+    if (stop) {
+        if (r->steps) keep_step(m, 0.0); /* for what is weighed behind a jump there */
+        return ORDERNM_EVENT;
+    }
     if (m->switched) return ORDERNM_ENDED; /* the step behind it says what has changed */
     if (r->condition_here <= p->poor) m->looked_at = 0.0;
     const int poor = p->poor > 0.0 && r->condition_here > fmax(p->poor, LOOK_AGAIN*m->looked_at);
@@ -785,7 +804,7 @@ static int is_full(const ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
     const ordernm_results *const r = m->results;
-    return (!p->ntimes && r->count == r->capacity) || (r->steps && r->steps_count == r->steps_capacity)
+    return (!p->ntimes && r->count == r->capacity) || (r->steps && r->steps_count + 2 > r->steps_capacity)
            || (r->events && r->events_count + 2*p->nevents > r->events_capacity);
 }
 

@@ -20,7 +20,8 @@ static const double CUT_BEHIND = 0.1;
 
 long ordernm_event_size(const ordernm_problem *p)
 {
-    return ordernm_row_size(p) + p->system->nu + p->ndirections + 1;
+    const ordernm_system *const s = p->system;
+    return ordernm_row_size(p) + s->nq + s->nu + s->noutputs + p->ndirections + 1;
 }
 
 /* Outputs at a state, less the levels of events. Returns what a function returned. */
@@ -257,14 +258,11 @@ static double pace(const ordernm_motion *m, double h, int e)
     return (high - low)/h;
 }
 
-/* What is kept of an event at a state: a row of results, accelerations, and room for how fast the output changes otherwise. */
+/* An event's row at a state: a row of results, and the time derivatives of coordinates, speeds and outputs in the modes at hand. */
 static int describe(ordernm_motion *m, double t, const double *z, double *row)
 {
-    const ordernm_system *const s = m->system;
-    int status = ordernm_report(m, t, z, row);
-    if (!status) status = ordernm_rates_of(m, t, z, m->trial, 0, 0, RATES);
-    if (!status) memcpy(row + ordernm_row_size(m->problem), m->identity ? m->trial + s->nq : m->udot, s->nu*sizeof(double));
-    return status;
+    const int status = ordernm_report(m, t, z, row);
+    return status ? status : ordernm_report_rates(m, t, z, row + ordernm_row_size(m->problem));
 }
 
 /* An event is where a loop has lost rank, and no step can end there. What it is, is found beside it; a motion that does not stop there
@@ -351,12 +349,91 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
         if (!r->events) continue;
         double *const row = r->events + r->events_count*size;
         if ((status = describe(m, m->t, m->z, row))) break;
-        double *const times = row + ordernm_row_size(p) + m->system->nu;
+        double *const times = row + size - 1 - p->ndirections;
         for (int k = 0; k < p->ndirections; ++k) times[k] = by_state ? m->switch_time[k/LANES*LANES + k%LANES] : 0.0;
         row[size - 1] = by_state ? ORDERNM_JUMPED_BY_STATE : ORDERNM_JUMPED;
         r->which[r->events_count++] = e;
     }
     return status;
+}
+
+/* ---- Events where rates or outputs jump at a switch. ---- */
+
+static int apart(double a, double b, double size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
+
+/* An event's row, in which derivatives become NaN that depend on whether the event or a switch comes first. `other` is its row on the
+ * other side of the switch, `passing` holds the derivatives of the switch's time. Returns whether there are any. */
+static int compare_sides(const ordernm_motion *m, int e, double *row, const double *other, const double *passing)
+{
+    const ordernm_problem *const p = m->problem;
+    const ordernm_system *const s = m->system;
+    const int n = s->nq + s->nu + s->noutputs, sizes[] = {s->nq, s->nu, s->noutputs};
+    const long rates = ordernm_row_size(p), of_event = s->nq + s->nu + p->events[e].output;
+    int lost = 0;
+    for (int k = 0; k < p->ndirections; ++k) {
+        const long own = 1 + n + m->nx + (long)p->ndirections*(s->nq + s->nu) + (long)k*s->noutputs + p->events[e].output;
+        const double here = -row[own]/row[rates + of_event], there = -other[own]/other[rates + of_event];
+        const double size = fabs(here) + fabs(there), switched = passing[k/LANES*LANES + k%LANES];
+        const int all = apart(here, there, size), first = apart(here, switched, size + fabs(switched));
+        long at = 1 + n + m->nx, value = 1;
+        for (int part = 0; part < 3; at += (long)p->ndirections*sizes[part], ++part)
+            for (int i = 0; i < sizes[part]; ++i, ++value) {
+                double *const d = row + at + (long)k*sizes[part] + i;
+                const double by = other[at + (long)k*sizes[part] + i];
+                const double one = row[rates + value - 1]*here, two = other[rates + value - 1]*there;
+                const int jumps = apart(row[value], other[value], fabs(row[value]) + fabs(other[value]));
+                if (!all && !(jumps && first) && !apart(*d + one, by + two, fabs(*d) + fabs(by) + fabs(one) + fabs(two))) continue;
+                *d = NAN;
+                lost = 1;
+            }
+    }
+    return lost;
+}
+
+/* An event that is at the same time as a switch. */
+static void note_coincidence(ordernm_motion *m, int e, int lost)
+{
+    ordernm_results *const r = m->results;
+    r->event_together = 1 + e;
+    r->together_with = 1 + m->together[m->ntogether - 1];
+    r->together_at = m->t;
+    r->event_ordered |= lost;
+}
+
+static int is_recent(const ordernm_motion *m, double t)
+{
+    return fabs(t - m->together_since) <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
+}
+
+/* An event that a step ends with just behind switches: is it another one in front of them? */
+static int compare_with_front(ordernm_motion *m, int e, double *row)
+{
+    const int count = m->system->nswitches;
+    double *const z = m->error[0];
+    if (!m->ntogether || !is_recent(m, row[0]) || m->row_known || !(m->ngroups || m->results->steps)) return 0;
+    memcpy(z, m->next, m->values*sizeof(double));
+    memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(double));
+    memcpy(m->switches_kept, m->modes, count*sizeof(double));
+    for (int i = 0; i < m->ntogether; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
+    const int status = describe(m, row[0], z, m->known_row);
+    memcpy(m->modes, m->switches_kept, count*sizeof(double));
+    if (!status) note_coincidence(m, e, compare_sides(m, e, row, m->known_row, m->passing_time));
+    return status;
+}
+
+/* Events that have been kept in front of switches that have just been passed: are they others behind them? */
+int ordernm_compare_events(ordernm_motion *m)
+{
+    ordernm_results *const r = m->results;
+    const long size = ordernm_event_size(m->problem);
+    for (long i = r->events_count - 1; i >= 0 && is_recent(m, r->events[i*size]); --i) {
+        double *const row = r->events + i*size;
+        if (row[size - 1] < 0.0 || !(m->ngroups || r->steps)) continue;
+        const int status = describe(m, m->t, m->z, m->known_row);
+        if (status) return status;
+        note_coincidence(m, r->which[i], compare_sides(m, r->which[i], row, m->known_row, m->passing_time));
+    }
+    return 0;
 }
 
 /* Events that the step ends with, several if they happen at the same time; whether the motion stops there. */
@@ -375,6 +452,8 @@ int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop)
         if (status) return status;
         if (m->row_known) memcpy(row, m->known_row, (size - 1)*sizeof(double));
         row[size - 1] = m->paces[e];
+        const int unknown = compare_with_front(m, e, row);
+        if (unknown) return unknown;
         r->which[r->events_count++] = e;
     }
     return 0;

@@ -177,7 +177,13 @@ struct ordernm_motion {
     int last_passed;          /* the switch that was passed last */
     double *let_go;           /* [nswitches] modes before they were let go for a step; else 0 */
     int not_held;             /* steps in a row that were refused because held rates have no value */
-    double *switch_time;      /* [ngroups][LANES] derivatives of the time of the switch that was crossed last */
+    double *passing_time;     /* [ngroups][LANES] derivatives of the time of the switch that was passed last ... */
+    double *switch_time;      /* ... and of the last one in an output that an event is of */
+    double *speeds;           /* [nswitches] how fast functions of switches with a jump changed before they were passed; else 0 */
+    int ntogether, *together; /* switches that have been passed at one time, in this order ... */
+    int together_jump;        /* ... with a jump of rates ... */
+    double together_since, *z_before, *modes_before, *switches_kept; /* ... since when, from which state and modes; room for modes */
+    double *lost;             /* [ngroups][LANES] not 0: there is no derivative along the direction any more */
     double turning;           /* the longest step in which no angle that jumps at half a turn leaves its mode by so much; 0 for any */
     int switched;             /* modes have changed between the step before and this one */
     long head;                /* numbers of a row of steps before the state */
@@ -190,6 +196,12 @@ static inline void ordernm_note_precise(ordernm_motion *m, int stage)
 
 /* What switching functions are at least on the side that they have just come to, whatever rounding says. */
 static const double LEAST_SIDE = 1e-300;
+/* Switches that follow each other within this part of the motion's time are passed at the same time: no tolerance tells their order. */
+static const double AT_THE_SAME_TIME = 1e-9;
+
+/* Derivatives behind several switches that differ by more between two orders, relative to their jumps, depend on the order. */
+static const double ORDER_MATTERS = 1e-6;
+
 enum { SLIDES = -1000 };      /* beside what functions return: a switch is pushed back to from both sides */
 
 /* state.c */
@@ -208,7 +220,9 @@ long ordernm_input_weights(const ordernm_motion *m, double t, double value[ORDER
 int ordernm_signal_of(const ordernm_system *s, int input, int *order);
 void ordernm_keep_stage(ordernm_motion *m, int stage);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
+int ordernm_along_time(ordernm_motion *m, double t, const double *z, const double *rate, ordernm_call *c);
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);
+int ordernm_report_rates(ordernm_motion *m, double t, const double *z, double *rates);
 void ordernm_find_segment(ordernm_motion *m, double t, double h);
 double ordernm_next_knot(const ordernm_motion *m, double t);
 int ordernm_all_finite(const double *x, long n);
@@ -250,6 +264,7 @@ enum { EVENT_SAMPLES = 7 };  /* between the ends of a step */
 int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g);
 int ordernm_look_for_events(ordernm_motion *m, trial *step);
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
+int ordernm_compare_events(ordernm_motion *m);
 int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop);
 
 /* switches.c */

@@ -158,12 +158,12 @@ typedef struct {
     long capacity, count;
     /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. For ordernm_replay beside them what
      * the method knew before the first of them, ordernm_known_size doubles; not kept if known is 0. */
-    double *steps, *known;
+    double *steps, *known;    /* with one row more than there are steps: where an event ends the motion */
     long steps_capacity, steps_count;
-    /* Events that happened, and which; rows of ordernm_event_size: one as above, accelerations [nu], derivatives of the time along
-     * directions, of an output that has jumped over its level, and how fast the output changed on the whole in the step that the event
-     * was in, units/s; ORDERNM_JUMPED or ORDERNM_JUMPED_BY_STATE of one that has jumped, with an input or where a force does. Not kept
-     * if events is 0. */
+    /* Events that happened, and which; rows of ordernm_event_size: one as above, time derivatives of coordinates [nq], speeds [nu] and
+     * outputs, derivatives of the time along directions, of an output that has jumped over its level, and how fast the output changed
+     * on the whole in the step that the event was in, units/s; ORDERNM_JUMPED or ORDERNM_JUMPED_BY_STATE of one that has jumped, with
+     * an input or at a switch. Such a row is that behind the jump. Not kept if events is 0. */
     double *events;
     int *which;
     long events_capacity, events_count; /* twice as many as there are events may come at once */
@@ -175,6 +175,11 @@ typedef struct {
     int singular;             /* what the function returned that failed */
     int grazed;               /* 0, or 1 + a switch that was touched only: derivatives do not exist from there on */
     int not_held;             /* 0, or 1 + a switch that was passed where rates beyond it have no value: its jump is not in derivatives */
+    int together, together_with; /* 0, or 1 + the last two switches that were passed at one time, where rates or an event's output jump ... */
+    double together_at;       /* ... and when: the adjoint does not exist if the order matters */
+    int ordered;              /* the order matters along a direction: results have NaN for its derivatives from there on */
+    int event_together;       /* 0, or 1 + an event that came at the same time as the switch together_with ... */
+    int event_ordered;        /* ... and rows of events have NaN for derivatives that depend on which comes first */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set: there is nothing in long double */
@@ -221,6 +226,10 @@ typedef struct {
     long ntimes;
     const double *times;              /* rising; those of the motion, or others */
     const double *weights;            /* [nfunctionals][ntimes][noutputs]; 0 for none */
+    long nbehind;                     /* of outputs behind jumps of inputs or at switches, where events are: their times, rising, as in the */
+    const double *behind;             /* rows of events; steps begin there */
+    const double *behind_weights;     /* [nfunctionals][nbehind][noutputs] */
+    const double *time_weights;       /* [nfunctionals][nbehind]: of these times, where a switch makes them */
     const double *integral_weights;   /* [nfunctionals][nintegrals]; 0 for none */
     const double *end_q, *end_u;      /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
     const double *whole_q, *whole_u;  /* [nq], [nu]: that state, where they are of all its entries, as where independents change; else 0 */

@@ -444,7 +444,48 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
     return 1;
 }
 
+/* Arguments of sensitivities at a state, loops closed, whose one direction is time: along rates of the independent entries. Returns
+ * what a function returned, or -1 if loops do not close. */
+int ordernm_along_time(ordernm_motion *m, double t, const double *z, const double *rate, ordernm_call *c)
+{
+    static const double one[LANES] = {1.0};
+    const ordernm_system *const s = m->system;
+    ordernm_arguments(m, t, z, c);
+    const int status = ordernm_close_loops(m, c);
+    if (status) return status;
+    for (int i = 0; i < s->nfree_q; ++i) m->dq[s->free_q[i]] = rate[i];
+    for (int i = 0; i < s->nfree_u; ++i) m->du[s->free_u[i]] = rate[s->nfree_q + i];
+    ordernm_input_rates(m, t, m->input_rates);
+    c->dq = m->dq, c->du = m->du, c->dp = m->no_dp, c->dinputs = m->input_rates, c->dt = (double *)one;
+    return 0;
+}
+
 /* ---- Results. ---- */
+
+/* Time derivatives of all coordinates, of quaternions of length one, of speeds and of outputs. */
+int ordernm_report_rates(ordernm_motion *m, double t, const double *z, double *rates)
+{
+    const ordernm_system *const s = m->system;
+    double *const qdot = rates, *const udot = qdot + s->nq, *const outputs = udot + s->nu;
+    int status = ordernm_rates_of(m, t, z, m->trial, 0, 0, RATES);
+    if (status) return status;
+    memcpy(qdot, m->identity ? m->trial : m->qdot, s->nq*sizeof(double));
+    memcpy(udot, m->identity ? m->trial + s->nq : m->udot, s->nu*sizeof(double));
+    const double *const q = m->identity ? z : m->q;
+    for (int i = 0; i < s->nquaternions; ++i) {
+        double e[4];
+        memcpy(e, q + s->quaternion[i], sizeof e);
+        normalise(e, qdot + s->quaternion[i], 1);
+    }
+    for (int i = 0; i < s->noutputs; ++i) outputs[i] = NAN;
+    if (!s->output_sensitivities[ORDERNM_ONE]) return 0;
+    ordernm_call c;
+    if ((status = ordernm_along_time(m, t, z, m->trial, &c))) return status;
+    c.outputs = m->outputs, c.doutputs = m->doutputs;
+    if ((status = ORDERNM_OF(m, output_sensitivities[ORDERNM_ONE])(&c))) return status;
+    memcpy(outputs, m->doutputs, s->noutputs*sizeof(double));
+    return 0;
+}
 
 /* A row of results at a state: its loops closed, quaternions of length one. */
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
@@ -502,6 +543,11 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
             for (int i = 0; i < s->nu; ++i) du[k*s->nu + i] = of_u[i*width + l];
             for (int i = 0; i < s->noutputs; ++i) doutputs[k*s->noutputs + i] = m->doutputs[i*width + l];
             for (int i = 0; i < m->nx; ++i) dintegrals[k*m->nx + i] = S[(m->ny + i)*width + l];
+            if (m->lost[n*LANES + l] == 0.0) continue;
+            for (int i = 0; i < s->nq; ++i) dq[k*s->nq + i] = NAN;
+            for (int i = 0; i < s->nu; ++i) du[k*s->nu + i] = NAN;
+            for (int i = 0; i < s->noutputs; ++i) doutputs[k*s->noutputs + i] = NAN;
+            for (int i = 0; i < m->nx; ++i) dintegrals[k*m->nx + i] = NAN;
         }
     }
     return 0;

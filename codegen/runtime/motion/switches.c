@@ -8,7 +8,9 @@
  *
  * with f- and f+ the rates before and after. Backwards, with the adjoint lambda+ behind it,
  *
- *     w = -lambda+ . (f- - f+)/g',  lambda- = lambda+ + w g_z,  gradient += w g_p.
+ *     w = -(lambda+ . (f- - f+) + J_t)/g',  lambda- = lambda+ + w g_z,  gradient += w g_p,
+ *
+ * where J_t is how a functional depends on the time of the switch, as one of an event does whose output jumps there.
  */
 #include "backwards.h"
 
@@ -92,16 +94,9 @@ int ordernm_switching(ordernm_motion *m, double t, const double *z)
 /* How fast a switching function changes along rates. Returns what a function returned. */
 static int slope(ordernm_motion *m, double t, const double *z, const double *rate, int k, double *found)
 {
-    const ordernm_system *const s = m->system;
     ordernm_call c;
-    ordernm_arguments(m, t, z, &c);
-    int status = ordernm_close_loops(m, &c);
+    int status = ordernm_along_time(m, t, z, rate, &c);
     if (status) return status;
-    double one[LANES] = {1.0};
-    for (int i = 0; i < s->nfree_q; ++i) m->dq[s->free_q[i]] = rate[i];
-    for (int i = 0; i < s->nfree_u; ++i) m->du[s->free_u[i]] = rate[s->nfree_q + i];
-    ordernm_input_rates(m, t, m->input_rates);
-    c.dq = m->dq, c.du = m->du, c.dp = m->no_dp, c.dinputs = m->input_rates, c.dt = one;
     c.switches = m->switches, c.dswitches = m->dswitches;
     status = ORDERNM_OF(m, switch_sensitivities[ORDERNM_ONE])(&c);
     *found = m->dswitches[k];
@@ -218,51 +213,159 @@ static void count(ordernm_motion *m, int k)
     m->last_passed = k;
 }
 
+/* ---- Passing switches. ---- */
+
+/* Changes the mode of a switch whose function is zero at a state z. `before` holds the rates in front of it, `after` becomes those
+ * behind it, and derivatives along directions in z become those behind it. With `follows`, switches other than those in m->crossed take
+ * the modes of their functions. Returns what a function returned. */
+static int pass(ordernm_motion *m, double *z, int k, const double *before, double *after, int follows, double *speed)
+{
+    const long n = m->ny + m->nx;
+    int status = slope(m, m->t, z, before, k, speed);
+    if (!status && m->ngroups) status = along_directions(m, m->t, z, k);
+    if (status) return status;
+    m->modes[k] = other_mode(m, k);
+    if (follows && (status = follow(m, m->t, m->z, m->crossed))) return status;
+    if ((status = ordernm_rates_of(m, m->t, z, after, 0, 0, RATES | INTEGRALS))) return status;
+    for (int i = 0; i < m->ngroups*LANES; ++i) m->passing_time[i] = -m->switch_along[i]/ *speed;
+    if (!jumps(m, before, after) || !(fabs(*speed) > GRAZING*m->crossed[k])) return 0;
+    for (int g = 0; g < m->ngroups; ++g) {
+        const group *const of = m->groups + g;
+        double *const S = z + of->at;
+        for (int i = 0; i < n; ++i)
+            for (int l = 0; l < of->width; ++l)
+                S[i*of->width + l] += (before[i] - after[i])*m->passing_time[g*LANES + l];
+    }
+    return 0;
+}
+
+/* A switch is about to be passed: it joins those that have been passed at the same time, or begins a new row of these. */
+static void gather(ordernm_motion *m, int k)
+{
+    int joins = m->ntogether && m->t - m->together_since <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
+    for (int i = 0; i < m->ntogether; ++i) joins &= m->together[i] != k;
+    if (!joins) {
+        m->ntogether = m->together_jump = 0;
+        m->together_since = m->t;
+        memcpy(m->z_before, m->z, m->size*sizeof(double));
+        memcpy(m->modes_before, m->modes, m->system->nswitches*sizeof(double));
+    }
+    m->together[m->ntogether++] = k;
+}
+
+/* Whether derivatives along a direction, entry `at` of states, differ between two orders of switches, beside how they jump. */
+static int differ(const ordernm_motion *m, const group *of, int lane, const double *other)
+{
+    for (long i = 0; i < m->ny + m->nx; ++i) {
+        const long at = of->at + i*of->width + lane;
+        const double here = m->z[at], there = other[at], first = m->z_before[at];
+        const double allowed = ORDER_MATTERS*(fabs(here - first) + fabs(there - first)) + 1e-10*(fabs(here) + fabs(first));
+        if (!(fabs(here - there) <= allowed)) return 1;
+    }
+    return 0;
+}
+
+/* Several switches have been passed at one time. A disturbed motion passes them one after another, in an order that depends on the
+ * disturbance. Along a direction for which the order matters there is no derivative. Three switches are passed in every order, more in
+ * all rotations of two orders. Returns what a function returned. */
+static int compare_orders(ordernm_motion *m)
+{
+    const int n = m->ntogether, count = m->system->nswitches;
+    double *const z = m->error[0], *const rates = m->rate[1];
+    double *const kept = m->switches_kept;
+    int status = 0;
+    memcpy(kept, m->modes, count*sizeof(double));
+    for (int order = 1; order < 2*n && !status; ++order) {
+        double speed;
+        memcpy(z, m->z, m->values*sizeof(double));
+        memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(double));
+        for (int i = 0; i < n; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
+        status = ordernm_rates_of(m, m->t, z, rates, 0, 0, RATES | INTEGRALS);
+        for (int i = 0; i < n && !status; ++i) {
+            const int at = (order < n ? i : n - 1 - i) + order;
+            memcpy(m->trial, rates, m->values*sizeof(double));
+            status = pass(m, z, m->together[at%n], m->trial, rates, 0, &speed);
+        }
+        for (int g = 0; g < m->ngroups && !status; ++g)
+            for (int l = 0; l < m->groups[g].used; ++l)
+                if (differ(m, m->groups + g, l, z)) m->lost[g*LANES + l] = m->switch_time[g*LANES + l] = NAN;
+    }
+    memcpy(m->modes, kept, count*sizeof(double));
+    for (int i = 0; i < m->ngroups*LANES; ++i)
+        if (m->lost[i] != 0.0) m->results->ordered = 1;
+    return status;
+}
+
+/* Whether a switch is in an output that an event is of. */
+static int times_event(const ordernm_motion *m, int k)
+{
+    const ordernm_system *const s = m->system;
+    const ordernm_problem *const p = m->problem;
+    for (int i = 0; i < s->nswitch_outputs; ++i)
+        for (int e = 0; s->switch_of_output[2*i] == k && e < p->nevents; ++e)
+            if (p->events[e].output == s->switch_of_output[2*i + 1]) return 1;
+    return 0;
+}
+
+/* Derivatives of the time of a passing, for events of outputs that jump there: NaN where two switches of such outputs disagree. */
+static void note_time(ordernm_motion *m, int k, int *timed)
+{
+    if (!times_event(m, k)) return;
+    for (int i = 0; i < m->ngroups*LANES; ++i) {
+        const double here = m->passing_time[i], first = m->switch_time[i];
+        m->switch_time[i] = !*timed || fabs(here - first) <= ORDER_MATTERS*(fabs(here) + fabs(first)) ? here : NAN;
+    }
+    *timed = 1;
+}
+
+/* The passed switches must not be pushed back to by the rates behind all of them. */
+static int slides(ordernm_motion *m, const double *after)
+{
+    for (int k = 0; k < m->system->nswitches; ++k) {
+        double way;
+        if (m->speeds[k] == 0.0) continue;
+        const int status = slope(m, m->t, m->z, after, k, &way);
+        if (status) return status;
+        if (m->speeds[k]*way > 0.0) continue;
+        m->results->component = k;
+        return SLIDES;
+    }
+    return 0;
+}
+
 /* At the end of a step, where switching functions of the switches in m->crossed are zero and the rates in rate[0] are those before:
  * modes, and derivatives along directions, become those behind. Returns 0, what a function returned, or SLIDES. */
 int ordernm_pass_switches(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;
-    const long n = m->ny + m->nx;
     double *const before = m->trial, *const after = m->rate[0];
-    int left = 0, status;
+    int left = 0, status, timed = 0;
     for (int k = 0; k < s->nswitches; ++k) left += m->crossed[k] != 0.0;
+    memset(m->speeds, 0, s->nswitches*sizeof(double));
     for (int k = 0; k < s->nswitches; ++k) {
         if (m->crossed[k] == 0.0) continue;
-        double speed, way;
-        memcpy(before, m->rate[0], n*sizeof(double));
-        if ((status = slope(m, m->t, m->z, before, k, &speed))) return status;
-        if (m->ngroups && (status = along_directions(m, m->t, m->z, k))) return status;
+        double speed;
         const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
-        m->modes[k] = other_mode(m, k);
+        gather(m, k);
         m->changed[k] = m->t;
-        if (--left == 0 && (status = follow(m, m->t, m->z, m->crossed))) return status;
-        if ((status = ordernm_rates_of(m, m->t, m->z, after, 0, 0, RATES | INTEGRALS))) return status;
+        memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(double));
+        if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
+        note_time(m, k, &timed);
         if (!jumps(m, before, after)) {
             if (at_once) m->modes[k] = 0.0; /* rounding goes to and fro across a kink */
             continue;
         }
         count(m, k);
-        if ((status = slope(m, m->t, m->z, after, k, &way))) return status;
-        if (!(speed*way > 0.0)) {
-            m->results->component = k;
-            return SLIDES;
-        }
-        if (!m->ngroups && !m->results->steps) continue;
-        if (!(fabs(speed) > GRAZING*m->crossed[k])) {
-            m->results->grazed = k + 1;
-            continue;
-        }
-        for (int i = 0; i < m->ngroups*LANES; ++i) m->switch_time[i] = -m->switch_along[i]/speed;
-        for (int g = 0; g < m->ngroups; ++g) {
-            const group *const of = m->groups + g;
-            double *const S = m->z + of->at;
-            for (int i = 0; i < n; ++i)
-                for (int l = 0; l < of->width; ++l)
-                    S[i*of->width + l] += (before[i] - after[i])*m->switch_time[g*LANES + l];
-        }
+        m->speeds[k] = speed != 0.0 ? speed : LEAST_SIDE;
+        m->together_jump = 1;
+        if ((m->ngroups || m->results->steps) && !(fabs(speed) > GRAZING*m->crossed[k])) m->results->grazed = k + 1;
     }
-    return 0;
+    if ((status = slides(m, after))) return status;
+    if (m->ntogether < 2 || !(m->together_jump || timed)) return 0;
+    m->results->together = 1 + m->together[m->ntogether - 1];
+    m->results->together_with = 1 + m->together[m->ntogether - 2];
+    m->results->together_at = m->t;
+    return m->ngroups ? compare_orders(m) : 0;
 }
 
 /* Whether switches have been passed faster and faster. */
@@ -349,7 +452,7 @@ void ordernm_take_modes(ordernm_motion *m, const double *row)
 }
 
 /* The adjoint before the switches that are crossed where the next step begins, whose modes are those of a row; the modes at hand are
- * those before. */
+ * those before. Functionals may depend on the time of the last one. */
 int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row)
 {
     ordernm_motion *const m = a->motion;
@@ -368,11 +471,13 @@ int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, c
         if ((status = ordernm_rates_of(m, t, z, after, 0, 0, RATES | INTEGRALS))) break;
         for (int i = 0; i < count; ++i) m->modes[i] = i < k && crossed[i] != 0.0 ? row[i] : first[i];
         if ((status = ordernm_rates_of(m, t, z, before, 0, 0, RATES | INTEGRALS))) break;
-        if (!jumps(m, before, after)) continue;
+        const int timed = k == last && a->timed >= 0;
+        if (!jumps(m, before, after) && !timed) continue;
         if ((status = slope(m, t, z, before, k, &speed))) break;
         for (int i = 0; i < n; ++i) before[i] -= after[i];
-        for (int g = 0; g < a->ngroups && !status; ++g) status = ordernm_switch_transposed(a, g, t, z, k, before, speed);
+        for (int g = 0; g < a->ngroups && !status; ++g) status = ordernm_switch_transposed(a, g, t, z, k, before, speed, timed);
     }
+    a->timed = -1;
     memcpy(m->modes, first, count*sizeof(double));
     memset(m->crossed, 0, count*sizeof(double));
     return status;

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,10 +35,15 @@ them; the gradient of one functional by the adjoint; of up to eight."""
 
 @dataclass(slots=True, eq=False)
 class Weights:
-    """What changes of outputs (m, nt, noutputs) at times (nt,), and of integrals (m, nintegrals), change functionals by."""
+    """Derivatives of functionals by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals).
+
+    `behind` has the times (n,) of events of outputs that jump, derivatives by outputs behind these jumps (m, n, noutputs), and by
+    those of these times that a switch makes (m, n).
+    """
 
     times: Array
     outputs: Array
+    behind: tuple[Array, Array, Array]
     integrals: Array
 
 
@@ -107,33 +113,27 @@ class Judging(Simulation):
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
         way = self._way(method, len(wanted), directions.k, integrator)
+        along = problem
         if way != "forward":
-            dq, du, dinputs = problem.dq, problem.du, problem.dinputs
-            problem.dq, problem.du, problem.dp, problem.dinputs = dq[:0], du[:0], problem.dp[:0], None
+            problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
         run = self._run(problem, keep_steps=way == "adjoint", memory=memory)
+        if way == "adjoint" and any(s.together for s in run.segments):
+            # whether the order of switches matters shows along directions only
+            way, problem = "forward", along
+            run = self._run(problem)
         k = directions.k if way == "forward" else 0
         if run.reason not in ("end", "event"):
             shown = Directions(directions.names[:k], directions.dq, directions.du, directions.dp, None, True)
             raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, shown, run))
         crossings = self._first_crossings(events, problem, run, k)
-        for event, c in crossings.items():
-            if c.pace == BY_STATE and way == "adjoint":
-                warn(
-                    f"{event.output} jumps over {event.level:g} where a force jumps: gradients of AtEvent there are known to "
-                    f"method='forward' only, and NaN here"
-                )
         values, weights = self._weighed(wanted, problem, run, crossings)
         if way == "forward":
             gradients = self._forward(wanted, problem, run, crossings, weights, k)
         elif way == "adjoint":
             back = self._backwards(run, weights)
-            gradients = back.q @ dq.T + back.u @ du.T + back.p @ directions.dp.T
-            if dinputs is not None:
-                gradients = gradients + np.einsum("mci,kci->mk", back.inputs, dinputs)
-            unknown = [
-                i for i, f in enumerate(wanted) if isinstance(f, AtEvent) and crossings[f.event].pace == BY_STATE
-            ]
-            gradients[unknown] = np.nan
+            gradients = back.q @ along.dq.T + back.u @ along.du.T + back.p @ directions.dp.T
+            if along.dinputs is not None:
+                gradients = gradients + np.einsum("mci,kci->mk", back.inputs, along.dinputs)
             run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
         else:
             gradients = np.zeros((len(wanted), 0))
@@ -147,9 +147,13 @@ class Judging(Simulation):
         """NaN, and a warning, for gradients along directions that have no derivative behind a pose where a loop has lost rank."""
         taken = []
         for of in lost_directions(self, run, directions.dp):
-            behind = (weights.outputs[:, weights.times > of.t] != 0.0).any(axis=(1, 2)) | (
-                weights.integrals != 0.0
-            ).any(axis=1)
+            times, of_outputs, of_times = weights.behind
+            behind = (
+                (weights.outputs[:, weights.times > of.t] != 0.0).any(axis=(1, 2))
+                | (of_outputs[:, times > of.t] != 0.0).any(axis=(1, 2))
+                | (of_times[:, times > of.t] != 0.0).any(axis=1)
+                | (weights.integrals != 0.0).any(axis=1)
+            )
             if behind.any():
                 gradients[np.ix_(behind, of.directions)] = np.nan
                 taken.append(of)
@@ -164,7 +168,8 @@ class Judging(Simulation):
         outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
         outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # nobody asks for these
         by = self._sizes_of_directions(directions, q, u, problem)[0]
-        whole = np.abs(weights.outputs).sum(axis=1) @ outputs + np.abs(weights.integrals) @ integrals
+        by_behind = np.abs(weights.behind[1]).sum(axis=1) @ outputs + np.abs(weights.behind[2]).sum(axis=1)
+        whole = np.abs(weights.outputs).sum(axis=1) @ outputs + by_behind + np.abs(weights.integrals) @ integrals
         if (np.isfinite(gradients) & (np.abs(gradients) * by > MEANINGLESS * whole[:, None])).any():
             warn(meaningless("gradients have"))
 
@@ -193,7 +198,9 @@ class Judging(Simulation):
         m, nt = len(wanted), len(run.rows)
         t, outputs = run.rows[:, 0], self._of_rows(run.rows, 3)
         integrals = self._of_rows(run.rows, 4, problem)
-        happened = sorted({c.t for c in crossings.values()})
+        happened = sorted({c.t for c in crossings.values() if c.pace >= 0.0})
+        behind = np.array(sorted({c.t for c in crossings.values() if c.pace < 0.0}))
+        by_behind, by_time = np.zeros((m, len(behind), self.noutputs)), np.zeros((m, len(behind)))
         times = np.array(sorted({*t.tolist(), *happened}))
         places = np.searchsorted(times, t)
         values = np.zeros(m)
@@ -225,16 +232,18 @@ class Judging(Simulation):
                     by_integral[i, n] = 1.0
                 case AtEvent():
                     c = crossings[f.event]
-                    row, g = int(np.searchsorted(times, c.t)), self.output_names.index(f.event.output)
-                    speed = crossing_speed(c.rates, c.pace, g)
-                    if f.output == "t":
-                        values[i] = c.t
-                        by_output[i, row, g] = -1.0 / speed
-                    else:
-                        o = self.output_names.index(f.output)
-                        values[i] = c.outputs[o]
-                        by_output[i, row, o] += 1.0
-                        by_output[i, row, g] -= c.rates[o] / speed
+                    o = None if f.output == "t" else self.output_names.index(f.output)
+                    values[i] = c.t if o is None else c.outputs[o]
+                    jumped = c.pace < 0.0
+                    row = int(np.searchsorted(behind if jumped else times, c.t))
+                    if o is not None:
+                        (by_behind if jumped else by_output)[i, row, o] = 1.0
+                    rate = 1.0 if o is None else c.rates[o]
+                    if not jumped:
+                        g = self.output_names.index(f.event.output)
+                        by_output[i, row, g] -= rate / crossing_speed(c.rates, c.pace, g)
+                    elif c.pace == BY_STATE:
+                        by_time[i, row] = rate
                 case LeastSquares():
                     rows = np.searchsorted(t, np.asarray(f.times, float))
                     if rows.size and rows[-1] == nt:
@@ -244,7 +253,7 @@ class Judging(Simulation):
                     error, weight = f.residuals(outputs[rows], self.output_names)
                     values[i] = 0.5 * float(np.sum(error * error))
                     by_output[i, places[rows]] += error * weight
-        return values, Weights(times, by_output, by_integral)
+        return values, Weights(times, by_output, (behind, by_behind, by_time), by_integral)
 
     def _forward(
         self,
@@ -278,13 +287,17 @@ class Judging(Simulation):
         total: Adjoint | None = None
         whole: tuple[Array, Array] | None = None
         for number, segment in reversed(list(enumerate(run.segments))):
-            after = weights.times > segment.problem.start if number else np.ones(len(weights.times), bool)
-            within = after & (weights.times <= segment.counts["t"])
+            start, end = segment.problem.start if number else -math.inf, segment.counts["t"]
+            within = (weights.times > start) & (weights.times <= end)
+            # behind the end of a segment is the beginning of the next one
+            times, of_outputs, of_times = weights.behind
+            begun = (times >= start) & ((times < end) | (number + 1 == len(run.segments)))
+            behind = times[begun], of_outputs[:, begun], of_times[:, begun]
             motion = self._motion(segment.opened)
             self._in_c(segment.opened).run_backwards(motion[2])
             found = segment_backwards(
-                motion, segment, weights.times[within], weights.outputs[:, within], weights.integrals,
-                end_q, end_u, whole,
+                motion, segment, weights.times[within], weights.outputs[:, within], behind,
+                weights.integrals, end_q, end_u, whole,
             )  # fmt: skip
             if total is not None:
                 found.p += total.p

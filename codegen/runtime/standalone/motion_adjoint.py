@@ -32,8 +32,8 @@ class Adjoint:
 
 
 def segment_backwards(
-    motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, integral_weights: Array, end_q: Array,
-    end_u: Array, whole: tuple[Array, Array] | None = None,
+    motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, behind: tuple[Array, Array, Array],
+    integral_weights: Array, end_q: Array, end_u: Array, whole: tuple[Array, Array] | None = None,
 ) -> Adjoint:  # fmt: skip
     """Gradients of m functionals by what a segment of a motion, whose steps have been kept, begins with and depends on.
 
@@ -43,6 +43,8 @@ def segment_backwards(
     times : array (ntimes,)
     weights : array (m, ntimes, noutputs)
         Of outputs at these times, all of them within the segment.
+    behind : array (n,), (m, n, noutputs), (m, n)
+        Times of events of outputs that jump, weights of outputs behind them, and of these times.
     integral_weights : array (m, nintegrals)
     end_q, end_u : array (m, nq), (m, nu)
         Of independent entries of the state at the segment's end; of all of them, where there is a `whole`.
@@ -58,10 +60,15 @@ def segment_backwards(
     found = [np.zeros(s) for s in shapes]
     g = ffi.new("ordernm_gradients *")
     state = whole or (np.zeros(0), np.zeros(0))
-    held = [np.ascontiguousarray(x, float) for x in (times, weights, integral_weights, end_q, end_u, *state)]
+    held = [np.ascontiguousarray(x, float) for x in (times, weights, *behind, integral_weights, end_q, end_u, *state)]
     pointers = [ffi.from_buffer("double[]", x) if x.size else ffi.NULL for x in (*held, *found)]
-    g.nfunctionals, g.ntimes = m, len(times)
-    g.times, g.weights, g.integral_weights, g.end_q, g.end_u, g.whole_q, g.whole_u, g.q, g.u, g.p, g.inputs = pointers
+    g.nfunctionals, g.ntimes, g.nbehind = m, len(times), len(behind[0])
+    members = (
+        "times", "weights", "behind", "behind_weights", "time_weights", "integral_weights", "end_q", "end_u", "whole_q", "whole_u",
+        "q", "u", "p", "inputs",
+    )  # fmt: skip
+    for name, pointer in zip(members, pointers, strict=True):
+        setattr(g, name, pointer)
     room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
     adjoint = library.ordernm_adjoint_begin(c, g, room)
     if g.singular:

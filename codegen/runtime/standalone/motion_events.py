@@ -53,7 +53,8 @@ class Crossing:
         Time derivatives of the outputs there.
     pace : float
         How fast the event's own output changes on the whole in the step that the event was in: its range over the step's size.
-        Where the output jumps over its level, -1 with an input, whose time depends on nothing, and -2 where a force jumps.
+        Where the output jumps over its level, -1 with an input, whose time depends on nothing, and -2 at a switch; the state and
+        its rates are those behind the jump.
     dt : array (k,)
         Derivatives of the time; NaN where the output only touches its level.
     dq, du, doutputs : array (k, nq), (k, nu), (k, noutputs)
@@ -130,16 +131,14 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
 
 
 BY_STATE = -2.0
-"""The pace of an output that jumps over its level where a force does."""
+"""The pace of an output that jumps over its level at a switch."""
 
 
 def crossing_speed(rates: Array, pace: float, index: int) -> float:
     """The rate of an event's output among those of all, (noutputs,), with which its time depends on that output.
 
-    NaN where it only touches its level; infinite where it jumps over it with an input.
+    NaN where it only touches its level.
     """
-    if pace < 0.0:
-        return math.nan if pace == BY_STATE else math.inf
     speed = float(rates[index])
     return speed if abs(speed) > GRAZING * pace else np.nan
 

@@ -146,6 +146,14 @@ class Segment:
     grazed, not_held : int
         1 and the number of a switch that the motion has only touched, or beyond which its branch has no value, where there is one
         with derivatives; else 0.
+    together : tuple of float and int and int, or None
+        When two switches, and which, were passed at one time, where their order may matter to derivatives.
+    ordered : bool
+        It does, along a direction.
+    event_together : int
+        1 and the number of an event that came at the same time as the second of these switches, if one did; else 0.
+    event_ordered : bool
+        Derivatives of an event depend on which comes first.
     flat : array (n, 1 + 2 nq)
         Poses at which a loop has lost rank, of a motion with derivatives: time, and coordinates beside it, near and farther away.
     """
@@ -165,6 +173,10 @@ class Segment:
     precise: int
     grazed: int
     not_held: int
+    together: tuple[float, int, int] | None
+    ordered: bool
+    event_together: int
+    event_ordered: bool
     flat: Array
 
 

@@ -16,7 +16,7 @@ from .compiling import seconds_waited
 from .errors import CompileError, NoCompilerError, SingularLoopError
 from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
-from .motion_switches import not_held, touched
+from .motion_switches import event_order_matters, not_held, order_matters, touched
 from .partitions import Partitions
 from .states import States
 from .targets import Opened, partitions_of
@@ -83,6 +83,12 @@ class MotionRun(States, Partitions):
                 warn(touched(segment.opened.manifest, segment.grazed - 1))
             if segment.not_held and (len(problem.dp) or keep_steps):
                 warn(not_held(segment.opened.manifest, segment.not_held - 1))
+            if segment.ordered and segment.together:
+                warn(order_matters(segment.opened.manifest, *segment.together))
+            if segment.event_ordered and segment.together:
+                output, level, *_ = segment.problem.events[segment.event_together - 1]
+                event = f"{self.output_names[output]} = {level:g}"
+                warn(event_order_matters(segment.opened.manifest, *segment.together[:2], event))
             if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
                 break
             tried = {opened.number} if segment.counts["t"] > left.start else tried | {opened.number}
@@ -246,7 +252,7 @@ class MotionRun(States, Partitions):
         known: list[Array] = []
         heads: list[Array | None] = []
         events: list[tuple[int, Array]] = []
-        most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
+        most = max(memory // (4 * 8 * step_size), 2)  # rows of a part: two are whole at a time, others are let go
         if problem.events:
             places = np.empty((ROWS + 2 * len(problem.events), library.ordernm_event_size(c)))
             which = ffi.new("int[]", len(places))
@@ -287,8 +293,8 @@ class MotionRun(States, Partitions):
                 if r.count == r.capacity:
                     full.append(rows)
                     rows = more_rows()
-                if kept is not None and r.steps_count == r.steps_capacity:
-                    steps.append(kept)
+                if kept is not None and r.steps_count + 2 > r.steps_capacity:
+                    steps.append(kept[: r.steps_count])
                     heads.append(None)
                     if 8 * sum(x.size for x in steps) > memory // 2:
                         let_go(steps, heads, library.ordernm_head_size(c))
@@ -330,6 +336,10 @@ class MotionRun(States, Partitions):
             precise,
             r.grazed,
             r.not_held,
+            (r.together_at, r.together_with - 1, r.together - 1) if r.together_with else None,
+            bool(r.ordered),
+            r.event_together,
+            bool(r.event_ordered),
             flat[: r.flat_count].copy(),
         )
         return segment, found, last

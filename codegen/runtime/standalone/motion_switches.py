@@ -27,3 +27,20 @@ def not_held(manifest: Mapping[str, Any], number: int) -> str:
         f"as a root of a negative number: if the force jumps there, derivatives lack that jump; write max(0, ..) in the root "
         f"or power"
     )
+
+
+def order_matters(manifest: Mapping[str, Any], t: float, first: int, second: int) -> str:
+    """The warning for two switches that are passed at one time, whose order derivatives depend on."""
+    return (
+        f"at t = {t:.9g} s the motion passes where {switch_words(manifest, first)} and where "
+        f"{switch_words(manifest, second)} change their branches at one time; derivatives along which it matters which comes "
+        f"first do not exist, and are NaN from there on"
+    )
+
+
+def event_order_matters(manifest: Mapping[str, Any], t: float, switch: int, event: str) -> str:
+    """The warning for an event at a switch, where its derivatives depend on which comes first."""
+    return (
+        f"at t = {t:.9g} s the event {event} comes where {switch_words(manifest, switch)} changes its branch; derivatives of the "
+        f"event for which it matters which comes first do not exist, and are NaN"
+    )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Numbers, all_finite, filled, is_finite, largest, normalise
-from .errors import SimulationError, SingularLoopError
+from .errors import SimulationError
 from .flat_poses import lost_directions, what_is_lost
 from .infinite import culprit, outputs_without
 from .manifest import ALLOWED
@@ -41,9 +41,6 @@ DEAD_POINT = "as at a dead point"
 
 HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
-
-BESIDE = 1e-5
-"""s, beside an event at a pose where a loop has lost rank: rates of outputs there are off by the square of this."""
 
 MEANINGLESS = 1e10
 """Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
@@ -340,28 +337,14 @@ class Simulation(MotionRun):
 
     def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
         """An event from its row of results."""
-        t = float(row[0])
         values = [self._of_rows(row, i) for i in (1, 2, 3)]
         derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
-        inputs = problem.inputs.at(t)
-        given = (values[0], values[1], problem.p, inputs, t)
-        plain = self.coordinate_names == self.speed_names  # so it goes where a loop has lost rank, too
-        qdot = values[1] if plain else self._values("coordinate_rates", given)[0]
-        udot, pace = row[-self.nu - k - 1 : len(row) - k - 1], float(row[-1])
-
-        def rates_at(q: Array, u: Array) -> Array:
-            along = (qdot, udot, None, problem.inputs.rate(t), 1.0)
-            found: Array = self._along("output_sensitivities", (q, u, *given[2:]), along)[1]
-            return found
-
-        try:
-            rate = rates_at(values[0], values[1])
-        except SingularLoopError:  # a loop has lost rank there: the mean of both sides
-            sides = [rates_at(values[0] + s * qdot, values[1] + s * udot) for s in (-BESIDE, BESIDE)]
-            rate = 0.5 * (sides[0] + sides[1])
-        rates = (qdot, udot, rate[0])
-        given_dt = row[len(row) - k - 1 : -1] if pace < 0.0 else None
-        return crossing(event, self.output_names.index(event.output), t, values, derivatives, rates, pace, given_dt)
+        sizes = np.cumsum([self.nq, self.nu, self.noutputs, k])
+        *rates, dt, (pace,) = np.split(row[len(row) - sizes[-1] - 1 :], sizes)
+        index = self.output_names.index(event.output)
+        return crossing(
+            event, index, float(row[0]), values, derivatives, rates, float(pace), dt if pace < 0.0 else None
+        )
 
     def _look_at_outputs(self, problem: Problem, run: Run, outputs: Array, doutputs: Array) -> None:
         """Warn of outputs without a finite value, or derivative, at a time of the result."""
