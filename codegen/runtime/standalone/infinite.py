@@ -93,7 +93,9 @@ def outputs_without(
     for i in among:
         by = [of[j] for j in np.flatnonzero(~np.isfinite(derivatives[:, i]))]
         found += [f"the derivative of {names[i]} by {some(by)}"] if by else []
-    return some(found) if found or certain else some([names[i] for i in among])
+    if found or certain:
+        return some(found) if found else ""
+    return some([names[i] for i in among])
 
 
 def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool = True) -> str:
@@ -113,9 +115,10 @@ def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool 
     str
         Empty where everything is finite.
     """
-    if not {"accelerations", "sensitivities"} <= opened.functions.keys():
-        return ""  # of what is not there nothing can be done again
-    f = opened.functions["sensitivities" if along else "accelerations"]
+    names = ("sensitivities", "state_rate_sensitivities") if along else ("accelerations", "state_rates")
+    f = next((opened.functions[n] for n in names if n in opened.functions), None)
+    if f is None:
+        return ""  # a package of chosen functions without dynamics
     call = Call(opened, f, arrays)
     return _first_infinite(opened.package, call, moved) or (
         _first_infinite_along(opened.package, call.a) if along else ""

@@ -191,6 +191,8 @@ class Run:
     reason, counts, singular, component, events
         As of its last segment; counts are sums, of what the method and the model make use of.
     segments : list of Segment
+    last : array (row,)
+        Of a motion that cannot go on, the state at its end; without entries where there is none.
     """
 
     rows: Array
@@ -200,6 +202,7 @@ class Run:
     component: int = 0
     events: list[tuple[int, Array]] = field(default_factory=list)
     segments: list[Segment] = field(default_factory=list)
+    last: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def opened(self) -> Opened:

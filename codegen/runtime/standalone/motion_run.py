@@ -114,7 +114,7 @@ class MotionRun(States, Partitions):
             del counts[name]
         reason = problem.kink if segment.reason == "end" and problem.kink else segment.reason
         whole = np.concatenate(rows) if len(rows) > 1 else rows[0]
-        return Run(whole, reason, counts, segment.singular, segment.component, events, segments)
+        return Run(whole, reason, counts, segment.singular, segment.component, events, segments, last)
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
@@ -308,12 +308,13 @@ class MotionRun(States, Partitions):
         if kept is not None:
             steps.append(kept[: r.steps_count])
             heads.append(None)
-        last = rows[:0]
+        last = np.full(0, np.nan)
         # where a constant step is poor it is one of its stages that is, not the state from which a row is made
         poor = r.condition_here if reason == "poor" else None
-        if reason in ("poor", "undetermined"):
+        if reason not in ("end", "event", "interrupted"):
             last = np.zeros(size)
-            library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
+            status = library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
+            last = last[: 0 if status else size]
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
             "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Numbers, all_finite, filled, is_finite, largest, normalise
-from .errors import SimulationError
+from .errors import SimulationError, SingularJointError
 from .flat_poses import lost_directions, what_is_lost
 from .infinite import culprit, outputs_without
 from .manifest import ALLOWED
@@ -41,6 +41,9 @@ DEAD_POINT = "as at a dead point"
 
 HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
+
+BEHIND = np.logspace(-12, -3, 10)
+"""s, behind the end of a motion, in parts of later times: where forces are looked at that may have no value there."""
 
 MEANINGLESS = 1e10
 """Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
@@ -389,13 +392,23 @@ class Simulation(MotionRun):
         )
 
     def _what_is_infinite(self, problem: Problem, run: Run) -> str:
-        """The force that has no finite value, or derivative, at the last state that is known."""
+        """The force without a finite value, or derivative, at the end of a motion or just behind it; empty if there is none."""
         t, q, u = problem.start, problem.q, problem.u
-        if len(run.rows) and run.rows[-1, 0] > t:
-            t, q, u = float(run.rows[-1, 0]), self._of_rows(run.rows[-1], 1), self._of_rows(run.rows[-1], 2)
+        last = run.last if len(run.last) else run.rows[-1] if len(run.rows) else None
+        if last is not None:
+            t, q, u = float(last[0]), self._of_rows(last, 1), self._of_rows(last, 2)
         state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
-        found = culprit(run.opened, state, along=bool(len(problem.dq)))
-        return found and f": {found}"
+        if found := culprit(run.opened, state, along=bool(len(problem.dq))):
+            return found
+        try:
+            qdot, udot = self._values("state_rates", tuple(state.values()))
+        except SingularJointError:
+            return ""
+        for h in BEHIND * (1.0 + abs(t)):
+            behind = {"q": q + h * qdot, "u": u + h * udot, "p": problem.p, "inputs": problem.inputs.at(t + h), "t": t + h}
+            if found := culprit(run.opened, behind, along=False):
+                return f"just behind, {found}"
+        return ""
 
     def _cause(self, problem: Problem, run: Run) -> str:
         """The same without what loops have to do with it."""
@@ -411,16 +424,19 @@ class Simulation(MotionRun):
         match run.reason:
             case "singular":
                 error = self._in_c(run.opened).singular(run.singular, f" {at}")
-                return f"the motion ends {at}: {error}"
+                found = self._what_is_infinite(problem, run)
+                found = found and f"a result is not finite: {found}"
+                return f"the motion ends {at}: {found or error}"
             case "open loop":
                 return (
                     f"the motion ends {at}: Newton's method does not close the loops any more; they may be at the end of their "
                     f"reach, or at a configuration where the dependent coordinates are not determined"
                 )
             case "step collapsed":
+                found = self._what_is_infinite(problem, run)
                 return (
-                    f"the motion ends {at}: steps have become too small to go on, because of {entry}; it may be without bounds "
-                    f"there, jump, or be known less exactly than rtol and atol ask for"
+                    f"the motion ends {at}: steps have become too small to go on, because of {entry}; "
+                    + (f"a result is not finite: {found}" if found else "it may be without bounds there, jump, or be known less exactly than rtol and atol ask for")
                 )
             case "undetermined":
                 constant = problem.fixed or problem.method == "rk4"
@@ -432,7 +448,10 @@ class Simulation(MotionRun):
             case "apart":
                 return f"the motion ends {at}: {self._why_apart(run)}"
             case "not finite":
-                return f"the motion ends {at}: the time derivative of {entry} is not finite{self._what_is_infinite(problem, run)}"
+                return (
+                    f"the motion ends {at}: the time derivative of {entry} is not finite"
+                    + (f": {found}" if (found := self._what_is_infinite(problem, run)) else "")
+                )
             case "too many steps":
                 made = run.counts["steps"] + run.counts["rejected"]
                 return (
