@@ -129,7 +129,7 @@ def differences(solver: Any, q: Any, p: Any, name: str, size: float) -> Any:
 
 
 def _has_grown(error: SimulationError) -> bool:
-    """Whether a motion ends where speeds grow beyond all bounds, as by their squares, or accelerations, as at the pole of a tangent."""
+    """Whether a motion ends where speeds grow without bounds, as by their squares, or accelerations, as at a pole."""
     of = error.trajectory
     if "without bounds" not in str(error) or of is None:
         return False
@@ -137,9 +137,9 @@ def _has_grown(error: SimulationError) -> bool:
 
 
 def compare(seed: int, folder: Path) -> str:
-    """Compares forward derivatives and those of the adjoint with differences; says why where there are none.
+    """Compares forward derivatives and those of the adjoint with differences; returns why there are none.
 
-    Thresholds that one motion passes at one time are passed together: derivatives that depend on the order are NaN, with a warning.
+    Thresholds that one motion passes at one time are passed together: derivatives that depend on the order are NaN.
     """
     try:
         solver, q, p, names = drawn(seed, folder)

@@ -75,11 +75,13 @@ def test_events_of_outputs_that_jump(
 
 @pytest.mark.parametrize("stop", [False, True])
 def test_an_event_at_the_very_switch_of_a_force(made: Callable[..., Made], stop: bool) -> None:
-    """x = 0.5 and the jump at s = 0.5: behind a larger s the speed at 0.5 m has another force behind it, so its derivative by s jumps."""
+    """The event x = 0.5 and the jump at s = 0.5: with a larger s another force precedes the event, else none does."""
     solver = made(parsed, BLOCK.format(force=FALLS)).solver
     wanted = [AtEvent(o, Event("x", 0.5, stop=stop)) for o in ("t", "x", "w")]
     for way in ("forward", "adjoint"):
-        with pytest.warns(RuntimeWarning, match=r"event x = 0\.5 comes where s >= q\.block .* matters which comes first"):
+        with pytest.warns(
+            RuntimeWarning, match=r"event x = 0\.5 comes where s >= q\.block .* matters which comes first"
+        ):
             found = solver.judge(END, wanted, wrt=NAMES, inputs=[0.0], method=way, **EXACT).gradients
         t = np.sqrt(1 / 12)
         expected = np.zeros((3, 5))
@@ -108,12 +110,12 @@ def test_switches_at_one_time(made: Callable[..., Made], force: str, way: str) -
         warnings.simplefilter("always")
         found = solver.judge(END, wanted, **options).gradients
     said = [str(w.message) for w in said]
-    assert any("at one time; derivatives along which it matters which comes first" in w for w in said) == bool(lost), said
+    assert any("at one time; derivatives along which it matters which comes first" in w for w in said) == bool(lost), (
+        said
+    )
     gone = np.isnan(found).all(axis=0)
     if "u.block < v" in force:  # along a and s the speed comes before or behind the place, too
         assert gone[[2, 4]].all() and not gone[[1, 3]].any()
         return
     assert [n for n, no in zip(NAMES, gone, strict=True) if no] == lost
-    np.testing.assert_allclose(
-        found[:, ~gone], differences(solver, wanted, [0.0])[:, ~gone], rtol=1e-7, atol=1e-7
-    )
+    np.testing.assert_allclose(found[:, ~gone], differences(solver, wanted, [0.0])[:, ~gone], rtol=1e-7, atol=1e-7)

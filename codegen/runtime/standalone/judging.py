@@ -232,13 +232,13 @@ class Judging(Simulation):
                     by_integral[i, n] = 1.0
                 case AtEvent():
                     c = crossings[f.event]
-                    o = None if f.output == "t" else self.output_names.index(f.output)
-                    values[i] = c.t if o is None else c.outputs[o]
+                    of = None if f.output == "t" else self.output_names.index(f.output)
+                    values[i] = c.t if of is None else c.outputs[of]
                     jumped = c.pace < 0.0
                     row = int(np.searchsorted(behind if jumped else times, c.t))
-                    if o is not None:
-                        (by_behind if jumped else by_output)[i, row, o] = 1.0
-                    rate = 1.0 if o is None else c.rates[o]
+                    if of is not None:
+                        (by_behind if jumped else by_output)[i, row, of] = 1.0
+                    rate = 1.0 if of is None else c.rates[of]
                     if not jumped:
                         g = self.output_names.index(f.event.output)
                         by_output[i, row, g] -= rate / crossing_speed(c.rates, c.pace, g)

@@ -64,8 +64,8 @@ def segment_backwards(
     pointers = [ffi.from_buffer("double[]", x) if x.size else ffi.NULL for x in (*held, *found)]
     g.nfunctionals, g.ntimes, g.nbehind = m, len(times), len(behind[0])
     members = (
-        "times", "weights", "behind", "behind_weights", "time_weights", "integral_weights", "end_q", "end_u", "whole_q", "whole_u",
-        "q", "u", "p", "inputs",
+        "times", "weights", "behind", "behind_weights", "time_weights", "integral_weights", "end_q", "end_u", "whole_q",
+        "whole_u", "q", "u", "p", "inputs",
     )  # fmt: skip
     for name, pointer in zip(members, pointers, strict=True):
         setattr(g, name, pointer)

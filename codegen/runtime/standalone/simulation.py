@@ -405,7 +405,13 @@ class Simulation(MotionRun):
         except SingularJointError:
             return ""
         for h in BEHIND * (1.0 + abs(t)):
-            behind = {"q": q + h * qdot, "u": u + h * udot, "p": problem.p, "inputs": problem.inputs.at(t + h), "t": t + h}
+            behind = {
+                "q": q + h * qdot,
+                "u": u + h * udot,
+                "p": problem.p,
+                "inputs": problem.inputs.at(t + h),
+                "t": t + h,
+            }
             if found := culprit(run.opened, behind, along=False):
                 return f"just behind, {found}"
         return ""
@@ -434,9 +440,10 @@ class Simulation(MotionRun):
                 )
             case "step collapsed":
                 found = self._what_is_infinite(problem, run)
-                return (
-                    f"the motion ends {at}: steps have become too small to go on, because of {entry}; "
-                    + (f"a result is not finite: {found}" if found else "it may be without bounds there, jump, or be known less exactly than rtol and atol ask for")
+                return f"the motion ends {at}: steps have become too small to go on, because of {entry}; " + (
+                    f"a result is not finite: {found}"
+                    if found
+                    else "it may be without bounds there, jump, or be known less exactly than rtol and atol ask for"
                 )
             case "undetermined":
                 constant = problem.fixed or problem.method == "rk4"
@@ -448,9 +455,8 @@ class Simulation(MotionRun):
             case "apart":
                 return f"the motion ends {at}: {self._why_apart(run)}"
             case "not finite":
-                return (
-                    f"the motion ends {at}: the time derivative of {entry} is not finite"
-                    + (f": {found}" if (found := self._what_is_infinite(problem, run)) else "")
+                return f"the motion ends {at}: the time derivative of {entry} is not finite" + (
+                    f": {found}" if (found := self._what_is_infinite(problem, run)) else ""
                 )
             case "too many steps":
                 made = run.counts["steps"] + run.counts["rejected"]
