@@ -7,12 +7,15 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .emit.c import C
 from .emit.c.calls import write_calls
 from .emit.c.module import CWriter, write_c
 from .emit.c.motion import has_motion, write_four, write_motion, write_precise
 from .emit.c.states import arrays_of, over_states, write_states, write_threads
 from .emit.interface import manifest, operations
 from .emit.numpy.module import write_numpy
+from .emit.registry import RESERVED
+from .emit.target import Scalar, UnwritableError
 from .loops.description import describe
 from .loops.errors import AssemblyError, PartitionError
 from .loops.partition import Partition, partition
@@ -29,6 +32,7 @@ from .model.errors import ModelError
 from .model.model import Model
 from .program.algebra import expressions_kept
 from .program.digits import long_numbers
+from .program.limits import limited
 from .program.operations import Operations
 from .program.procedure import Procedure, for_target
 from .program.progress import Progress, silent
@@ -77,6 +81,7 @@ def write_solver(
     functions: Collection[str] | None = None,
     frames: bool = False,
     printed: Printed | None = None,
+    scalar: str = "float64",
 ) -> Source:
     """Expand a model and print its solver.
 
@@ -97,7 +102,36 @@ def write_solver(
         The solver has functions for the frames of all bodies.
     printed : callable, optional
         Called with the files and the manifest when all of the C is printed, before the rest is.
+    scalar : str
+        The scalar type of the C; see `codegen.emit.target.Scalar`.
+
+    Raises
+    ------
+    ModelError
+        The model has no solver, or a target cannot write it.
+    TargetError
+        There is no such scalar type.
     """
+    of = C.scalar(scalar)
+    with limited(of.limits):
+        try:
+            return _written(model, layout, chosen, reactions, progress, functions, frames, printed, of)
+        except UnwritableError as error:
+            raise ModelError([model.problem(error.place, str(error))]) from None
+
+
+def _written(
+    model: Model,
+    layout: str,
+    chosen: Partition | None,
+    reactions: bool,
+    progress: Progress,
+    functions: Collection[str] | None,
+    frames: bool,
+    printed: Printed | None,
+    scalar: Scalar,
+) -> Source:
+    """The stages, one after the other; see `write_solver`."""
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
 
@@ -121,16 +155,16 @@ def write_solver(
     progress("analysing", 0, 0)
     system, unrolled = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
     lap("analyse")
-    e = expanded(system, reactions, progress, functions, frames)
+    e = expanded(system, reactions, progress, functions, frames, scalar.moves)
     program, formulas, records, asked = e.program, e.formulas, e.records, e.asked
     lap("expand and simplify")
     progress("printing C", 0, 0)
-    writer = CWriter(program, formulas, records, tuple(for_target(p, True) for p in asked))
+    writer = CWriter(program, formulas, records, tuple(for_target(p, True) for p in asked), scalar, RESERVED)
     context = writer.context()
     files = write_c(context)
     counts = operations(program, [*formulas, *records], writer.procedures)
     guess = chosen.q if chosen else ()
-    made = manifest(system, writer.procedures, writer.workspace, counts, guess, writer.has_parts)
+    made = manifest(system, writer.procedures, writer.workspace, counts, guess, writer.has_parts, scalar.name)
     if functions is not None:
         made["left_out"] = left_out(system, asked)
     if over := over_states(writer.procedures):
@@ -150,7 +184,7 @@ def write_solver(
     files |= write_apart(context, system, made, writer.procedures)
     lap("print what is compiled apart")
     progress("printing NumPy", 0, 0)
-    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked))
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked), RESERVED)
     lap("print NumPy")
     return Source(
         files,
@@ -196,7 +230,7 @@ def write_long(
     with long_numbers(digits):
         system, _ = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
         e = expanded(system, reactions, functions=functions, frames=frames)
-        return write_numpy(e.program, e.formulas, e.records, one_by_one(e.asked))
+        return write_numpy(e.program, e.formulas, e.records, one_by_one(e.asked), RESERVED)
 
 
 def one_by_one(asked: tuple[Procedure, ...]) -> tuple[Procedure, ...]:

@@ -76,6 +76,7 @@ def manifest(
     operations: Mapping[str, Any],
     assembled: tuple[float, ...] = (),
     divided: bool = False,
+    scalar: str = "float64",
 ) -> dict[str, Any]:
     """What ``model.json`` says for the run time; `divided`: some sweeps stand in parts, see `libraries`."""
     model = system.model
@@ -130,6 +131,7 @@ def manifest(
         **_singular_outputs(system),
         **_bodies(model, functions),
         "joint_links": [_joint_link(system, k) for k in range(len(model.bodies))],
+        **({"scalar": scalar} if scalar != "float64" else {}),
         "workspace": workspace,
         "widths": list(WIDTHS),
         "functions": functions,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import keyword
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -20,14 +19,7 @@ from ..program.procedure import (
 from ..program.store import Store
 from .address import Addresses
 from .memory import Layout
-
-KEYWORDS = frozenset(keyword.kwlist) | frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict "
-    "return short signed sizeof static struct switch typedef union unsigned void volatile while unit element call "
-    "asm typeof typeof_unqual alignas alignof bool constexpr false nullptr static_assert thread_local true linux unix "
-    "i386 number status".split()
-)
-"""Names that variables cannot have in Python or C, to C23 and with what GNU C defines, or that tables have."""
+from .target import Scalar, Target, TargetError, UnwritableError
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +66,10 @@ class Language(ABC):
         Outputs of links, potential energy.
     asked : tuple of Procedure
         The functions of the solver.
+    target : Target
+    scalar : Scalar
+    reserved : frozenset of str
+        What variables cannot be called.
     """
 
     numbered = True
@@ -85,8 +81,12 @@ class Language(ABC):
         formulas: list[FormulaKind],
         records: list[RecordFormula],
         asked: tuple[Procedure, ...],
+        target: Target,
+        scalar: Scalar,
+        reserved: frozenset[str],
     ):
         self.asked = asked
+        self.target, self.scalar, self.reserved = target, scalar, reserved
         self.program = program
         self.system = program.system
         self.model = program.system.model
@@ -174,6 +174,21 @@ class Language(ABC):
     def number_of_row(self, table: str, row: str, index: int) -> Located:
         """Where a number of the current row lies."""
 
+    def lines_of(
+        self, block: Block, place: Place, culprit: Callable[[str], str] | None = None, each: str = ""
+    ) -> list[str]:
+        """Those of `lines`.
+
+        Raises
+        ------
+        UnwritableError
+            The target cannot write them.
+        """
+        try:
+            return self.lines(block, place, culprit, each)
+        except TargetError as error:
+            raise UnwritableError(self.target.name, block.title, error) from None
+
     # -- names -----------------------------------------------------------------------------------------------------
 
     def names_of(self, array: str, index: str) -> tuple[str, ...]:
@@ -188,7 +203,7 @@ class Language(ABC):
 
     def called_by(self, block: Block, place: Place) -> dict[str, str]:
         """What a function calls what a block loads, where the model has a name for it."""
-        taken = {str(s) for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | KEYWORDS
+        taken = {str(s) for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | self.reserved
         found: dict[str, str] = {}
         for symbol, (store, component) in block.loads.items():
             name = next(

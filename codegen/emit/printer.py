@@ -1,7 +1,8 @@
-"""Prints expressions of statements as C or NumPy source."""
+"""Prints expressions of statements; what languages write in different ways is left to the targets."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from copy import copy
 from types import MappingProxyType
@@ -11,6 +12,7 @@ from ..program.algebra import HALF, MINUS_ONE
 from ..program.algebra import function as _function
 from ..program.digits import text_of
 from ..program.expressions import Expr, Function, Number, Pow
+from .target import Scalar, Target
 
 SUM, PRODUCT, ATOM = 0, 1, 2
 
@@ -20,27 +22,21 @@ HELD = {
 }  # fmt: skip
 """Functions that take a mode, with those that they are without."""
 
-C_FUNCTIONS = {
-    "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
-    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "exp": "exp", "log": "log", "sqrt": "sqrt",
-    "Absolute": "fabs", "Maximum": "fmax", "Minimum": "fmin", "pow": "pow", "Power": "pow",
-    "Floor": "FLOOR", "Choice": "CHOICE", "Vanishing": "VANISHING", "Along": "DIRECTIONS(ALONG)",
-}  # fmt: skip
-NUMPY_FUNCTIONS = {
-    "sin": "np.sin", "cos": "np.cos", "tan": "np.tan", "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan",
-    "atan2": "np.arctan2", "sinh": "np.sinh", "cosh": "np.cosh", "tanh": "np.tanh", "exp": "np.exp", "log": "np.log",
-    "sqrt": "np.sqrt", "Absolute": "np.abs", "Maximum": "np.maximum", "Minimum": "np.minimum", "Sign": "np.sign",
-    "pow": "np.power", "Power": "np.power", "Floor": "np.floor", "Choice": "choice", "Vanishing": "vanishing",
-    "Along": "vanishing",
-}  # fmt: skip
-
-
 OWN = ("Floor", "Choice", "Vanishing", "Along")
 """Functions that generated files define themselves, where they call them."""
 
 
-class Printer:
-    """Prints one right side; `functions` names the elementary functions of the language, `names` calls symbols otherwise.
+class Printer(ABC):
+    """Prints one right side.
+
+    Parameters
+    ----------
+    target : Target
+        Spells the elementary functions.
+    scalar : Scalar
+        Spells numbers.
+    names : mapping of str to str
+        Calls symbols otherwise.
 
     Attributes
     ----------
@@ -48,8 +44,8 @@ class Printer:
         Those of `OWN` that have been printed.
     """
 
-    def __init__(self, functions: dict[str, str], names: Mapping[str, str] = MappingProxyType({})):
-        self.functions = functions
+    def __init__(self, target: Target, scalar: Scalar, names: Mapping[str, str] = MappingProxyType({})):
+        self.target, self.scalar = target, scalar
         self.names = names
         self.own: set[str] = set()
 
@@ -83,7 +79,11 @@ class Printer:
         return self._call(e)
 
     def number(self, e: Expr) -> str:
-        return text_of(e)
+        return self.scalar.literal(text_of(e))
+
+    def spelled(self, function: str) -> str:
+        """What an elementary function is called."""
+        return self.target.function(function)
 
     def _sum(self, e: Expr, level: int) -> str:
         terms = [(self._is_negative(t), t) for t in e.args]
@@ -111,7 +111,7 @@ class Printer:
             factors = ([] if first is MINUS_ONE else [-first]) + factors[1:]
         above = [f for f in factors if not self._is_reciprocal(f)]
         below = [1 / f for f in factors if self._is_reciprocal(f)]
-        text = "*".join(self._print(f, ATOM) for f in above) or "1.0"
+        text = "*".join(self._print(f, ATOM) for f in above) or self.scalar.literal("1.0")
         if below:
             denominator = "*".join(self._print(f, ATOM) for f in below)
             text = f"{text}/{denominator}" if len(below) == 1 else f"{text}/({denominator})"
@@ -126,14 +126,14 @@ class Printer:
         assert isinstance(e, Pow)
         base, exponent = e.base, e.exp
         if exponent < 0:
-            text = f"1.0/{self._print(1 / e, ATOM)}"
+            text = f"{self.scalar.literal('1.0')}/{self._print(1 / e, ATOM)}"
             return f"({text})" if level == ATOM else text
         if exponent.is_Integer and int(exponent) <= 16:
             text = self._multiply(self._print(base, ATOM), int(exponent))
             return f"({text})" if level == ATOM else text
         if exponent is HALF:
-            return f"{self.functions['sqrt']}({self._print(base, SUM)})"
-        return f"{self.functions['pow']}({self._print(base, SUM)}, {self._print(exponent, SUM)})"
+            return f"{self.spelled('sqrt')}({self._print(base, SUM)})"
+        return f"{self.spelled('pow')}({self._print(base, SUM)}, {self._print(exponent, SUM)})"
 
     def _multiply(self, base: str, n: int) -> str:
         """A power by repeated squaring, as `operations.count_expression` counts it."""
@@ -155,51 +155,22 @@ class Printer:
             return self.turned(*arguments)
         if name in HELD:
             return self.held(name, arguments[-1], arguments[:-1], self._call(_function(HELD[name], *e.args[:-1])))
-        if name == "Sign" and "Sign" not in self.functions:
-            return f"(TRUTH({arguments[0]} > 0.0) - TRUTH({arguments[0]} < 0.0))"
-        return f"{self.functions[name]}({', '.join(arguments)})"
+        if name == "Sign":
+            return self.sign(*arguments)
+        return f"{self.spelled(name)}({', '.join(arguments)})"
 
+    @abstractmethod
+    def sign(self, x: str) -> str:
+        """1, 0 or -1."""
+
+    @abstractmethod
     def at_least(self, a: str, b: str) -> str:
-        return f"TRUTH({a} >= {b})"
+        """1 where a is at least b, else 0."""
 
+    @abstractmethod
     def turned(self, angle: str, mode: str) -> str:
         """An angle within half a turn of a mode."""
-        return f"TURNED({mode}, {angle})"
 
+    @abstractmethod
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
         """A function whose branch a mode chooses; `free` is the function without."""
-        match name:
-            case "HeldAtLeast":
-                above, below = "1.0", "0.0"
-            case "HeldSign":
-                above, below = "1.0", "-1.0"
-            case "HeldFloor":
-                above, below = (
-                    f"({c}2.0*FLOOR(0.5*({arguments[0]}) {s} 0.25))" for c, s in (("", "+"), ("1.0 + ", "-"))
-                )
-            case "HeldAngle":
-                above, below = (f"ANGLE_{side}({arguments[1]}, {free})" for side in ("ABOVE", "BELOW"))
-            case "HeldAbsolute":
-                above, below = arguments[0], f"-({arguments[0]})"
-            case "HeldMaximum":
-                above, below = arguments
-            case _:
-                below, above = arguments
-        return f"HELD({mode}, {above}, {below}, {free})"
-
-
-class NumpyPrinter(Printer):
-    """NumPy source."""
-
-    def __init__(self) -> None:
-        super().__init__(NUMPY_FUNCTIONS)
-
-    def at_least(self, a: str, b: str) -> str:
-        return f"np.where({a} >= {b}, 1.0, 0.0)"
-
-    def turned(self, angle: str, mode: str) -> str:
-        return angle
-
-    def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
-        """No integrator calls NumPy, so no mode is ever given."""
-        return free

@@ -67,7 +67,7 @@ class SweepWriter(Language):
         single = len(self.instances(kinds, sweep)) == 1
         signature = self.signature(f"{sweep}_{kinds[0].index}", SWEEP[sweep].lanes, not single)
         place = cache(partial(self.place, kinds, sweep))  # asked for several times for each component
-        lines = self.lines(block, place, self.addresses.culprit(kinds, sweep), self.each(kinds, sweep))
+        lines = self.lines_of(block, place, self.addresses.culprit(kinds, sweep), self.each(kinds, sweep))
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
     def called(self, kinds: tuple[UnitKind, ...]) -> str:

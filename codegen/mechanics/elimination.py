@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 from ..program.block import ANY, Scope
 from ..program.field import ScalarField
+from ..program.limits import limits
 from ..program.scalar import Matrix, Value, Vector
 from ..program.store import Store
 from . import fields
@@ -31,7 +32,8 @@ from .stores import ME, PIVOT, REGION
 from .structure.kinds import LinkKind, RegionKind
 
 SMALL = 2e-15
-"""A pivot below this fraction of the inertia along the column: nothing outboard has inertia about the joint."""
+"""A pivot below this fraction of the inertia along the column: nothing outboard has inertia about the joint. In double precision,
+as all margins here."""
 
 
 class ZeroPivotError(ValueError):
@@ -129,7 +131,7 @@ class SymmetricSystem:
         D = self._pivot(let("D", moved + rotor if geared else moved, "Eq. 46"))
         inverse = let("Dinv", 1 / D, "Eq. 47")
         r = let("r", tau - s.along(p), "Eq. 53")
-        self.x.set_entry(PIVOT, j, let("margin", D - self.x.number(SMALL) * whole, "zero pivot"))
+        self.x.set_entry(PIVOT, j, let("margin", D - self.x.number(limits().rounding(SMALL)) * whole, "zero pivot"))
         self.x.store(kept.store, kept.inverse(j), inverse)
         driven = let("rD", r * inverse, "Eq. 53")
         self.x.store(kept.store, kept.right_side(j), driven)

@@ -78,10 +78,11 @@ def expanded(
     progress: Progress = silent,
     functions: Collection[str] | None = None,
     frames: bool = False,
+    moves: bool = True,
 ) -> Expanded:
     """Expand and simplify; see `write_solver`."""
     model = system.model
-    asked = procedures(system, reactions, functions, frames)
+    asked = procedures(system, reactions, functions, frames, moves)
     read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
     values, records = output_formulas(system)
     if SWITCHES.targets[0] in read:
@@ -118,7 +119,7 @@ def expanded(
     formulas = [f for f in formulas if f.target in read]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
     # pivots are met whether the function that says so is among those asked for or not
-    checked = checked_backwards(asked if functions is None else procedures(system, reactions))
+    checked = checked_backwards(asked if functions is None else procedures(system, reactions, moves=moves))
     transpose_sweeps(program, backwards, tangents, checked, *swept_together(asked))
     for sweep in backwards:  # what was only there to be run backwards, or together with others
         for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:

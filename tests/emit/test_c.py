@@ -17,7 +17,10 @@ from comparison import compare, error, worst
 from random_models import random_tree
 
 import codegen
+from codegen.emit.c import C, sines
+from codegen.emit.c.vectors import words
 from codegen.emit.repetition import json_text
+from codegen.emit.target import Scalar
 from codegen.emit.templates import render
 from codegen.model import parse_model
 from codegen.pipeline import write_solver
@@ -292,15 +295,17 @@ def test_equal_input_gives_equal_bytes() -> None:
 
 
 @cache
-def angles_and_exact_values() -> tuple[Any, Any, Any]:
+def angles_and_exact_values(dtype: str) -> tuple[Any, Any, Any]:
     """Angles, their cosines and then their sines in 60 digits: rounded to the nearest number, and what that leaves."""
     rng = np.random.default_rng(0)
     quarter = np.arange(-40, 40) * (np.pi / 2)
     angles = np.concatenate([
         rng.uniform(-4, 4, 2000), rng.uniform(-1e6, 1e6, 1000), 10.0 ** rng.uniform(-300, -1, 400), quarter, quarter + 1e-9,
         [0.0, -0.0, 1e-320, 999999.99, 1e6, 1e7, -1e15, 1e300, np.pi, 355.0, 103993.0, 0.785398163397448],
+        rng.uniform(-1e4, 1e4, 1000),
     ])  # fmt: skip
-    angles = np.concatenate([angles, np.zeros(-len(angles) % 8)])
+    angles = angles[np.abs(angles) < np.finfo(dtype).max].astype(dtype)
+    angles = np.concatenate([angles, np.zeros(-len(angles) % 8, dtype)])
     with mpmath.workdps(60):
         values = [f(mpmath.mpf(float(x))) for f in (mpmath.cos, mpmath.sin) for x in angles]
         exact = np.array([float(x) for x in values])
@@ -308,47 +313,46 @@ def angles_and_exact_values() -> tuple[Any, Any, Any]:
     return angles, exact, rest
 
 
+@pytest.mark.parametrize("scalar", C.scalars, ids=lambda s: s.name)
 @pytest.mark.parametrize("flags", [["-march=native"], ["-march=native", "-mno-avx512f"], [], ["-DORDERNM_PLAIN_C"]])
-def test_sines_and_cosines_below_one_unit_in_the_last_place(tmp_path: Path, flags: list[str]) -> None:
-    angles, exact, rest = angles_and_exact_values()
-    n = len(angles)
+def test_sines_and_cosines_below_one_unit_in_the_last_place(tmp_path: Path, flags: list[str], scalar: Scalar) -> None:
+    angles, exact, rest = angles_and_exact_values(scalar.name)
+    n, of = len(angles), {**words(scalar), "sines": sines.words(scalar)}
     prelude = (
         f"enum {{ ANGLES = {n} }};"
         + """
 #include <math.h>
 #include <stdint.h>
-typedef double number;
 #if defined(__GNUC__) && !defined(ORDERNM_PLAIN_C)
 #define ORDERNM_VECTORS 1
-#if defined(__AVX512F__)
-enum { VECTOR_8 = 8 };
-#elif defined(__AVX__)
-enum { VECTOR_8 = 4 };
+"""
+        + "\n".join(of["vector_lanes"])
+        + f"""
+typedef {scalar.word} number, vector_8 __attribute__((vector_size({scalar.bytes}*VECTOR_8), aligned({scalar.bytes}), may_alias));
 #else
-enum { VECTOR_8 = 2 };
-#endif
-typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_alias));
+typedef {scalar.word} number;
 #endif
 """
     )
     text = (
         prelude
-        + render("c/angles_at_once.c.jinja", {})
-        + render("c/sincos.c.jinja", {})
-        + "\nvoid run(int n, double *trig) { sines_and_cosines(n, trig); }\n"
+        + render("c/angles_at_once.c.jinja", of)
+        + render("c/sincos.c.jinja", of)
+        + "\nvoid run(int n, number *trig) { sines_and_cosines(n, trig); }\n"
     )
     (tmp_path / "sc.c").write_text(text)
     command = [shutil.which("cc") or "cc", "-O2", *flags, "-fPIC", "-shared", "sc.c", "-o", "sc.so", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     library = ctypes.CDLL(str(tmp_path / "sc.so"))
-    trig = np.concatenate([np.zeros(n), angles])
+    trig = np.concatenate([np.zeros(n, scalar.name), angles])
     otherwise = {}  # with every operation rounded up or down
     for way in DIRECTED:
         otherwise[way] = trig.copy()
         with rounding(way):
-            library.run(n, otherwise[way].ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
-    library.run(n, trig.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
-    ulp = np.maximum(np.spacing(np.abs(exact)), 5e-324)
+            library.run(n, otherwise[way].ctypes.data_as(ctypes.c_void_p))
+    library.run(n, trig.ctypes.data_as(ctypes.c_void_p))
+    # an angle in float32 is itself further from multiples of pi than its sine's last place there
+    ulp = np.spacing(1.0, dtype="float32") if scalar.bytes == 4 else np.maximum(np.spacing(np.abs(exact)), 5e-324)
     for way, found, most in (("nearest", trig, 1), *((way, found, 3) for way, found in otherwise.items())):
         far = np.abs((found - exact) - rest) > most * ulp  # what is near is subtracted without rounding
         assert np.isfinite(found).all() and not far.any(), (way, np.tile(angles, 2)[far], found[far])

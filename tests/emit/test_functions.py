@@ -6,6 +6,7 @@ import itertools
 import re
 from pathlib import Path
 
+from codegen.emit.c import FLOAT64
 from codegen.emit.c.functions import CFunctions, memory, room
 from codegen.program.procedure import Array, Check, Own, Perform, Procedure, Routine, Run, Zero
 
@@ -39,7 +40,7 @@ def test_pointers_are_those_of_arrays_that_procedures_have() -> None:
 def test_a_procedure_in_c() -> None:
     checked = Perform(Routine("forward", "Goes forward.", (OUT, Check())))
     p = procedure(checked, ALONG, seeds=(U.tangent(),), results=(A, A.tangent()), widths=(8,))
-    printer = CFunctions("model", memory((p,)), lambda what: [], lambda p: ["lay_out(&c, work);"])
+    printer = CFunctions("model", FLOAT64, memory((p,)), lambda what: [], lambda p: ["lay_out(&c, work);"])
     assert printer.routine(checked.routine).signature == "static int forward(call *a)"
     assert printer.routine(checked.routine).lines == ["out(a);", "if (STOPPED(a)) return 1;", "return 0;"]
     assert printer.function(p).lines == [

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import codegen
-from codegen.emit.calls import write_calls
+from codegen.emit.c.calls import write_calls
 from codegen.runtime.standalone.manifest import seal
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -7,7 +7,9 @@ from typing import Any
 
 from ...version import __version__
 from ..templates import render
+from . import FLOAT64, C
 from .libraries import LIBRARIES, few_of, guard_of_library, number_of
+from .vectors import words
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
@@ -29,14 +31,15 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
     sizes : dict of str to int
         Numbers of entries of arguments and results.
     """
-    name = manifest["name"]
+    name, scalar = manifest["name"], C.scalar(manifest.get("scalar", FLOAT64.name))
     functions = manifest["functions"].items()
-    along = [_along(name, n, f, sizes) for n, f in functions if f.get("seeds")]
-    points = _points(name, manifest["functions"])
+    along = [_along(name, n, f, sizes, scalar.word) for n, f in functions if f.get("seeds")]
+    points = _points(name, manifest["functions"], scalar.word)
     counted = ("coordinate_names", "speed_names", "parameter_names", "input_names", "output_names")
     return render(
         "c/calls.c.jinja",
         {
+            **words(scalar),
             "name": name,
             "version": __version__,
             "slots": [n.upper() for n in (*ARGUMENTS, *SEEDS)],
@@ -46,7 +49,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "quaternions": manifest["quaternions"],
             "unfit_parts": ["c/calls_quaternions.c.jinja"] if manifest["quaternions"] else [],
             "lane_parts": ["c/calls_lanes.c.jinja"] if along else [],
-            "values": [_value(name, n, f, sizes) for n, f in functions if not f.get("seeds")],
+            "values": [_value(name, n, f, sizes, scalar.word) for n, f in functions if not f.get("seeds")],
             "along": along,
             "point_parts": ["c/calls_points.c.jinja"] if points else [],
             "points": points,
@@ -61,13 +64,13 @@ def _given(f: Mapping[str, Any]) -> list[str]:
     return [a if a == "t" or a in _WITH_DEFAULT else f"x[{a.upper()}]" for a in f["arguments"]]
 
 
-def _defaults(f: Mapping[str, Any]) -> list[str]:
+def _defaults(f: Mapping[str, Any], real: str) -> list[str]:
     """Lines that choose between what is given and the default."""
     names = [(a, a.upper()) for a in f["arguments"] if a in _WITH_DEFAULT]
-    return [f"const double *const {a} = given >> {slot} & 1 ? x[{slot}] : x[DEFAULT_{slot}];" for a, slot in names]
+    return [f"const {real} *const {a} = given >> {slot} & 1 ? x[{slot}] : x[DEFAULT_{slot}];" for a, slot in names]
 
 
-def _value(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
+def _value(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int], real: str) -> dict[str, Any]:
     results = [f"x[RESULTS + {i}]" for i in range(len(f["results"]))]
     finite = [f"all_finite({r}, {sizes[n]}L)" for r, n in zip(results, f["results"], strict=True)]
     if name == "jacobians":  # some may not be asked for
@@ -75,14 +78,14 @@ def _value(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]
     call = f"{model}_{name}({', '.join([*_given(f), *results, 'x[WORK]'])})"
     return {
         "name": name,
-        "given": _defaults(f),
+        "given": _defaults(f, real),
         "call": call,
         "finite": [] if name in INTERNAL else finite,
         "guard": guard_of_library(name),
     }
 
 
-def _points(model: str, functions: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[str, Any]]:
     """The functions over points of bodies that `Solver.points` calls, of a package with the frames of these; lines compute the
     places of the model's points, where these depend on parameters."""
     found = []
@@ -93,7 +96,7 @@ def _points(model: str, functions: Mapping[str, Any]) -> list[dict[str, Any]]:
         if frames not in functions:
             continue
         lines = [
-            "double *y[RESULTS + m];",
+            f"{real} *y[RESULTS + m];",
             "memcpy(y, x, RESULTS*sizeof *y);",
             "for (int i = 0; i < m; ++i) y[RESULTS + i] = x[RESULTS + m + i];",
             f"if (!status) status = {model}_call_{places}(y, {given}, t, k);",
@@ -122,7 +125,7 @@ def _few(symbols: list[str]) -> list[str]:
     ]
 
 
-def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
+def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int], real: str) -> dict[str, Any]:
     """A function over directions: seeds and derivatives lie in lanes one after the other."""
     at = 0
     seeds, derived, finite, passed = [], [], [], []
@@ -147,7 +150,7 @@ def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]
     few = [f"{model}_{name}_{w}" for w in few_of(name, widths)]
     given = ", ".join([*_given(f), *passed, "x[WORK]"])
     return {
-        "name": name, "given": _defaults(f), "seeds": seeds, "derived": derived, "finite": finite, "width": width,
+        "name": name, "given": _defaults(f, real), "seeds": seeds, "derived": derived, "finite": finite, "width": width,
         "calls": [(w, f"{model}_{name}_{w}({given})") for w in widths], "guard": guard_of_library(name),
         "few": few,
         "asks": [

@@ -13,6 +13,7 @@ from itertools import accumulate, pairwise
 from ...mechanics.sweeps import SWEEP
 from ...program.procedure import AllColumns, Array, Primitives, Procedure, walk
 from ..function import in_lines
+from ..target import Scalar
 from .libraries import guard
 
 GROUP = 4
@@ -30,7 +31,8 @@ class ColumnsInC:
 
     masks, group = MASKS, GROUP
 
-    def __init__(self, procedures: tuple[Procedure, ...]):
+    def __init__(self, procedures: tuple[Procedure, ...], scalar: Scalar):
+        self.scalar = scalar
         found = [s for p in procedures for s in walk(p.steps)]
         self.steps = list(dict.fromkeys(s for s in found if isinstance(s, AllColumns)))
         self.primitives = list(dict.fromkeys(s for s in found if isinstance(s, Primitives)))
@@ -102,7 +104,7 @@ class ColumnsInC:
                 for a in step.seeds:
                     places[a] = at
                     at += a.size
-                ones = [f"[{places[a] + i}][{j}] = 1.0" for j, (a, i) in enumerate(step.units)]
+                ones = [f"[{places[a] + i}][{j}] = {self.scalar.literal('1.0')}" for j, (a, i) in enumerate(step.units)]
                 found[f"static const number {name}_units[{at}][{step.width}]"] = in_lines(ones, 6)
                 if in_blocks(step):
                     known = known_rows(step)
@@ -201,7 +203,7 @@ def name_of(step: AllColumns) -> str:
     return "_".join(a.name for a in step.seeds)
 
 
-def all_columns(step: AllColumns, array: Written) -> list[str]:
+def all_columns(step: AllColumns, array: Written, scalar: Scalar) -> list[str]:
     """Lines that compute columns and put them where they belong."""
     width, count, name, once = step.width, step.starts[-1], name_of(step), fits(step)
     lines = [f"call_{width} e;", f"open_{width}(&e, &c, work);"]
@@ -218,7 +220,7 @@ def all_columns(step: AllColumns, array: Written) -> list[str]:
     if not once:
         lines.append(f"lanes_{width} *const units[] = {{{', '.join(f'e.{a.name}' for a in step.seeds)}}};")
     lines += [
-        f"double *const matrices[] = {{{', '.join(map(array, matrices))}}};",
+        f"{scalar.word} *const matrices[] = {{{', '.join(map(array, matrices))}}};",
         f"static const long sizes[] = {{{', '.join(str(a.size // step.of.size) for a in matrices)}}};",
     ]
     if not in_blocks(step):
@@ -232,7 +234,7 @@ def all_columns(step: AllColumns, array: Written) -> list[str]:
     body += [
         *(f"{s.sweep}_{width}(&e);" for s in step.steps if s.sweep not in then),
     ]
-    rows = f"(const double *)e.{step.of.name}"
+    rows = f"(const {scalar.word} *)e.{step.of.name}"
     mask = f"e.{SWEEP[step.steps[-1].sweep].groups}_groups"
     if into_symmetric(step):
         into = f"c.inverse, {step.of.size}" if step.weighted else "matrices[0], sizes[0]"
@@ -259,14 +261,14 @@ def _units(step: Primitives) -> tuple[list[tuple[Array, int, int]], list[Array]]
     return units, list(dict.fromkeys(seed for seed, _, _ in units))
 
 
-def primitives(step: Primitives, array: Written, call: str) -> list[str]:
+def primitives(step: Primitives, array: Written, call: str, scalar: Scalar) -> list[str]:
     """Lines that find the weights: all formulas along as many directions as it takes to tell their arguments apart."""
     units, seeds = _units(step)
     n, of = len(units), "primitive_units[i]"
     entry = f"seeds[{of}[0]] + {of}[1]"
     lines = [
         f"LANES *const seeds[] = {{{', '.join(map(array, seeds))}}};",
-        f"for (int i = 0; i < {n}; ++i) *component({entry}, {of}[2]) = 1.0;",
+        f"for (int i = 0; i < {n}; ++i) *component({entry}, {of}[2]) = {scalar.literal('1.0')};",
         call,
         f"for (int i = 0; i < {len(step.weighted)}; ++i)",
         f"    c.weights[i] = *component({array(step.of)} + primitives[i][0], primitives[i][1]);",

@@ -14,8 +14,13 @@ HANDED_ON = {along: Store(name, Owner("function"), Memory("stack", along)) for a
              ((False, "handed_on"), (True, "handed_lanes"))}  # fmt: skip
 """What parts hand on to later ones: numbers that all directions share, or one value each."""
 
-STACK = {False: ("double", "values"), True: ("LANES", "lane_values")}
-"""Type and name of the arrays where that lies, in the function that calls the parts."""
+STACK = {False: "values", True: "lane_values"}
+"""Arrays where that lies, in the function that calls the parts."""
+
+
+def _type(along: bool, real: str) -> str:
+    """What they consist of; `real` is the scalar type."""
+    return "LANES" if along else real
 
 
 def handed_on(number: int, along: bool) -> Component:
@@ -23,14 +28,13 @@ def handed_on(number: int, along: bool) -> Component:
     return HANDED_ON[along], str(number)
 
 
-def in_stack(place: Place) -> Place:
+def in_stack(place: Place, real: str) -> Place:
     """Where a component of a part lies: there, or where it lies in the whole function."""
 
     def placed(store: Store, name: str) -> Located:
         for along, of in HANDED_ON.items():
             if store is of:
-                type_, array = STACK[along]
-                return Located(store.name, array, f"[{name}]", type_)
+                return Located(store.name, STACK[along], f"[{name}]", _type(along, real))
         return place(store, name)
 
     return placed
@@ -47,15 +51,15 @@ def _address(at: Located) -> tuple[str, str]:
     return at.row, at.text
 
 
-def stack(places: Mapping[bool, int]) -> list[str]:
+def stack(places: Mapping[bool, int], real: str) -> list[str]:
     """Declarations of the arrays; how many places each needs."""
-    return [f"{STACK[along][0]} {STACK[along][1]}[{n}];" for along, n in sorted(places.items())]
+    return [f"{_type(along, real)} {STACK[along]}[{n}];" for along, n in sorted(places.items())]
 
 
-def arrays_used(part: Block) -> list[tuple[str, str]]:
+def arrays_used(part: Block, real: str) -> list[tuple[str, str]]:
     """Types and names of the arrays that a part reads or writes."""
     used = {store for store, _ in part.loads.values()} | {store for store, _, _ in part.stores}
-    return [STACK[along] for along, store in HANDED_ON.items() if store in used]
+    return [(_type(along, real), STACK[along]) for along, store in HANDED_ON.items() if store in used]
 
 
 def linkage(shared: str) -> list[str]:

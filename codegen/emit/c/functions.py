@@ -40,6 +40,7 @@ from ...program.procedure import (
     walk,
 )
 from ..function import Function, called_with
+from ..target import Scalar
 from .columns import all_columns, primitives
 from .libraries import guard
 
@@ -49,18 +50,18 @@ def symbol(procedure: Procedure, width: int | None = None) -> str:
     return f"{procedure.name}_{width}" if width else procedure.name
 
 
-def parameters(procedure: Procedure) -> list[str]:
-    """Declarations of the parameters."""
-    found = [f"double {a.name}" if not a.shape else f"const double *{a.name}" for a in procedure.arguments]
-    found += [f"const double *{a.name}" for a in procedure.seeds]
-    return [*found, *(f"double *{a.name}" for a in procedure.results), "double *work"]
+def parameters(procedure: Procedure, real: str) -> list[str]:
+    """Declarations of the parameters, of which `real` is the scalar type."""
+    found = [f"{real} {a.name}" if not a.shape else f"const {real} *{a.name}" for a in procedure.arguments]
+    found += [f"const {real} *{a.name}" for a in procedure.seeds]
+    return [*found, *(f"{real} *{a.name}" for a in procedure.results), f"{real} *work"]
 
 
-def parameters_in_modes(procedure: Procedure) -> list[str]:
+def parameters_in_modes(procedure: Procedure, real: str) -> list[str]:
     """The same of a function that takes modes."""
     assert procedure.modes is not None
-    *rest, work = parameters(procedure)
-    return [*rest, f"const double *{procedure.modes.name}", work]
+    *rest, work = parameters(procedure, real)
+    return [*rest, f"const {real} *{procedure.modes.name}", work]
 
 
 def in_modes(name: str) -> str:
@@ -68,25 +69,25 @@ def in_modes(name: str) -> str:
     return f"{name}_in_modes"
 
 
-def signature(procedure: Procedure, name: str, modes: bool = False) -> str:
+def signature(procedure: Procedure, name: str, real: str, modes: bool = False) -> str:
     """Declaration under a name, without the semicolon."""
-    return called_with(f"int {name}(", parameters_in_modes(procedure) if modes else parameters(procedure))
+    return called_with(f"int {name}(", (parameters_in_modes if modes else parameters)(procedure, real))
 
 
-def signatures(procedure: Procedure, model: str) -> list[str]:
+def signatures(procedure: Procedure, model: str, real: str) -> list[str]:
     """Declarations of a function for all its widths, without modes and with them."""
     found = []
     for w in procedure.widths or (None,):
         if not procedure.internal:
-            found.append(signature(procedure, f"{model}_{symbol(procedure, w)}"))
+            found.append(signature(procedure, f"{model}_{symbol(procedure, w)}", real))
         if procedure.modes is not None:
             name = f"{model}_{in_modes(procedure.name)}"
-            found.append(signature(procedure, f"{name}_{w}" if w else name, True))
+            found.append(signature(procedure, f"{name}_{w}" if w else name, real, True))
     return found
 
 
 def in_all(number: str) -> str:
-    """A number for every state, where a double holds several."""
+    """A number for every state, where a scalar holds several."""
     return f"ALL({number})"
 
 
@@ -122,7 +123,7 @@ class Memory:
     numbers : dict of str to bool
         Arguments that are passed by value.
     own : dict of Array to int
-        Arrays in the workspace, with their places in doubles; those that no procedure has at once share memory.
+        Arrays in the workspace, with their places in scalars; those that no procedure has at once share memory.
     size : int
     """
 
@@ -133,7 +134,7 @@ class Memory:
     size: int = 0
 
     def declarations(
-        self, kept: dict[str, str], kept_lanes: dict[str, str]
+        self, kept: dict[str, str], kept_lanes: dict[str, str], real: str
     ) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
         """Types and names of the members of both structs; `kept` have what sweeps keep, and of which type."""
 
@@ -141,7 +142,7 @@ class Memory:
             known = kept.keys() | kept_lanes.keys()
             return [(f"{'' if written else 'const '}{type_} *", n) for n, written in fields.items() if n not in known]
 
-        of_values = pointers("double", self.fields) + [("double ", name) for name in self.numbers]
+        of_values = pointers(real, self.fields) + [(f"{real} ", name) for name in self.numbers]
         of_values += [(f"{type_} *", name) for name, type_ in kept.items()]
         of_lanes = pointers("LANES", self.lane_fields) + [(f"{type_} *", name) for name, type_ in kept_lanes.items()]
         return of_values, of_lanes
@@ -227,6 +228,7 @@ class CFunctions:
     Parameters
     ----------
     model : str
+    scalar : Scalar
     memory : Memory
     prepared : callable (str) -> list of str
         Lines for what lies outside of the sweeps.
@@ -237,11 +239,12 @@ class CFunctions:
     def __init__(
         self,
         model: str,
+        scalar: Scalar,
         memory: Memory,
         prepared: Callable[[str], list[str]],
         laid_out: Callable[[Procedure], list[str]],
     ):
-        self.model = model
+        self.model, self.scalar = model, scalar
         self.memory = memory
         self.prepared = prepared
         self.laid_out = laid_out
@@ -260,7 +263,7 @@ class CFunctions:
         """A function of the header; one over directions for the width at hand."""
         modes = procedure.modes is not None
         name = f"{self.model}_{in_modes(procedure.name) if modes else procedure.name}"
-        head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name, modes)
+        head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name, self.scalar.word, modes)
         lines = Lines(self, procedure, False).function()
         return Function(procedure.doc, head, lines, guard=guard(procedure.name, (*procedure.widths, *procedure.apart)))
 
@@ -272,10 +275,13 @@ class CFunctions:
         plain, held = (f"{self.model}_{n}" for n in (procedure.name, in_modes(procedure.name)))
         if procedure.seeds:
             plain, held = f"DIRECTIONS({plain})", f"DIRECTIONS({held})"
-        *given, work = [p.rpartition(" ")[2].lstrip("*") for p in parameters(procedure)]
+        *given, work = [p.rpartition(" ")[2].lstrip("*") for p in parameters(procedure, self.scalar.word)]
         call = called_with(f"return {held}(", [*given, "0", work], ");")
         doc = "The same, each switch in the branch that its arguments are in."
-        return [*found, Function(doc, signature(procedure, plain), call.split("\n"), guard=found[0].guard)]
+        return [
+            *found,
+            Function(doc, signature(procedure, plain, self.scalar.word), call.split("\n"), guard=found[0].guard),
+        ]
 
 
 class Lines:
@@ -313,7 +319,7 @@ class Lines:
         if a.lanes:
             return f"({'' if written else 'const '}LANES *){a.name}"
         is_const = self.procedure is not None and a in self.procedure.arguments
-        return f"(double *){a.name}" if written and is_const else a.name
+        return f"({self.functions.scalar.word} *){a.name}" if written and is_const else a.name
 
     # -- a function of the header ----------------------------------------------------------------------------------
 
@@ -406,7 +412,7 @@ class Lines:
             case Bind():
                 return [f"{self.base(step.array.lanes)}{step.array.name} = {self.bound_to(step.to)};"]
             case Zero():
-                return self.each(step.array.size, f"{self.array(step.array)}[i] = {_nothing(step.array)};")
+                return self.each(step.array.size, f"{self.array(step.array)}[i] = {self.nothing(step.array)};")
             case Copy():
                 return self.each(step.to.size, f"{self.array(step.to)}[i] = {self.array(step.of)}[i];")
             case CopyEntry():
@@ -423,15 +429,23 @@ class Lines:
             case Columns():
                 return self.columns(step) if step.unit.lanes else self.columns_of_values(step)
             case AllColumns():
-                return all_columns(step, self.array)
+                return all_columns(step, self.array, self.functions.scalar)
             case Primitives():
-                return primitives(step, self.array, self.call(step.formulas.called, True))
+                return primitives(step, self.array, self.call(step.formulas.called, True), self.functions.scalar)
             case IfAsked():
                 asked = " || ".join(self.array(r) for r in step.results)
                 lines = [f"    {line}" for s in step.steps for line in self.of(s)]
                 return [f"if ({asked}) {{", *lines, "}"] if lines else []
             case Together():
                 raise TypeError("which of the two is taken is said before, see procedure.for_target")
+
+    def number(self, text: str) -> str:
+        """A literal."""
+        return self.functions.scalar.literal(text)
+
+    def nothing(self, a: Array) -> str:
+        """What entries of an array are that are zero."""
+        return "NOTHING" if a.lanes else in_all(self.number("0.0"))
 
     def call(self, name: str, lanes: bool) -> str:
         return f"{f'DIRECTIONS({name})' if lanes else name}({self.passed(lanes)});"
@@ -469,7 +483,7 @@ class Lines:
         if not n:
             return []
         table = f"static const int zero_{a.name}[{n}] = {{{', '.join(map(str, step.entries))}}};"
-        return [table, *self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {_nothing(a)};")]
+        return [table, *self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {self.nothing(a)};")]
 
     def single(self, step: Single) -> list[str]:
         if not step.steps:  # of no speeds
@@ -487,7 +501,7 @@ class Lines:
         lines = []
         if free is not None:
             lines += [
-                f"for (long i = 0; i < {t.into.size}L; ++i) {self.array(t.into)}[i] = {_nothing(t.into)};"
+                f"for (long i = 0; i < {t.into.size}L; ++i) {self.array(t.into)}[i] = {self.nothing(t.into)};"
                 for t in takes
             ]
         if not count or not takes:
@@ -497,7 +511,7 @@ class Lines:
         lines += [
             f"for (int j = 0; j < {count}; j += WIDTH) {{",
             f"    const int m = {count} - j < WIDTH ? {count} - j : WIDTH;",
-            f"    for (int l = 0; l < m; ++l) *component({self.array(unit)} + {at}, l) = 1.0;",
+            f"    for (int l = 0; l < m; ++l) *component({self.array(unit)} + {at}, l) = {self.number('1.0')};",
         ]
         lines += [f"    {line}" for s in step.steps for line in self.of(s)]
         for t in takes:
@@ -522,15 +536,11 @@ class Lines:
         if not step.unit.size:
             return []
         unit = self.array(step.unit)
-        lines = [f"for (int j = 0; j < {step.unit.size}; ++j) {{", f"    {unit}[j] = 1.0;"]
+        lines = [f"for (int j = 0; j < {step.unit.size}; ++j) {{", f"    {unit}[j] = {self.number('1.0')};"]
         lines += [f"    {line}" for s in step.steps for line in self.of(s)]
-        lines.append(f"    {unit}[j] = 0.0;")
+        lines.append(f"    {unit}[j] = {self.number('0.0')};")
         for t in step.takes:
             columns = t.into.size // t.of.size
             line = f"{self.array(t.into)}[{columns}L*i + j] = {self.array(t.of)}[i];"
             lines += [f"    {each}" for each in self.each(t.of.size, line)]
         return [*lines, "}"]
-
-
-def _nothing(a: Array) -> str:
-    return "NOTHING" if a.lanes else in_all("0.0")

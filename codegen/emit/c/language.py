@@ -18,9 +18,11 @@ from ...program.passes import by_results
 from ...program.procedure import Procedure
 from ...program.store import Store
 from ..language import Located, Place
-from ..printer import C_FUNCTIONS, Printer
+from ..target import Scalar
 from ..writer import Writer
+from . import C
 from .functions import in_all
+from .printer import CPrinter
 from .types import ENERGIES, LANE_REGIONS, NUMBER_TYPE, SHARES, TYPES, near_name, of_width
 
 
@@ -44,9 +46,11 @@ class CLanguage(Writer):
         formulas: list[FormulaKind],
         records: list[RecordFormula],
         asked: tuple[Procedure, ...],
+        scalar: Scalar,
+        reserved: frozenset[str],
     ):
-        super().__init__(program, formulas, records, asked)
-        self.printer = Printer(C_FUNCTIONS)
+        super().__init__(program, formulas, records, asked, C, scalar, reserved)
+        self.printer = CPrinter(C, scalar)
         self.tables: list[tuple[str, list[str]]] = []
         self.has_parts = False
         """Whether a function is divided."""
@@ -54,6 +58,16 @@ class CLanguage(Writer):
         """Lines of parts that each unit of a library compiles for both."""
         self.touched: dict[str, set[str]] = {}
         """By sweep: the regions of memory, arguments and results that it reads or writes."""
+
+    # -- numbers ---------------------------------------------------------------------------------------------------
+
+    def text(self, value: float) -> str:
+        """A number of a table or a statement."""
+        return repr(value) if isinstance(value, int) else self.scalar.literal(repr(value))
+
+    @property
+    def zero(self) -> str:
+        return self.scalar.literal("0.0")
 
     # -- the language ----------------------------------------------------------------------------------------------
 
@@ -72,7 +86,7 @@ class CLanguage(Writer):
         block: Block,
         place: Place,
         culprit: Callable[[str], str] | None = None,
-        each: str = "EACH_VECTOR {",
+        each: str = "",
     ) -> list[str]:
         stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
         written = {at.variable for at in stored}
@@ -106,7 +120,7 @@ class CLanguage(Writer):
                 value = in_all(value)
             if store is MODES:
                 value = f"MODE({value.partition('[')[0]}, {value})"
-            type_ = "VECTOR" if store.lanes else "double"
+            type_ = "VECTOR" if store.lanes else self.scalar.word
             waiting[symbol] = number, lines, f"const {type_} {names.get(symbol.name, symbol.name)} = {value};"
             soon += [symbol] if (at.row, at.text) in overwritten else []
 
@@ -128,7 +142,7 @@ class CLanguage(Writer):
                 tags[first] = s.tag
                 text = in_all(printer(s.expression)) if _is_number(s.expression) else printer(s.expression)
                 (body if first else passes).append(
-                    f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {text};{comment}"
+                    f"const {'VECTOR' if s.lanes else self.scalar.word} {s.target} = {text};{comment}"
                 )
             for store, name, value in stores:
                 load(symbols_of(value))
@@ -136,7 +150,7 @@ class CLanguage(Writer):
                 if store.memory is MARGIN:
                     assert culprit is not None
                     text = in_all(text) if _is_number(value) else text
-                    body.append(f"REQUIRE({text} > 0.0, {culprit(name)} + 1);")
+                    body.append(f"REQUIRE({text} > {self.zero}, {culprit(name)} + 1);")
                     continue
                 if store.lanes and value.is_Number:
                     text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
@@ -145,7 +159,7 @@ class CLanguage(Writer):
                 line = f"{access(store, name)} {'+=' if store.adds else '='} {text};"
                 (passes if store.lanes else body).append(line)
         if passes:
-            passes = [each, *(f"    {line}" for line in passes), "}"]
+            passes = [each or "EACH_VECTOR {", *(f"    {line}" for line in passes), "}"]
         return [*pointers.values(), *body, *passes]
 
     def signature(
@@ -178,7 +192,7 @@ class CLanguage(Writer):
         type_ = "int" if isinstance(rows[0][0], int) else NUMBER_TYPE
         head = f"static const {type_} {name}[{len(rows)}][{len(rows[0])}]"
         if head not in (h for h, _ in self.tables):
-            self.tables.append((head, [", ".join(map(repr, row)) for row in rows]))
+            self.tables.append((head, [", ".join(map(self.text, row)) for row in rows]))
 
     def unused_index(self) -> list[str]:
         return ["(void)i;"]
@@ -186,7 +200,7 @@ class CLanguage(Writer):
     # -- places ----------------------------------------------------------------------------------------------------
 
     def element(self, array: str, index: str, lanes: bool = False) -> Located:
-        type_ = "LANES" if lanes else "double"
+        type_ = "LANES" if lanes else self.scalar.word
         if array in ("energy", "denergy") and index.isdigit():
             index = ENERGIES[int(index)]
         start = "&a->t" if array == "t" else f"a->{array}"
@@ -201,7 +215,7 @@ class CLanguage(Writer):
                 variable,
                 f"a->near + NEAR_SIZE*({row})" if " " in row else f"a->near + NEAR_SIZE*{row}",
                 place,
-                "double",
+                self.scalar.word,
             )
         start, type_ = f"&a->{region}[{row}]", TYPES[region]
         if region in LANE_REGIONS:
@@ -241,8 +255,10 @@ class CLanguage(Writer):
             self.reads_numbers = True
             return Located(at.variable, f"numbers + {at.row}", f"[{at.component}]", NUMBER_TYPE)
         if at.region == "trig":
-            return Located(at.variable, f"a->trig + {at.row}", "[COSINE]" if name == "cos" else "[SINE]", "double")
-        type_ = "LANES" if store.lanes else "double"
+            return Located(
+                at.variable, f"a->trig + {at.row}", "[COSINE]" if name == "cos" else "[SINE]", self.scalar.word
+            )
+        type_ = "LANES" if store.lanes else self.scalar.word
         if at.row.isdigit() or not at.row:
             index = str(int(at.row or 0) + int(at.component)) if at.component.isdigit() else at.component
             return replace(self.element(at.region, index, store.lanes), variable=at.variable)

@@ -10,7 +10,7 @@ from ...model.model import Model
 from ..function import COMMENT
 
 
-def legend(model: Model, links: int) -> list[str]:
+def legend(model: Model, links: int, numbers: str) -> list[str]:
     """Lines that say what arguments and results are."""
 
     def some(names: Sequence[str]) -> str:
@@ -46,7 +46,7 @@ def legend(model: Model, links: int) -> list[str]:
         f"  M[{nu}*{nu}] and J_x[{nu}*n] are stored row by row.",
         "A function whose name ends in _8, _2 or _1 works on so many directions at once: seeds (dq, du, ...) and derivatives",
         f"have the direction as last index, dq[{nq}][8].",
-        f"work: {model.name.upper()}_WORKSPACE doubles of the caller's. Nothing in it is kept between calls; functions are "
+        f"work: {model.name.upper()}_WORKSPACE {numbers} of the caller's. Nothing in it is kept between calls; functions are "
         f"re-entrant.",
         "Functions return 0, or the number (from 1) of the link about whose joint nothing outboard has inertia.",
     ]

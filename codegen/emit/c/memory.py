@@ -16,7 +16,7 @@ class CMemory(CSweeps):
     @cached_property
     def columns(self) -> ColumnsInC:
         """What computes all columns of matrices at once."""
-        return ColumnsInC(self.asked)
+        return ColumnsInC(self.asked, self.scalar)
 
     def regions(self) -> list[tuple[str, bool, int]]:
         """What sweeps keep in the workspace: name, whether per direction, number of entries."""
@@ -46,15 +46,14 @@ class CMemory(CSweeps):
         ]
         return [r for r in found if r[2]]
 
-    @staticmethod
-    def _type(region: str, lanes: bool) -> str:
+    def _type(self, region: str, lanes: bool) -> str:
         """What a region of memory consists of."""
-        type_ = TYPES.get(region, "LANES" if lanes else "double")
+        type_ = TYPES.get(region, "LANES" if lanes else self.scalar.word)
         return f"DIRECTIONS({type_})" if region in LANE_REGIONS else type_
 
     def types(self, lanes: bool) -> list[Type]:
         """Types of rows of memory, of values or of what is per direction."""
-        layout, number = self.layout, "LANES" if lanes else "double"
+        layout, number = self.layout, "LANES" if lanes else self.scalar.word
         found: list[Type] = []
 
         def add(about: str, name: str, lines: list[str], kind: str = "struct") -> None:

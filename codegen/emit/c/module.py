@@ -13,6 +13,8 @@ from ..function import Function, called_with, in_lines
 from ..runs import widest_first
 from ..templates import render
 from . import functions as c_functions
+from . import sines, vectors
+from .columns import GROUP
 from .functions import CFunctions
 from .legend import about_names, legend
 from .libraries import guard_of_width
@@ -20,6 +22,7 @@ from .memory import lays_out
 from .prepared import CPrepared
 from .states import over_states, states_context
 from .types import ENERGIES, NUMBER_TYPE, TYPES, UNUSED_WORK, cast
+from .vectors import words
 
 
 class CWriter(CPrepared):
@@ -45,14 +48,14 @@ class CWriter(CPrepared):
             places[name] = at
             at += -(-count * (8 if lanes else 1) // 8) * 8
         kept = {name: lanes for name, lanes, _ in regions}
-        self.workspace = at + 8
+        self.workspace = at + self.scalar.per_line
         columns = {r[0] for r in self.columns.regions(len(layout.column), len(self.system.links))}
         self.memory_of_sweeps = sum(n * (8 if lanes else 1) for name, lanes, n in of_sweeps if name not in columns)
         types = {name: self._type(name, lanes) for name, lanes in kept.items()}
         fields, lane_fields = memory.declarations({n: t for n, t in types.items() if not kept[n]},
-                                                  {n: t for n, t in types.items() if kept[n]})  # fmt: skip
+                                                  {n: t for n, t in types.items() if kept[n]}, self.scalar.word)  # fmt: skip
         in_workspace = {name: at for name, at in places.items() if not kept[name]}
-        lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
+        lines = CFunctions(model.name, self.scalar, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
         of_columns = self.columns.width
         used = sorted({w for widths in self.sets_of_widths for w in widths}, key=lambda w: (w != of_columns, w))
         apart = sorted({w for f in found for w in f.apart})
@@ -60,9 +63,12 @@ class CWriter(CPrepared):
         public = [f for f in found if not f.internal]
         of_width = [(f, w) for f in public for w in (f.widths or (None,))]
         return context | {
+            **words(self.scalar),
+            "sines": sines.words(self.scalar),
+            "column_lanes": vectors.columns(self.scalar, self.columns.width, GROUP),
             "NAME": model.name.upper(),
             "about_names": about_names(bool(model.loops)),
-            "legend": legend(model, len(self.system.links)),
+            "legend": legend(model, len(self.system.links), self.scalar.words),
             "sizes_in_c": [
                 ("LINKS", len(self.system.links)),
                 *([("NEAR_SIZE", layout.near_size)] if layout.near_size else []),
@@ -79,7 +85,7 @@ class CWriter(CPrepared):
             "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
             "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
-            "sines": self.sines(),
+            "sine_files": self.sines(),
             "routines": self.where_run((r.name, [lines.routine(r)]) for r in context["routines"]),
             "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
             "lane_routines": [
@@ -96,7 +102,7 @@ class CWriter(CPrepared):
             "ends": ["#endif"] if apart or states else [],
             "before_one_state": ["#ifndef ORDERNM_STATES"] if states else [],
             "after_one_state": ["#endif"] if states else [],
-            **states_context(lines, states, self.workspace),
+            **states_context(lines, states, self.workspace, self.scalar),
             "sweep_files": [
                 *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
                 *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),
@@ -106,7 +112,7 @@ class CWriter(CPrepared):
                 *(["c/columns.c.jinja"] if self.columns.width else []),
             ],
             "header_functions": [of for f in found if not f.seeds for of in lines.functions(f)],
-            "prototypes": [(Function(f.doc, "").head, c_functions.signatures(f, model.name)) for f in found],
+            "prototypes": [(Function(f.doc, "").head, c_functions.signatures(f, model.name, self.scalar.word)) for f in found],
             "mode_words": ["c/modes.c.jinja"] if switching else [],
             "batch_arrays": [
                 (type_, called_with("", names, ";").split("\n"))
@@ -144,7 +150,7 @@ class CWriter(CPrepared):
 
     def flat_tables(self) -> list[tuple[str, list[str]]]:
         """Declarations and lines of tables without rows: numbers; coordinates that are angles if they are not the first."""
-        numbers, angles = [repr(v) for v in self.layout.numbers], self.layout.angles
+        numbers, angles = [self.text(v) for v in self.layout.numbers], self.layout.angles
         found = (
             [(f"static const {NUMBER_TYPE} numbers[{len(numbers)}]", in_lines(numbers, 6))]
             if self.reads_numbers
@@ -156,7 +162,9 @@ class CWriter(CPrepared):
         if listed and (driven := self.layout.driven_angles):
             found.append((f"static const int driven_angle_of[{len(driven)}]", in_lines(list(map(str, driven)), 16)))
         if listed and any(added := self.layout.added_angles):
-            found.append((f"static const {NUMBER_TYPE} added_angle[{len(added)}]", in_lines(list(map(repr, added)), 6)))
+            found.append(
+                (f"static const {NUMBER_TYPE} added_angle[{len(added)}]", in_lines(list(map(self.text, added)), 6))
+            )
         return found + self.columns.tables()
 
 

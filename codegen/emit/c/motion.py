@@ -13,6 +13,7 @@ from ...program.procedure import Procedure
 from ...version import __version__
 from ..function import called_with
 from ..templates import render
+from . import OF_THE_LIBRARY
 from .functions import in_modes
 from .libraries import FOUR, number_of
 
@@ -127,12 +128,6 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
     )
 
 
-PRECISE = (
-    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "fabs", "fmax", "fmin",
-    "pow",
-)  # fmt: skip
-"""Functions of the C library in generated code."""
-
 OWN = ("sin", "cos")
 """Those that ``NAME_precise.c`` has of its own."""
 
@@ -178,7 +173,7 @@ def write_precise(system: System, manifest: Mapping[str, Any], procedures: Itera
             "NAME": name.upper(),
             "version": __version__,
             "library": " || ".join(f"(library) == {number_of(x)}" for x in ("motion", "gradients")),
-            "renamed": [*(f for f in PRECISE if f not in OWN), "floor"],
+            "renamed": [*(f for f in OF_THE_LIBRARY if f not in OWN), "floor"],
             "nq": model.nq,
             "given": [(a, sizes[a]) for a in ("q", "u", "p", "inputs")],
             "modes": [sizes["switches"]] if "switches" in functions else [],

@@ -51,9 +51,9 @@ class CPrepared(CMemory):
             else:
                 continue
             self.touched.setdefault(sweep or "", set()).add(region)
-            value = in_all("0.0")
+            value = in_all(self.zero)
             if name.endswith(("W.xx", "W.yy", "W.zz")):
-                value = in_all("1.0")
+                value = in_all(self.scalar.literal("1.0"))
             elif name in self.system.fields_of_gravity:
                 value = f"a->gravity[{'xyz'.index(name[-1])}]"
                 self.touched[sweep or ""].add("gravity")
@@ -74,7 +74,7 @@ class CPrepared(CMemory):
     def _gravity(self, value: float | str) -> str:
         """A number, or a constant of gravity's."""
         if not isinstance(value, str):
-            return repr(value)
+            return self.text(value)
         g = self.system.gravity
         assert g is not None
         index = self.layout.constant_offsets[g.index] + self.layout.constant_fields[g.shape.index][value]
@@ -129,8 +129,10 @@ class CPrepared(CMemory):
                 return self.gravity() + self.ground()
             case procedures.ANGLES if n and self.few_angles:
                 each = [*(f"a->q[{i}]" for i in angles), *(f"a->prescribed[{i}]" for i in driven)]
-                each = [f"{x} + {in_all(repr(v))}" if v else x for x, v in zip(each, layout.added_angles, strict=True)]
-                each += [in_all("0.0")] * (-n % 4)
+                each = [
+                    f"{x} + {in_all(self.text(v))}" if v else x for x, v in zip(each, layout.added_angles, strict=True)
+                ]
+                each += [in_all(self.zero)] * (-n % 4)
                 return [
                     *(f"PUT_ANGLES(a->trig + ANGLES + {i}, {', '.join(each[i : i + 4])});" for i in range(0, n, 4)),
                     f"sines_and_cosines({n}, a->trig);",
@@ -146,12 +148,12 @@ class CPrepared(CMemory):
                         if any(layout.added_angles)
                         else []
                     ),
-                    f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = {in_all('0.0')};",
+                    f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = {in_all(self.zero)};",
                     f"sines_and_cosines({n}, a->trig);",
                 ]
             case procedures.GROUND_AT_REST if self.system.gravity is not None:
                 record = [line for line in self.ground() if "gravity" in line]
-                return [f"for (int i = 0; i < 3; ++i) a->gravity[i] = {in_all('0.0')};", *record]
+                return [f"for (int i = 0; i < 3; ++i) a->gravity[i] = {in_all(self.zero)};", *record]
             case procedures.GROUND_TANGENT:
                 return self.ground_tangent()[0]
             case procedures.GROUND_TANGENT_AT_REST:

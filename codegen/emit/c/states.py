@@ -13,9 +13,11 @@ from typing import Any
 
 from ...program.procedure import Array, Check, Procedure, Step
 from ..function import Function, called_with
+from ..target import Scalar
 from ..templates import render
+from . import OF_THE_LIBRARY, library_function
 from .functions import CFunctions, Lines, parameters
-from .motion import PRECISE
+from .vectors import most_lanes
 
 OVER_STATES = ("accelerations", "sensitivities")
 """Functions that are to be had for several states at once."""
@@ -25,9 +27,6 @@ DIRECTIONS = 8
 
 OF_TWO = ("atan2", "fmax", "fmin", "pow")
 """Functions of the C library with two arguments."""
-
-MOST_LANES = 8
-"""As many states as vectors hold at most."""
 
 
 def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
@@ -71,7 +70,7 @@ class StateArray:
     at: int
 
 
-def states_context(lines: CFunctions, procedures: list[Procedure], workspace: int) -> dict[str, Any]:
+def states_context(lines: CFunctions, procedures: list[Procedure], workspace: int, scalar: Scalar) -> dict[str, Any]:
     """What ``NAME_states.c`` and its part of the header are rendered with; nothing where no function is over states."""
     found = []
     room = 0
@@ -94,7 +93,7 @@ def states_context(lines: CFunctions, procedures: list[Procedure], workspace: in
                     p.doc,
                     called_with(
                         f"static status {p.name}_of_states(",
-                        [*parameters(p), *(["int directions"] if p.seeds else [])],
+                        [*parameters(p, scalar.word), *(["int directions"] if p.seeds else [])],
                     ),
                     StateLines(lines, p, False).function(),
                 ),
@@ -110,7 +109,7 @@ def states_context(lines: CFunctions, procedures: list[Procedure], workspace: in
         )  # fmt: skip
     return {
         "functions_over_states": found,
-        "states_workspace": MOST_LANES * (room + workspace) + MOST_LANES,
+        "states_workspace": most_lanes(scalar) * (room + workspace) + most_lanes(scalar),
         "state_structs": [
             [
                 (type_, called_with("", names, ";").split("\n"))
@@ -119,8 +118,8 @@ def states_context(lines: CFunctions, procedures: list[Procedure], workspace: in
         ]
         if procedures
         else [],
-        "of_one": [f for f in PRECISE if f not in OF_TWO],
-        "of_two": OF_TWO,
+        "of_one": [library_function(f, scalar) for f in OF_THE_LIBRARY if f not in OF_TWO],
+        "of_two": [library_function(f, scalar) for f in OF_TWO],
         "directions": DIRECTIONS,
         "states_of_values": [f for f in found if not f["seeds"]],
         "states_along": [f for f in found if f["seeds"]],

@@ -30,15 +30,21 @@ class CSweeps(CLanguage):
             return [self.link_function(sweep, kinds)]
         self.has_parts = True
         lanes, indexed = SWEEP[sweep].lanes, len(self.instances(kinds, sweep)) != 1
-        name = f"{sweep}_{kinds[0].index}"
+        name, real = f"{sweep}_{kinds[0].index}", self.scalar.word
         whole = Function(
-            f"{block.title}; {self.called(kinds)}", self.signature(name, lanes, indexed), stack(places), notes(block)
+            f"{block.title}; {self.called(kinds)}",
+            self.signature(name, lanes, indexed),
+            stack(places, real),
+            notes(block),
         )
         shared = "" if lanes else self.shared_by_units(sweep)  # functions over directions are in one unit each
         culprit, each = self.addresses.culprit(kinds, sweep), self.each(kinds, sweep)
         functions = []
         for i, part in enumerate(parts, 1):
-            lines, used = self.lines(part, in_stack(place), culprit, each), arrays_used(part)
+            lines, used = (
+                self.lines_of(part, in_stack(place, real), culprit, each),
+                arrays_used(part, real),
+            )
             parameters = [("a", "REQUIRE"), *([("i", "")] if indexed else [])]
             lines = [*(f"(void){n};" for n, by in parameters if not reads(lines, n, by)), *lines]
             called = f"{name}_part_{i}"

@@ -23,12 +23,13 @@ from ...program.store import Store
 from ..address import REGIONS
 from ..function import in_lines
 from ..language import Located, Place
-from ..printer import NumpyPrinter
 from ..repetition import Repeated, repeated
 from ..templates import render
 from ..writer import Writer
+from . import FLOAT64, NUMPY
 from . import functions as numpy_functions
 from .functions import NumpyFunctions
+from .printer import NumpyPrinter
 
 SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK, *KEPT.values())
 """Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
@@ -45,9 +46,10 @@ class NumpyWriter(Writer):
         formulas: list[FormulaKind],
         records: list[RecordFormula],
         asked: tuple[Procedure, ...],
+        reserved: frozenset[str],
     ):
-        super().__init__(program, formulas, records, asked)
-        self.printer = NumpyPrinter()
+        super().__init__(program, formulas, records, asked, NUMPY, FLOAT64, reserved)
+        self.printer = NumpyPrinter(NUMPY, FLOAT64)
         self.tables: dict[str, list[str]] = {}
 
     # -- the language ----------------------------------------------------------------------------------------------
@@ -327,15 +329,16 @@ def write_numpy(
     formulas: list[FormulaKind],
     records: list[RecordFormula],
     asked: tuple[Procedure, ...],
+    reserved: frozenset[str] = frozenset(),
 ) -> str:
     """The text of ``<name>_numpy.py``; needs NumPy only.
 
     Parameters
     ----------
-    program, formulas, records, asked
-        See `Writer`.
+    program, formulas, records, asked, reserved
+        See `language.Language`.
     """
-    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, records, asked).context())
+    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, records, asked, reserved).context())
 
 
 __all__ = ["NumpyWriter", "write_numpy"]

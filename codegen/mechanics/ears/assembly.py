@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ...program.block import Scope
 from ...program.expressions import Number
+from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
@@ -31,7 +32,7 @@ HALF_TURN = 1e-14
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
     """``1 / sqrt(value)`` of the square of a cosine; and 1 at half a turn, where that is one too, else 0."""
     square = x.let("square", value, "Eq. 32")
-    half = x.let("half", x.call("at_least", x.number(HALF_TURN), square), "Eq. 32")
+    half = x.let("half", x.call("at_least", x.number(limits().rounding(HALF_TURN)), square), "Eq. 32")
     under = x.let("under", square + half, "Eq. 32")
     return x.let("share", 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32"), half
 

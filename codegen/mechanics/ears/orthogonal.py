@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from ...program.block import ANY, Scope
+from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from .. import fields
 from ..spatial import cross
@@ -203,6 +204,8 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
         f.inverse.append(let("rinv", 1 / r, tag))
         above = _sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
         # a column that is all but zero, of a joint that has come to move nothing, is told too
-        margin = let("margin", square - x.number(SMALLEST) * (x.number(size * size) + above), "rank")
+        margin = let(
+            "margin", square - x.number(limits().rounding(SMALLEST, 2)) * (x.number(size * size) + above), "rank"
+        )
         x.set_entry(RANK, j, margin)
     return f

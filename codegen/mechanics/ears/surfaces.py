@@ -13,6 +13,7 @@ from functools import cached_property
 
 from ...model.expressions import Expression, Tree
 from ...model.surfaces import COORDINATES, PAIRS
+from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from .. import fields
 from ..spatial import add, dot, is_zero, scale
@@ -91,7 +92,7 @@ class SurfaceCondition:
         if self.ear.shares == "held":
             return self.x.load(EAR, field)
         g = self.gradient
-        square = self.x.let("gg", dot(g, g) + self.x.number(TINY), "Eq. 33")
+        square = self.x.let("gg", dot(g, g) + self.x.number(limits().tiny(TINY, 1.5)), "Eq. 33")
         share = self.x.let("share", 1 / self.x.let("root", self.x.sqrt(square), "Eq. 33"), "Eq. 33")
         if self.ear.shares == "found":
             self.x.store(EAR, field, share)
@@ -107,7 +108,11 @@ class SurfaceCondition:
             bend = sum((1 if i == j else 2) * h * h for h, (i, j) in zip(found, PAIRS, strict=True))
             if is_zero(bend):
                 return False
-        near = x.number(DIRECTED) * bend / (x.number(1) * self.ear.kind.per_length * self.ear.kind.per_length)
+        near = (
+            x.number(limits().rounding(DIRECTED))
+            * bend
+            / (x.number(1) * self.ear.kind.per_length * self.ear.kind.per_length)
+        )
         x.set_entry(RANK, entry, x.let("margin", dot(self.gradient, self.gradient) - near, "rank"))
         return True
 

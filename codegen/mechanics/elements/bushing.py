@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
 from .element import Element, Law, Wrench
@@ -123,8 +124,8 @@ class BushingLaw(Law):
         C = [e.vector("C", row) for row in matmul(transpose(start.axes), end.axes)]
         a = e.vector("sine", [half * (C[(i + 2) % 3][(i + 1) % 3] - C[(i + 1) % 3][(i + 2) % 3]) for i in range(3)])
         cosine = e.let("cosine", half * (C[0][0] + C[1][1] + C[2][2] - 1))
-        e.require(1 + cosine - e.x.number(NEARLY_HALF))
-        square = e.let("square", dot(a, a) + e.x.number(SMALLEST))
+        e.require(1 + cosine - e.x.number(limits().rounding(NEARLY_HALF)))
+        square = e.let("square", dot(a, a) + e.x.number(limits().tiny(SMALLEST, 2)))
         length = e.let("length", e.x.sqrt(square))
         angle = e.let("angle", e.x.call("atan2", length, cosine))
         return a, cosine, square, e.let("ratio", angle / length)

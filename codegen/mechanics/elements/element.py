@@ -14,6 +14,7 @@ from ...model.expressions import Tree
 from ...program import algebra
 from ...program.block import Expansion, FieldError, Scope
 from ...program.expressions import Expr, Symbol
+from ...program.limits import limits
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
@@ -25,6 +26,11 @@ from ..structure.element_kinds import ElementKind, end_name
 
 SHORTEST = 1e-100
 """Of a line, m, that has a direction: squares of what is divided by its length stay finite."""
+
+
+def shortest() -> float:
+    """The same for the scalar type at hand."""
+    return limits().tiny(SHORTEST, 3)
 
 
 class Wrench(NamedTuple):
@@ -241,10 +247,10 @@ class Element:
             (moving,) = (c for c in line if not is_zero(c))
             if directed:
                 mode = self._mode
-                self.require(square + mode * mode - self.x.number(SHORTEST**2))
+                self.require(square + mode * mode - self.x.number(shortest() ** 2))
             return line, self.let("length", self.x.call("held_abs", moving, self._mode))
         if directed:
-            self.require(square - self.x.number(SHORTEST**2))
+            self.require(square - self.x.number(shortest() ** 2))
         return line, self.let("length", self.x.sqrt(square))
 
     # -- coefficients ----------------------------------------------------------------------------------------------

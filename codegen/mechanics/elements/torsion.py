@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from ..spatial import add, cross, dot, minus, transpose
 from .element import Element, Law, Wrench
@@ -52,5 +53,5 @@ class TorsionLaw(Law):
         cosine = e.let("cosine", dot(x_s, x_e) + dot(y_s, y_e))
         square = e.let("square", sine * sine + cosine * cosine)
         if directed:
-            e.require(square - e.x.number(SMALLEST))
+            e.require(square - e.x.number(limits().tiny(SMALLEST, 1.5)))
         return (sine, cosine, square), (x_s, y_s, x_e, y_e)

@@ -18,6 +18,7 @@ from ...program.block import Expansion
 from ...program.expressions import Expr
 from ...program.field import MatrixField, VectorField
 from ...program.functions import SYMBOLIC
+from ...program.limits import limits
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
@@ -86,7 +87,7 @@ class Records:
     def differs(self, square: Value) -> None:
         """Where a square is zero there is a value, but no derivative, which is an error."""
         if self.tangents:
-            self.x.set_entry(PIVOT, 0, square - self.x.number(SHORTEST**2))
+            self.x.set_entry(PIVOT, 0, square - self.x.number(limits().tiny(SHORTEST, 3) ** 2))
 
     # -- links -------------------------------------------------------------------------------------------------------
 

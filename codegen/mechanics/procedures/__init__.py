@@ -45,6 +45,9 @@ __all__ = [
     "arrays", "asks_reactions", "checked_backwards", "left_out", "procedures", "sweeps", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
+MOTIONS = ("state_rates", "state_rate_sensitivities")
+"""Functions that only motions call, and without which there are none."""
+
 FOUR = (4,)
 """Beside them, for motions with two to four directions, of the functions that integration calls."""
 
@@ -62,7 +65,11 @@ CLOSING_IN_MODES = ("closing_step", "completion", "completion_sensitivities", "c
 
 
 def procedures(
-    system: System, reactions: bool = False, functions: Collection[str] | None = None, frames: bool = False
+    system: System,
+    reactions: bool = False,
+    functions: Collection[str] | None = None,
+    frames: bool = False,
+    moves: bool = True,
 ) -> tuple[Procedure, ...]:
     """The functions that a solver has, in the order of its header.
 
@@ -75,6 +82,8 @@ def procedures(
         and frames.
     frames : bool
         Frames are among them.
+    moves : bool
+        Functions that only motions call are among them.
 
     Raises
     ------
@@ -86,10 +95,23 @@ def procedures(
         found += tuple(frames_of(w))
     if functions is not None:
         found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
+    if not moves:
+        found = without_motions(found, functions)
     found = switching(w, found)
     if all(p.name != ALONG_MOTIONS[0] for p in found):
         return found
     return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)
+
+
+def without_motions(found: tuple[Procedure, ...], functions: Collection[str] | None) -> tuple[Procedure, ...]:
+    """Functions of a solver whose scalar type motions are not integrated in."""
+    kept = tuple(p for p in found if p.name not in MOTIONS)
+    if functions is not None and len(kept) < len(found):
+        raise UnknownFunctionError(
+            "functions: motions are integrated in double precision, so that a solver in another scalar type has none; leave out "
+            f"{', '.join(w for w in functions if w in ('motion', 'simulate', *MOTIONS))}, or generate with --scalar float64"
+        )
+    return kept
 
 
 def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:

@@ -1,0 +1,14 @@
+"""The targets that solvers are written in."""
+
+from __future__ import annotations
+
+from .c import C
+from .numpy import NUMPY
+from .target import Target
+
+TARGETS: dict[str, Target] = {t.name: t for t in (C, NUMPY)}
+
+RESERVED = frozenset[str]().union(*(t.reserved for t in TARGETS.values()), ("number", "status"))
+"""Names that no target can give variables, or that generated tables and types have: all targets use the same names."""
+
+__all__ = ["RESERVED", "TARGETS"]
