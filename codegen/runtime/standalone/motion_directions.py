@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -42,6 +43,11 @@ class Directions:
         return len(self.names)
 
 
+@functools.lru_cache(64)
+def _no_directions(nq: int, nu: int, n_p: int) -> Directions:
+    return Directions((), np.empty((0, nq)), np.empty((0, nu)), np.empty((0, n_p)), None, False)
+
+
 def take_sensitivities(
     solver: Any, names: Sequence[str] | str, dq0: Numbers, du0: Numbers, inputs: Inputs
 ) -> Directions:
@@ -52,8 +58,7 @@ def take_sensitivities(
     ValueError
     """
     if names == () and dq0 is None and du0 is None:
-        nothing = [np.empty((0, n)) for n in (solver.nq, solver.nu, solver.np)]
-        return Directions((), nothing[0], nothing[1], nothing[2], None, False)
+        return _no_directions(solver.nq, solver.nu, solver.np)
     known = names_of(solver)
     wanted = apart(known, (names,) if isinstance(names, str) else tuple(names))
     given = dq0 is not None or du0 is not None

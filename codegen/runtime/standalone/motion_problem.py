@@ -75,29 +75,31 @@ class Problem:
     def in_c(self, ffi: Any, system: Any) -> Any:
         """The struct; what it points to lives as long as this object."""
         c = ffi.new("ordernm_problem *")
-        self.kept = [c]
+        kept = self.kept = [c]
+        doubles, from_buffer = ffi.typeof("double[]"), ffi.from_buffer
 
-        def point(to: Any, name: str, x: Array | None) -> None:
-            """Have a member of a struct point to an array; to nothing without entries."""
-            if x is not None and x.size:
-                if not x.flags.c_contiguous or x.dtype != np.float64:
-                    x = np.ascontiguousarray(x, float)
-                held = ffi.from_buffer("double[]", x)
-                self.kept.append(held)
-                setattr(to, name, held)
+        def begin(x: Array | None) -> Any:
+            """Where an array begins; nowhere without entries."""
+            if x is None or not x.size:
+                return ffi.NULL
+            if x.dtype != np.float64 or not x.flags.c_contiguous:
+                x = np.ascontiguousarray(x, float)
+            kept.append(from_buffer(doubles, x))
+            return kept[-1]
 
-        for name in ("p", "q", "u", "dq", "du", "dp", "times", "atol_directions"):
-            point(c, name, getattr(self, name))
-        for name in ("start", "end", "step", "fixed", "largest_step", "most_steps", "rtol", "poor", "looked_at"):
-            if x := getattr(self, name):  # others are zero as they are
-                setattr(c, name, x)
+        c.p, c.q, c.u, c.times = begin(self.p), begin(self.q), begin(self.u), begin(self.times)
+        if len(self.dp):
+            c.dq, c.du, c.dp = begin(self.dq), begin(self.du), begin(self.dp)
+            c.atol_directions = begin(self.atol_directions)
+        c.start, c.end, c.step, c.fixed, c.rtol = self.start, self.end, self.step, self.fixed, self.rtol
+        c.largest_step, c.most_steps = self.largest_step, self.most_steps
+        c.poor, c.looked_at = self.poor, self.looked_at
         c.system, c.method = system, METHODS.index(self.method)
         c.ndirections, c.ntimes = len(self.dp), len(self.times)
         inputs, of_motion = c.inputs, self.inputs
         inputs.degree, inputs.count = of_motion.degree, len(of_motion.values)
-        point(inputs, "knots", of_motion.knots)
-        point(inputs, "values", of_motion.values)
-        point(inputs, "directions", self.dinputs)
+        inputs.knots, inputs.values = begin(of_motion.knots), begin(of_motion.values)
+        inputs.directions = begin(self.dinputs)
         counting = self.atol
         if system.nfree_q + system.nfree_u < system.nq + system.nu:
             counting = self.atol[
@@ -108,7 +110,7 @@ class Problem:
                     *(range(system.nq) if not system.nfree_q + system.nfree_u else ()),
                 ]
             ]
-        point(c, "atol", counting)
+        c.atol = begin(counting)
         if self.integrals:
             integrals = ffi.new("int[]", list(self.integrals))
             self.kept.append(integrals)

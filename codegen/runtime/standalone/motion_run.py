@@ -43,6 +43,8 @@ SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "fac
 FLAT_POSES = 64
 """Poses at which a loop has lost rank that a motion notes; those that come later are mostly the same ones."""
 
+NO_POSES: Array = np.empty((0, 0))
+
 Progress = Callable[[float, float], None]
 
 
@@ -103,13 +105,13 @@ class MotionRun(States, Partitions):
             of_segments = [s.counts for s in segments]
             counts |= {name: sum(c[name] for c in of_segments) for name in SUMMED}
             counts |= {name: max(c[name] for c in of_segments) for name in ("condition", "stiffness")}
-        unused = [] if several else ["partitions_changed"]
+        unused: tuple[str, ...] = () if several else ("partitions_changed",)
         if not self.closure_names:
-            unused += ["closing_steps", "condition"]
+            unused += ("closing_steps", "condition")
         if problem.method != "radau":
-            unused += ["jacobians", "factorizations"]
+            unused += ("jacobians", "factorizations")
         if problem.method != "dop853" or problem.fixed:
-            unused.append("stiffness")
+            unused += ("stiffness",)
         for name in unused:
             del counts[name]
         reason = problem.kink if segment.reason == "end" and problem.kink else segment.reason
@@ -244,8 +246,9 @@ class MotionRun(States, Partitions):
         motion = library.ordernm_begin(c, room)
         size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c) if keep_steps else 1
         r = ffi.new("ordernm_results *")
-        flat = np.empty((FLAT_POSES if self.closure_names else 0, 1 + 2 * self.nq))
-        if flat.size:
+        flat = NO_POSES
+        if self.closure_names:
+            flat = np.empty((FLAT_POSES, 1 + 2 * self.nq))
             r.flat, r.flat_capacity = ffi.from_buffer("double[]", flat), len(flat)
         full: list[Array] = []
         steps: list[Array] = []
@@ -341,7 +344,7 @@ class MotionRun(States, Partitions):
             bool(r.ordered),
             r.event_together,
             bool(r.event_ordered),
-            flat[: r.flat_count].copy(),
+            flat[: r.flat_count].copy() if flat.size else flat,
         )
         return segment, found, last
 
