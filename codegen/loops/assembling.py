@@ -187,7 +187,7 @@ def first_assembly(
         if outcome.closed:
             groups.found(ring.joints, outcome.q)
         else:
-            outcome, tries = _with_neighbours(geometry, order[: place + 1], q, held, random, ring, outcome)
+            outcome, tries = _with_neighbours(geometry, order[: place + 1], q, held, random, ring, outcome, open_)
             groups = PoseGroups(geometry, outcome.q, _passed(geometry, order[: place + 1]))
         q = outcome.q
         if tries:
@@ -300,10 +300,12 @@ def _with_neighbours(
     random: np.random.Generator,
     ring: Ring,
     outcome: Outcome,
+    open_: set[int] | None,
 ) -> tuple[Outcome, int]:
     """Close the last of some loops together with those that share joints with it, more and more of them.
 
-    Held coordinates move only where nothing else helps. `ring` and `outcome` are those of the loop on its own.
+    Held coordinates move only where nothing else helps. `ring` and `outcome` are those of the loop on its own, `open_` that of
+    `first_assembly`.
     """
     *others, last = loops
     cycles = {i: _passed(geometry, [i]) for i in loops}
@@ -323,6 +325,10 @@ def _with_neighbours(
             outcome, tries = _tried(ring, q, movable, random)
             if outcome.closed:
                 return outcome, tries
+            nearly = None if open_ is None else _nearly_closed(ring, outcome.q, movable)
+            if nearly is not None and open_ is not None:
+                open_.update(() if nearly.closed else [last])
+                return nearly, tries
     raise open_loop(ring, outcome, movable)
 
 
@@ -344,10 +350,17 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
     rank = int(ranks(ring.evaluate(outcome.q)[1][..., movable])[0])
     if angle > 3:
         advice = "its faces are turned by pi against each other: turn one of them, or reverse an axis in its body"
+    elif outcome.residual <= model.loop_tolerance and rank < len(owner):
+        advice = (
+            f"that is within loop_tolerance, {model.loop_tolerance:g}, which is for conditions that no joint changes, but joints "
+            "change these near this pose: links are too short or too long by that where they are in one line; change a length by "
+            "a little more than is left, or give values under `initial` away from this pose"
+        )
     elif outcome.residual < 1e-3 and rank < len(owner):
         advice = (
             "an overconstrained loop closes only if its lengths and axes fit exactly, or conditions that follow from others "
-            f"fit to loop_tolerance, {model.loop_tolerance:g}: give lengths and axes with all digits, or a larger loop_tolerance"
+            f"fit to loop_tolerance, {model.loop_tolerance:g}: give lengths and axes with all digits, or loop_tolerance: "
+            f"{float(f'{2 * outcome.residual:.0e}'):g}"
         )
     else:
         advice = (

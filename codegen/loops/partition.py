@@ -63,6 +63,10 @@ FAR_ANGLE = 1.6
 """rad: initial values that closing changes by more than about a quarter turn are reported."""
 
 
+class _NotNearlyClosed(PartitionError):
+    """Loops stay open in conditions that do not follow from others: they have to be closed to rounding."""
+
+
 @np.errstate(all="ignore")  # numbers of a model may be of any size: what overflows does not close, and is told
 def partition(model: Model) -> Partition:
     """Choose dependents and order the ears.
@@ -113,11 +117,16 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
     open_ = set[int]()
     try:
         q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, open_)
-    except (AssemblyError, PartitionError):
+    except (AssemblyError, PartitionError) as of_open:
         if not open_:
             raise
         geometry, random = Geometry(model), np.random.default_rng(SEED)
-        q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, None)
+        try:
+            q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, None)
+        except AssemblyError:
+            if isinstance(of_open, PartitionError) and not isinstance(of_open, _NotNearlyClosed):
+                raise of_open from None
+            raise
     check_couplings(model, chosen.drafts)
     warnings += [text for d in chosen.drafts for text in _doubts(model, geometry, d, held)]
     warnings += _locked(geometry, chosen.drafts, q, random)
@@ -168,7 +177,7 @@ def _chosen(
     q, warnings = first_assembly(geometry, order, guess, held, random, open_)
     settled = _settled(geometry, q, shared, open_, held)
     if settled is None:
-        raise PartitionError("loops are open in conditions that joints change")
+        raise _NotNearlyClosed("loops are open in conditions that joints change")
     q = settled
     chosen = choose(q)
     redundancy = _redundancy(geometry, chosen, q, random, stuck)
@@ -272,10 +281,12 @@ def _ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
 def _doubts(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> Iterator[str]:
     """What a user should know about an ear."""
     loops = loops_named(model, draft.loops)
+    spare = draft.rows > len(draft.dependent)
     if draft.condition > POOR_CONDITION:
         yield (
             f"{loops}: the closure matrix of the dependent speeds has condition {draft.condition:.1e} at the initial "
             f"configuration, which is at or near a singular one; start from another configuration"
+            + (", or give a larger loop_tolerance where loops should not hold these speeds" if spare else "")
         )
     if len(draft.loops) > LARGE_CLUSTER:
         asked = any(
@@ -331,7 +342,7 @@ def _choose(
     still = {i for i in doubtful if not _moves(geometry, i, configurations)}
     stuck = [i for loops in shared if still.intersection(loops) for i in loose_loops(geometry, q, loops) if i in still]
     if open_ and open_.intersection(stuck):
-        raise PartitionError("loops that are open and move nowhere are not nearly closed")
+        raise _NotNearlyClosed("loops that are open and move nowhere are not nearly closed")
     names = [geometry.model.loops[i].name for i in stuck]
     advice = (
         f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which "

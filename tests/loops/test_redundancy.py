@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from codegen.loops import PartitionError, assemble, closure, describe, partition
+from codegen.loops import AssemblyError, PartitionError, assemble, closure, describe, partition
 from codegen.loops.dependents import condition
 from codegen.loops.geometry import Geometry, padded
 from codegen.loops.velocities import Motion
 from codegen.model import parse_model
+from codegen.reference import DenseEngine
 
 FOUR_BAR = """
 model: four_bar
@@ -198,3 +199,60 @@ def test_motions_that_are_stopped_by_little_are_told():
     loose = parse_model(LOCKED.format(tilt=3e-3, at=-1e-3) + "loop_tolerance: 1e-2\n")
     assert not any("is stopped by" in x for x in partition(loose).warnings)
     assert len(partition(loose).independent) == 2
+
+
+def points_on_a_body(gap: float, count: int = 2) -> str:
+    """A body on a ball joint that a free one carries, held by points as far apart on the ground as on it, but for a gap."""
+    points = ((0.3, 0.4, -0.2), (-0.5, 0.1, 0.6), (0.2, -0.7, 0.1))[:count]
+    loops = "".join(
+        f"  l{i}: {{joint: {{type: point}}, from: {{body: b, at: [{x}, {y}, {z}]}}, "
+        f"to: {{body: ground, at: [{x + 1 + gap * i!r}, {y!r}, {z - gap * i!r}]}}}}\n"
+        for i, (x, y, z) in enumerate(points)
+    )
+    return (
+        "model: held\ngravity: [0.3, 0.1, -9.81]\nbodies:\n"
+        "  a: {parent: ground, joint: {type: free}, mass: 1, com: [0.1, 0, 0.2], inertia: {xx: 0.2, yy: 0.3, zz: 0.25}}\n"
+        "  b: {parent: a, joint: {type: spherical, at: [1, 0, 0]}, mass: 2, com: [0, 0.1, 0], "
+        "inertia: {xx: 0.2, yy: 0.3, zz: 0.25}}\nloops:\n" + loops
+    )
+
+
+@pytest.mark.parametrize("gap", [1e-9, 9e-8, 1e-6, 2e-5])
+def test_points_that_a_rigid_body_holds_apart_may_be_off(gap):
+    """The loops share every joint, so the second one has none of its own: it was refused at any tolerance."""
+    found = []
+    for off in (0.0, gap):
+        model = parse_model(points_on_a_body(off))
+        part = partition(model)
+        assert len(part.independent) == 4
+        assert bool(part.ears[0].dropped) == bool(off)
+        engine = DenseEngine(model)
+        found.append(engine.accelerations(part.q, np.zeros(model.nu)))
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=100 * gap)
+
+
+def test_three_points_leave_no_freedom_whether_they_fit_or_not():
+    """The gap was reported, which was not the reason."""
+    text = (
+        points_on_a_body(9e-8, 3)
+        .replace("type: spherical", "type: revolute, axis: z")
+        .replace("type: free", "type: fixed")
+    )
+    text = text.replace(
+        "  a: {parent: ground, joint: {type: fixed}", "  a: {parent: ground, joint: {type: revolute, axis: x}"
+    )
+    with pytest.raises(PartitionError, match="no freedom left"):
+        partition(parse_model(text))
+
+
+def test_links_that_are_too_short_in_one_line_say_so():
+    """The gap is within loop_tolerance, and a larger one would be no help."""
+    text = (
+        "model: line\nbodies:\n  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0.5, 0, 0]}\n"
+        "  b: {parent: a, joint: {type: revolute, axis: y, at: [1, 0, 0]}, mass: 1, com: [0.5, 0, 0]}\n"
+        "loops:\n  l: {joint: {type: point}, from: {body: b, at: [1, 0, 0]}, to: {body: ground, at: [2.00000009, 0, 0]}}\n"
+    )
+    with pytest.raises(
+        AssemblyError, match=r"9e-08 m .* within loop_tolerance, 0\.0001, .* too short or too long by that"
+    ):
+        partition(parse_model(text))
