@@ -9,16 +9,25 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
 from ..model.model import GROUND
 from ..program import algebra
-from ..program.block import Block, Component, Expansion, FieldError, Scope, StructuralExpansion, symbols_of
-from ..program.expressions import Expr, Number, Symbol
+from ..program.block import (
+    Block,
+    Component,
+    Expansion,
+    FieldError,
+    Scope,
+    Statement,
+    StructuralExpansion,
+    symbols_of,
+)
+from ..program.expressions import Number, Symbol
 from ..program.field import AnyField
-from ..program.operations import Operations, count
+from ..program.operations import Operations, count, count_expression
 from ..program.passes import PASSES, drop_dead, propagate_copies
 from ..program.progress import Progress, silent
 from ..program.store import Life, Memory, Owner, Store
@@ -364,6 +373,7 @@ def expand(
         seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
     if whole:
         traffic.check()
+    _choose(program, patterns, chosen)
     program.report.append(("expand", _total(program), time.perf_counter() - start))
     start = time.perf_counter()
     _drop_unread(program, patterns, chosen)
@@ -405,49 +415,97 @@ def _total(program: Program) -> Operations:
     return total
 
 
-def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
-    """Remove what no result depends on, across blocks: stores to memory are needed if a needed statement loads them."""
+@dataclass(slots=True)
+class _Links:
+    """What connects a block with others: the places that each of its stores goes to (None for what the layout
+    does not place), and those that each of its loads comes from."""
+
+    block: Block
+    targets: list[set[Place] | None]
+    loads: dict[Symbol, list[Place]]
+
+
+def _links(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> list[_Links]:
     reach = patterns.reach
-    needed: set[Place] = set(program.read_outside)
-    blocks: list[tuple[Block, list[set[Place]], dict[Symbol, list[Place]]]] = []
+    found: list[_Links] = []
     for sweep in sweeps:
         for kind in sweep.kinds(program.system):
             block = program.blocks[sweep.name][kind.index]
             loads: dict[Symbol, list[Place]] = {}
             for symbol, (store, name) in block.loads.items():
-                found = reach.of(kind, sweep, store)
-                if found is not None:
-                    loads[symbol] = [(found[0], k, name) for k in found[1]]
-            targets: list[set[Place]] = []
+                memory = reach.of(kind, sweep, store)
+                if memory is not None:
+                    loads[symbol] = [(memory[0], k, name) for k in memory[1]]
+            targets: list[set[Place] | None] = []
             for store, name, _ in block.stores:
-                found = reach.of(kind, sweep, store)
-                targets.append(set() if found is None else {(found[0], k, name) for k in found[1]})
-            blocks.append((block, targets, loads))
+                memory = reach.of(kind, sweep, store)
+                targets.append(None if memory is None else {(memory[0], k, name) for k in memory[1]})
+            found.append(_Links(block, targets, loads))
+    return found
+
+
+def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
+    """What some result depends on; of values that may be had in two ways, neither is followed."""
+    needed: set[Place] = set(program.read_outside)
     before = -1
     read: dict[int, frozenset[int]] = {}
     while before != len(needed):
         before = len(needed)
-        for n, (block, targets, loads) in reversed([*enumerate(blocks)]):  # most is read by later ones
-            stored = frozenset(i for i, target in enumerate(targets) if not target or target & needed)
+        for n, of in reversed([*enumerate(blocks)]):  # most is read by later ones
+            stored = frozenset(i for i, target in enumerate(of.targets) if target is None or target & needed)
             if read.get(n) == stored:
                 continue
             read[n] = stored
-            symbols = {symbol for i in stored for symbol in symbols_of(block.stores[i][2])}
-            for statement in reversed(block.statements):
-                if statement.target in symbols:
-                    symbols |= symbols_of(statement.expression)
-            for symbol in symbols & loads.keys():
-                needed.update(loads[symbol])
-    for sweep in sweeps:
-        for kind in sweep.kinds(program.system):
-            block = program.blocks[sweep.name][kind.index]
-            kept: list[tuple[Store, str, Expr]] = []
-            for store, name, value in block.stores:
-                found = reach.of(kind, sweep, store)
-                if found is None or any((found[0], k, name) in needed for k in found[1]):
-                    kept.append((store, name, value))
-            block.stores = kept
-            program.blocks[sweep.name][kind.index] = drop_dead(block)
+            symbols = {symbol for i in stored for symbol in symbols_of(of.block.stores[i][2])}
+            for symbol in _read_for(of.block, symbols, of.block.otherwise) & of.loads.keys():
+                needed.update(of.loads[symbol])
+    return needed
+
+
+def _read_for(block: Block, symbols: set[Symbol], ends: Container[Symbol] = ()) -> set[Symbol]:
+    """Symbols that some depend on, and these; statements of `ends` are not followed."""
+    found = set(symbols)
+    for statement in reversed(block.statements):
+        if statement.target in found and statement.target not in ends:
+            found |= symbols_of(statement.expression)
+    return found
+
+
+def _choose(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
+    """Of values that may be had in two ways, take the first where others need all that it reads, if the second costs no less."""
+    if not any(b.otherwise for blocks in program.blocks.values() for b in blocks.values()):
+        return
+    linked = _links(program, patterns, sweeps)
+    needed = _needed(program, linked)
+    for of in linked:
+        block = of.block
+        for n, s in enumerate(block.statements):
+            if s.target not in block.otherwise:
+                continue
+            both = s.expression, block.otherwise[s.target]
+            alone = [
+                any(needed.isdisjoint(of.loads[x]) for x in _read_for(block, set(symbols_of(e))) & of.loads.keys())
+                for e in both
+            ]
+            value, other = (count_expression(e).flops for e in both)
+            if alone[0] or (other < value and not alone[1]):
+                block.statements[n] = Statement(s.target, both[1], s.tag, s.lanes)
+        block.otherwise = {}
+
+
+def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
+    """Remove what no result depends on, across blocks: stores to memory are needed if a needed statement loads them."""
+    linked = _links(program, patterns, sweeps)
+    needed = _needed(program, linked)
+    for of in linked:
+        of.block.stores = [
+            store
+            for store, places in zip(of.block.stores, of.targets, strict=True)
+            if places is None or places & needed
+        ]
+    for blocks in program.blocks.values():
+        for k, block in blocks.items():
+            blocks[k] = drop_dead(block)
     program.ground_fields = {n for m, k, n in needed if m[0] is RECORD and k == GROUND_KIND}
 
 

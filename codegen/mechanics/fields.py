@@ -149,6 +149,10 @@ needed = SixField("", WRENCH, OWN, "moment about the origin and force that a lin
 total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that all of a link's motion needs")
 external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the force elements on a link")
 articulated = _inertia("acc.", OWN, "articulated inertia that the children hand on", True)
+moment_scale = ScalarField(
+    "acc.sJ", "kg m^2", "", "size of the children's moments of inertia (zero pivot)", handed_on=True
+)
+mass_scale = ScalarField("acc.sM", "kg", "", "size of the children's masses (zero pivot)", handed_on=True)
 articulated_force = SixField("acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True)
 transmitted = SixField(
     "tacc.",

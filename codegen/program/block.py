@@ -73,6 +73,8 @@ class Block:
         Symbols that are read, with store and component.
     statements : list of Statement
     stores : list of (Store, component, expression)
+    otherwise : dict of Symbol to Expr
+        Of values that `Scope.either` names: the second expression, until one of the two is chosen.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Block:
     loads: dict[Symbol, Component] = field(default_factory=dict)
     statements: list[Statement] = field(default_factory=list)
     stores: list[tuple[Store, str, Expr]] = field(default_factory=list)
+    otherwise: dict[Symbol, Expr] = field(default_factory=dict)
 
     def symbols_stored(self) -> set[Symbol]:
         found: set[Symbol] = set()
@@ -143,6 +146,10 @@ class Scope(ABC):
     @abstractmethod
     def name(self, name: str, value: Value, tag: str = "") -> Value:
         """A symbol for a value even where that costs a copy; copy propagation removes it again."""
+
+    def either(self, name: str, value: Value, otherwise: Value, tag: str = "") -> Value:
+        """A name for a value, or for `otherwise` where that costs less, or the value reads what no other result needs."""
+        return self.let(name, value, tag)
 
     @abstractmethod
     def number(self, value: float | Number) -> Value:
@@ -282,6 +289,11 @@ class Expansion(Scope):
         self.block.statements.append(Statement(symbol, algebra.expression(value), tag))
         return symbol
 
+    def either(self, name: str, value: Value, otherwise: Value, tag: str = "") -> Symbol:
+        symbol = self.name(name, value, tag)
+        self.block.otherwise[symbol] = algebra.expression(otherwise)
+        return symbol
+
     def number(self, value: float | Number) -> Expr:
         return value if isinstance(value, Number) else number(value)
 
@@ -413,6 +425,9 @@ class StructuralExpansion(Scope):
 
     def name(self, name: str, value: Value, tag: str = "") -> Value:
         return self.let(name, value)
+
+    def either(self, name: str, value: Value, otherwise: Value, tag: str = "") -> Value:
+        return ANY if value or otherwise else 0
 
     def number(self, value: float | Number) -> Value:
         return int(value) if value in (0, 1, -1) else ANY

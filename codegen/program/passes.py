@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import operator
 from collections import Counter
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
+from itertools import combinations
 
 from . import algebra
 from .block import Block, Statement, symbols_of, up_to_sign
 from .expressions import Expr, Symbol
+from .operations import count_expression
 from .store import Store
+
+MOST_FACTORS = 5
+"""Products of more factors are not searched for parts that have a name."""
 
 
 def propagate_copies(block: Block) -> Block:
@@ -109,6 +115,56 @@ def share_products(block: Block) -> Block:
     return Block(block.name, block.title, block.loads, statements, block.stores)
 
 
+def share_factors(block: Block) -> Block:
+    """``a b c -> d c`` where d is the name of ``a b``, which is computed earlier then."""
+    named = {s.expression: s for s in block.statements if s.expression.is_Mul and not s.lanes}
+    if not named:
+        return block
+    statements: list[Statement] = []
+    done: set[Symbol] = set()
+    for s in block.statements:
+        if s.target in done:
+            continue
+        terms = []
+        for term in _terms(s.expression):
+            part = None if s.lanes else _named_part(term, named, s)
+            if part is not None:
+                if part.target not in done:
+                    statements.append(part)
+                    done.add(part.target)
+                term = algebra.multiply(part.target, *_without(term, part.expression))
+            terms.append(term)
+        e = s.expression if all(map(operator.is_, terms, _terms(s.expression))) else algebra.add(*terms)
+        statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
+        done.add(s.target)
+    return Block(block.name, block.title, block.loads, statements, block.stores)
+
+
+def _named_part(term: Expr, named: Mapping[Expr, Statement], s: Statement) -> Statement | None:
+    """The statement that names some factors of a product: that which saves most, quotients first."""
+    if not term.is_Mul or len(term.args) < 3 or len(term.args) > MOST_FACTORS:
+        return None
+    found = []
+    for n in range(len(term.args) - 1, 1, -1):
+        for factors in combinations(term.args, n):
+            part = named.get(algebra.multiply(*factors))
+            if part is not None and part is not s and _is_bare(part.expression):
+                found.append(part)
+    return max(
+        found, key=lambda part: (count_expression(part.expression).divisions, len(part.expression.args)), default=None
+    )
+
+
+def _is_bare(product: Expr) -> bool:
+    """Whether a product has more factors than a sign and another: a name for less saves nothing."""
+    return product.args[0] is not algebra.MINUS_ONE
+
+
+def _without(product: Expr, part: Expr) -> list[Expr]:
+    """The factors of a product that a part of it does not have."""
+    return [factor for factor in product.args if factor not in part.args]
+
+
 def factor_sums(block: Block) -> Block:
     """``a b + a c -> a (b + c)`` where that saves a multiplication."""
     statements = []
@@ -188,6 +244,7 @@ PASSES: tuple[tuple[str, Callable[[Block], Block]], ...] = (
     ("propagate copies", propagate_copies),
     ("share equal values", share_values),
     ("share products", share_products),
+    ("share factors", share_factors),
     ("factor sums", factor_sums),
     ("drop dead statements again", drop_dead),
 )

@@ -13,7 +13,7 @@ from codegen.program.derivatives import Tangents, partials
 from codegen.program.digits import number
 from codegen.program.functions import SYMBOLIC, Absolute, AtLeast, Maximum, Minimum
 from codegen.program.operations import count, count_expression
-from codegen.program.passes import PASSES, share_products, simplify
+from codegen.program.passes import PASSES, share_factors, share_products, simplify
 from codegen.program.store import Memory, Owner, Store
 
 MODEL, ARGUMENT = Owner("model"), Memory("argument")
@@ -59,6 +59,24 @@ def test_products_that_are_shared_later_get_names_of_their_own() -> None:
     for s in twice.statements:
         values[s.target] = evaluated(s.expression, values)
     assert values[symbols[0]] == 2 * 3 + 6 * 7
+
+
+def test_a_named_part_of_a_product_is_used() -> None:
+    """Its name is computed earlier then; quotients come first."""
+    a, b, c, d, e, f = map(Symbol, "abcdef")
+    statements = [Statement(d, a * b / c + 2 * a * b), Statement(e, a / c), Statement(f, 2 * b)]
+    shared = share_factors(Block("parts", "parts", {}, statements, [(OUT, str(s), s) for s in (d, e, f)]))
+    assert {s.target for s in shared.statements[:2]} == {e, f}
+    assert shared.statements[-1].expression == e * b + f * a
+
+
+def test_a_second_form_of_a_value_is_kept_until_one_is_chosen() -> None:
+    x = Expansion("two", "two", lambda store, name: True)
+    a, b = x.component(IN, "0"), x.component(IN, "1")
+    either = x.either("s", a * b + 1, a, "tag")
+    assert x.block.statements[-1].target is either and x.finish().otherwise == {either: a}
+    pattern = StructuralExpansion("two", lambda store, name: True)
+    assert pattern.either("s", 0, ANY) is ANY and pattern.either("s", 0, 0) == 0
 
 
 def run(block: Block, inputs: dict[str, float]) -> list[float]:

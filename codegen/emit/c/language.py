@@ -12,6 +12,7 @@ from ...mechanics.outputs.outputs import RecordFormula
 from ...mechanics.stores import LANE, MARGIN, ME, MODES, SLOT
 from ...mechanics.structure.kinds import UnitKind
 from ...mechanics.sweeps import SWEEP
+from ...program import algebra
 from ...program.block import Block, symbols_of
 from ...program.expressions import Expr, Symbol
 from ...program.passes import by_results
@@ -149,8 +150,7 @@ class CLanguage(Writer):
                 text = printer(value)
                 if store.memory is MARGIN:
                     assert culprit is not None
-                    text = in_all(text) if _is_number(value) else text
-                    body.append(f"REQUIRE({text} > {self.zero}, {culprit(name)} + 1);")
+                    body.append(f"REQUIRE({is_positive(value, printer, self.zero)}, {culprit(name)} + 1);")
                     continue
                 if store.lanes and value.is_Number:
                     text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
@@ -263,6 +263,16 @@ class CLanguage(Writer):
             index = str(int(at.row or 0) + int(at.component)) if at.component.isdigit() else at.component
             return replace(self.element(at.region, index, store.lanes), variable=at.variable)
         return Located(at.variable, f"a->{at.region} + {at.row}", f"[{at.component}]", type_)
+
+
+def is_positive(e: Expr, printer: Callable[[Expr], str], zero: str) -> str:
+    """The condition that an expression is positive: of a difference, that what is added is more than what is taken away."""
+    if _is_number(e):
+        return f"{in_all(printer(e))} > {zero}"
+    terms = [algebra.coefficient(t) for t in (e.args if e.is_Add else (e,))]
+    more = [algebra.multiply(c, t) for c, t in terms if c > 0]
+    less = [algebra.multiply(algebra.negative(c), t) for c, t in terms if c < 0]
+    return f"{printer(algebra.add(*more))} > {printer(algebra.add(*less)) if less else zero}"
 
 
 def _is_number(e: Expr) -> bool:

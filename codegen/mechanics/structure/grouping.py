@@ -46,6 +46,9 @@ def find_link_kinds(
     last_child: dict[int, int] = {}
     for i, link in enumerate(links):
         last_child[link.parent] = i
+    regions = order.regions
+    given = {region.base for region in regions.regions}
+    given |= {link for partners in regions.elimination.partners for link in partners.links}
     kinds: dict[object, LinkKind] = {}
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
@@ -73,6 +76,7 @@ def find_link_kinds(
                 *order.role_of(i), i in pulled, forced, order.partners_of_link(i), link.moves, link.driven in held,
             )  # fmt: skip
         kind.members.append(i)
+        kind.of_links &= i not in given
         kind_of.append(kind)
     for kind in kinds.values():
         kind.fold([constants_of[i] for i in kind.members])

@@ -55,6 +55,8 @@ class LinkKind(Folded):
         Links, in outward order.
     units : list of int
         Their places in the order of units, where they are units themselves.
+    of_links : bool
+        Only links hand inertia to them, no region and no partner.
     """
 
     index: int
@@ -73,6 +75,7 @@ class LinkKind(Folded):
     held: bool = False
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
+    of_links: bool = True
 
     role = "link"
 

@@ -18,7 +18,7 @@ from ..handing_on import accumulate, accumulate_force
 from ..joints import Column, LinkJoint
 from ..joints.inertia import shift_inertia
 from ..rotors import driven_rotor, rotor
-from ..spatial import SIX, add, cross, transpose
+from ..spatial import SIX, add, cross, dot, transpose
 from ..stores import CONSTANTS, HELD, ME, OWN, TAU, UP
 from ..structure.elimination_order import CARRIER
 from ..structure.kinds import LinkKind
@@ -103,12 +103,27 @@ def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
     return range(0 if j > 0 or kind.carried_on else 6, count)
 
 
+def inertia_scales(x: Scope, kind: LinkKind, I: Matrix) -> Vector:
+    """What pivots are measured against, angular and linear: traces of the articulated inertia (`zero pivot`).
+
+    Where nothing else needs an entry of these, the body's own inertia and what the children hand on for this take their place.
+    """
+    turning, mass = (I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2] for n in (0, 3))
+    tag = "zero pivot"
+    if not kind.of_links:
+        return [x.let("scale", turning, tag), x.let("scale", mass, tag)]
+    J = x.load(CONSTANTS, fields.inertia)
+    handed = J[0][0] + J[1][1] + J[2][2] + x.load(ME, fields.moment_scale)
+    light = x.load(CONSTANTS, fields.mass) + x.load(ME, fields.mass_scale)
+    return [x.either("scale", turning, handed, tag), x.either("scale", mass, light, tag)]
+
+
 def triangularize(x: Scope, kind: LinkKind) -> None:
     """Inward block of the forward dynamics."""
     joint = kind.joint(x, kind)
     system = link_system(x, kind)
     I, p = system.Q, system.p
-    scales = [x.let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
+    scales = inertia_scales(x, kind, I)
     for j in reversed(range(joint.freedoms)):
         s = joint.columns[j]
         tau = x.entry(TAU, j) if kind.forced[j] else 0
@@ -149,6 +164,9 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
     accumulate_force(x, UP, fields.articulated_force, [*moment, *push], first, "Eq. 44")
     for field, block in ((fields.articulated.J, J), (fields.articulated.M, M), (fields.articulated.H, H)):
         accumulate(x, UP, field, block, first, "Eq. 44")
+    turning, mass = scales
+    accumulate(x, UP, fields.moment_scale, turning + dot(r, r) * mass, first, "zero pivot")
+    accumulate(x, UP, fields.mass_scale, mass, first, "zero pivot")
     hand_on(x, kind, remaining)
 
 

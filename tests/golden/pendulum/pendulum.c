@@ -221,7 +221,7 @@ static void sines_and_cosines(int n, double *trig)
 }
 
 /* constants of a link and their derivative primitives (Eq. 29); rod
- * in: numbers; p. out: c: mass, inertia, first_moment. operations: 6 additions, 26 multiplications, 2 divisions */
+ * in: numbers; p. out: c: mass, inertia, first_moment. operations: 6 additions, 20 multiplications, 2 divisions */
 static void constants_0(call *a)
 {
     const number *restrict k = numbers_of_constants_0[0];
@@ -229,35 +229,35 @@ static void constants_0(call *a)
     constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
     const double k_0 = ALL(k[0]);
     const double k_1 = ALL(k[1]);
+    const double d = k_0*k_1; /* primitive */
     const double length = p[0];
-    const double m = k_0*k_1*length;
+    const double m = d*length;
     c->mass = m;
     const double k_4 = ALL(k[4]);
     const double k_5 = ALL(k[5]);
     const double e = k_4 + (length*length)/k_5;
-    const double h_1 = -0.5*m*length;
+    const double d_3 = -0.5*m; /* primitive */
+    const double h_1 = d_3*length;
+    const double d_2 = -0.5*length; /* primitive */
     const double k_2 = ALL(k[2]);
     const double k_3 = ALL(k[3]);
-    const double J = length*(e*k_2*k_3 - 0.5*h_1);
+    const double d_5 = k_2*k_3*length;
+    const double J = d_2*h_1 + d_5*e;
     c->inertia_xx = J;
     c->first_moment_z = h_1;
     const double k_6 = ALL(k[6]);
     const double k_7 = ALL(k[7]);
     const double k_8 = ALL(k[8]);
-    const double J_1 = k_6*k_7*k_8*length;
+    const double d_6 = k_6*k_7*k_8; /* primitive */
+    const double J_1 = d_6*length;
     c->inertia_zz = J_1;
-    const double d = k_0*k_1; /* primitive */
     c->mass_d0 = d;
-    const double d_1 = 2.0*length/k_5;
-    const double d_2 = -0.5*length;
-    const double d_3 = -0.5*m;
+    const double d_1 = 2.0*length/k_5; /* primitive */
     const double d_h_1 = d_3 + d*d_2;
     const double d_4 = e*k_2*k_3 - 0.5*h_1; /* primitive */
-    const double d_5 = k_2*k_3*length;
     const double d_J = d_4 + d_1*d_5 + d_2*d_h_1;
     c->inertia_xx_d0 = d_J;
     c->first_moment_z_d0 = d_h_1;
-    const double d_6 = k_6*k_7*k_8; /* primitive */
     c->inertia_zz_d0 = d_6;
 }
 
@@ -308,7 +308,7 @@ static void kinematics(call *a)
 /* triangularization (Eqs. 39-47); rod
  * in: c: inertia; me: moment; tau
  * out: pivot; me: inverse_pivot_0, right_side_0
- * operations: 3 additions, 3 multiplications, 1 division */
+ * operations: 2 additions, 3 multiplications, 1 division */
 static void triangularize_0(call *a)
 {
     const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
@@ -317,8 +317,8 @@ static void triangularize_0(call *a)
     const double c_J_xx = c->inertia_xx;
     const double c_J_zz = c->inertia_zz;
     const double scale = c_J_zz + 2.0*c_J_xx; /* zero pivot */
-    const double margin = c_J_xx - 2e-15*scale;
-    REQUIRE(margin > 0.0, 0 + 1);
+    const double bound = 2e-15*scale;
+    REQUIRE(c_J_xx > bound, 0 + 1);
     const double Dinv = 1.0/c_J_xx; /* Eq. 47 */
     me->inverse_pivot_0 = Dinv;
     const double me_n_y = me->moment_y;

@@ -123,7 +123,7 @@ def check_pivot(a, margin, link):
 
 def constants_0(a):
     # constants of a link and their derivative primitives (Eq. 29); rod
-    # in: numbers; p. out: c: mass, inertia, first_moment. operations: 6 additions, 26 multiplications, 2 divisions
+    # in: numbers; p. out: c: mass, inertia, first_moment. operations: 6 additions, 20 multiplications, 2 divisions
     k = numbers_of_constants_0[0]
     c = a.constants[0]
     k_0 = k[0]
@@ -136,20 +136,20 @@ def constants_0(a):
     k_6 = k[6]
     k_7 = k[7]
     k_8 = k[8]
-    m = k_0*k_1*length
-    e = k_4 + (length*length)/k_5
-    h_1 = -0.5*m*length
-    J = length*(e*k_2*k_3 - 0.5*h_1)
-    J_1 = k_6*k_7*k_8*length
     d = k_0*k_1  # primitive
-    d_1 = 2.0*length/k_5
-    d_2 = -0.5*length
-    d_3 = -0.5*m
+    m = d*length
+    e = k_4 + (length*length)/k_5
+    d_3 = -0.5*m  # primitive
+    h_1 = d_3*length
+    d_2 = -0.5*length  # primitive
+    d_5 = k_2*k_3*length
+    J = d_2*h_1 + d_5*e
+    d_6 = k_6*k_7*k_8  # primitive
+    J_1 = d_6*length
+    d_1 = 2.0*length/k_5  # primitive
     d_h_1 = d_3 + d*d_2
     d_4 = e*k_2*k_3 - 0.5*h_1  # primitive
-    d_5 = k_2*k_3*length
     d_J = d_4 + d_1*d_5 + d_2*d_h_1
-    d_6 = k_6*k_7*k_8  # primitive
     c["mass"] = m
     c["inertia_xx"] = J
     c["first_moment_z"] = h_1
@@ -197,7 +197,7 @@ def triangularize_0(a):
     # triangularization (Eqs. 39-47); rod
     # in: c: inertia; me: moment; tau
     # out: pivot; me: inverse_pivot_0, right_side_0
-    # operations: 3 additions, 3 multiplications, 1 division
+    # operations: 2 additions, 3 multiplications, 1 division
     c = a.constants[0]
     me = a.records[0]
     c_J_xx = c["inertia_xx"]
@@ -207,9 +207,9 @@ def triangularize_0(a):
     scale = c_J_zz + 2.0*c_J_xx  # zero pivot
     Dinv = 1.0/c_J_xx  # Eq. 47
     r = tau_rod - me_n_y  # Eq. 53
-    margin = c_J_xx - 2e-15*scale  # zero pivot
+    bound = 2e-15*scale  # zero pivot
     rD = Dinv*r  # Eq. 53
-    check_pivot(a, margin, 0)
+    check_pivot(a, c_J_xx - bound, 0)
     me["inverse_pivot_0"] = Dinv
     me["right_side_0"] = rD
 
