@@ -31,9 +31,10 @@ import numpy as np
 
 from ..model.model import GROUND, Body
 from ..model.motions import Ball, Displacement, Slide, Turn
+from .arguments import ALONG, State
 from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .conditions import Conditions, conditions
-from .engine import Engine, State
+from .engine import Engine
 from .ground_frame import Frame, Freedoms, attitudes, cross, motion, quaternion_product
 from .outputs import Moving
 from .pairs import Pair, Pairs
@@ -115,22 +116,10 @@ class DenseEngine(Engine):
         return self._reactions(self._state(q, u, p, inputs, t)).value
 
     def reaction_sensitivities(
-        self,
-        q: Any,
-        u: Any,
-        p: Any = None,
-        inputs: Any = None,
-        t: Any = 0.0,
-        *,
-        dq: Any = None,
-        du: Any = None,
-        dp: Any = None,
-        dinputs: Any = None,
-        dt: Any = None,
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
         """`reactions`, (nloops, 6), and their total derivatives, (k, nloops, 6)."""
-        seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
-        result = self._reactions(self._state(q, u, p, inputs, t, **seeds))
+        result = self._reactions(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds)))
         return result.value, result.tangent
 
     def joint_reactions(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
@@ -141,22 +130,10 @@ class DenseEngine(Engine):
         return self._joint_reactions(self._state(q, u, p, inputs, t)).value
 
     def joint_reaction_sensitivities(
-        self,
-        q: Any,
-        u: Any,
-        p: Any = None,
-        inputs: Any = None,
-        t: Any = 0.0,
-        *,
-        dq: Any = None,
-        du: Any = None,
-        dp: Any = None,
-        dinputs: Any = None,
-        dt: Any = None,
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
         """`joint_reactions`, (nbodies, 6), and their total derivatives, (k, nbodies, 6)."""
-        seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
-        result = self._joint_reactions(self._state(q, u, p, inputs, t, **seeds))
+        result = self._joint_reactions(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds)))
         return result.value, result.tangent
 
     def _joint_reactions(self, state: State) -> Pair:

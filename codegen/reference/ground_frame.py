@@ -24,8 +24,8 @@ from ..model.expressions import Expression
 from ..model.model import Joint, Model, Vector
 from ..model.motions import Ball, Displacement, Slide, Turn
 from ..model.quarter_turns import quarter_turns
+from .arguments import State
 from .arithmetic import Array
-from .engine import State
 from .pairs import Pair, Pairs
 
 

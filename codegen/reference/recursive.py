@@ -39,12 +39,13 @@ import numpy as np
 from ..loops.partition import Partition
 from ..model.model import GROUND, Coupling, Model
 from ..model.motions import Ball, Displacement, Slide, Turn
+from .arguments import State
 from .arithmetic import Array, SingularMatrixError
 from .closure import AnyCut, EarClosure, closed_motion, cut, displacement, with_best_dependents
 from .couplings import CoupledCut
 from .ears import groups
 from .embedding import embed
-from .engine import Engine, State
+from .engine import Engine
 from .forces import Wrench
 from .outputs import Moving
 from .pairs import Pair, Pairs, skew
