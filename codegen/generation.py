@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 LAYOUTS = ("auto", "kinds", "unrolled")
 TARGETS = ("c", "numpy", "both")
-CHECK_TOLERANCE = 1e-9
+SCALARS = ("float64", "float32")
 CHECK_STATES = 3
 CHECK_DRAWS = 12
 """So many random states are drawn to find those where the model's expressions have a value."""
@@ -44,6 +44,7 @@ def generate(
     reactions: bool = False,
     frames: bool = False,
     functions: Sequence[str] | str | None = None,
+    scalar: str = "float64",
     compile: bool | str = True,
     check: bool = False,
     progress: Progress | None = None,
@@ -72,6 +73,10 @@ def generate(
         The functions that the solver has: names of its members, such as ``("accelerations", "gradients")``, or ``"dynamics"``,
         ``"rates"``, ``"mass"``, ``"forces"``, ``"states"``, ``"frames"`` for several together. Left out: all, of reactions and
         frames those that are asked for. What makes states consistent is always there.
+    scalar : {"float64", "float32"}
+        The scalar type of the C, its arrays and results. In "float32" there are all functions and their derivatives, and batches
+        have twice the lanes; motions are integrated in double precision, so `Solver.simulate` and `Solver.judge` are left out.
+        Members that iterate, such as `Solver.assemble`, compute in double precision and round.
     compile : bool or "all"
         Compile now what most calls need, accelerations and sensitivities; other functions, and sensitivities along one or
         two directions, are compiled when they are first called. With "all" everything is compiled now, for a machine that
@@ -108,6 +113,10 @@ def generate(
         functions = [name.strip() for name in functions.split(",")]
     elif functions is not None:
         functions = _names(functions)
+    if scalar != SCALARS[0] and target != "c":
+        raise ValueError(f"scalar is {scalar!r}, which the C target has alone; target is {target!r}, and 'c' is needed")
+    if scalar not in SCALARS:
+        raise ValueError(f"scalar is {scalar!r}; allowed are {', '.join(SCALARS)}")
     if layout not in LAYOUTS:
         raise ValueError(f"layout is {layout!r}; allowed are {', '.join(LAYOUTS)}")
     if isinstance(partitions, bool) or partitions not in range(1, len(OTHERS) + 2):
@@ -128,13 +137,14 @@ def generate(
     keep = refuse_foreign(path, force)
 
     from .compiling_ahead import CompilingAhead
+    from .emit.c import C
     from .pipeline import write_solver
 
     with CompilingAhead(path, compile == "all") as ahead:
         try:
             source = write_solver(
                 model, layout, reactions=reactions, progress=progress, functions=functions, frames=frames,
-                printed=ahead.begin if compile and target != "numpy" else None,
+                printed=ahead.begin if compile and target != "numpy" else None, scalar=scalar,
             )  # fmt: skip
         except ModelError as error:
             if origin is None:
@@ -144,7 +154,7 @@ def generate(
         alone = partitions > 1 and source.chosen is None
         if partitions > 1 and not alone:
             with _timed(seconds, "other partitions"):
-                add_others(model, layout, source, partitions, reactions, progress, functions, frames)
+                add_others(model, layout, source, partitions, reactions, progress, functions, frames, scalar)
         progress("writing", 0, 0)
         with _timed(seconds, "write"):
             source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
@@ -158,7 +168,7 @@ def generate(
             passes=[(n, {"additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
                          "functions": o.functions}, s) for n, o, s in source.passes],
             sweep_seconds=source.program.sweep_seconds,
-            warnings=model.warnings, seconds=seconds, loops=source.choice, written=written,
+            agreement=C.scalar(scalar).agreement, warnings=model.warnings, seconds=seconds, loops=source.choice, written=written,
         )  # fmt: skip
         if alone:
             report.remarks.append(
@@ -204,6 +214,7 @@ def add_others(
     progress: Progress = silent,
     functions: Sequence[str] | None = None,
     frames: bool = False,
+    scalar: str = "float64",
 ) -> None:
     """Add the solvers of other partitions, as many as there are, to the files and the manifest of the first."""
     from .loops.alternatives import other_partition
@@ -219,7 +230,7 @@ def add_others(
             return
         known.append(found)
         renamed = dataclasses.replace(model, name=f"{model.name}{suffix}")
-        other = write_solver(renamed, layout, found, reactions, progress, functions, frames)
+        other = write_solver(renamed, layout, found, reactions, progress, functions, frames, scalar=scalar)
         source.files |= other.files
         source.manifest.setdefault("others", []).append(other.manifest)
         source.choice += [f"{word} partition:", *other.choice]
@@ -324,6 +335,9 @@ def check_solver(model: Model, report: Report) -> None:
             except (AssemblyError, SingularJointError) as open_loop:
                 why = f"none of them can be assembled, the last because {open_loop}"
                 continue
+        q, u, inputs = (
+            x.astype(solver.parameters.dtype).astype(float) for x in (q, u, inputs)
+        )  # as the solver reads them
         sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
         seeds: dict[str, Any] = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {
             "dt": rng.normal(size=3)

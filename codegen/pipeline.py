@@ -117,7 +117,7 @@ def write_solver(
         try:
             return _written(model, layout, chosen, reactions, progress, functions, frames, printed, of)
         except UnwritableError as error:
-            raise ModelError([model.problem(error.place, str(error))]) from None
+            raise ModelError([model.problem(error.place, f"{model.name}, {error}")]) from None
 
 
 def _written(

@@ -38,6 +38,8 @@ class Report:
         By stage.
     errors : dict of str to float
         Largest relative errors of the check: of ``udot``, and of its derivatives per direction (``dudot``) if there are any.
+    agreement : float
+        Errors up to which the numbers are right in the scalar type of the solver.
     remarks : list of str
         What was left out, and why.
     loops : list of str
@@ -64,6 +66,7 @@ class Report:
     seconds: dict[str, float] = field(default_factory=dict)
     compiled: bool = False
     errors: dict[str, float] = field(default_factory=dict)
+    agreement: float = 1e-9
     remarks: list[str] = field(default_factory=list)
     loops: list[str] = field(default_factory=list)
     written: bool = True

@@ -398,11 +398,11 @@ def test_the_check_finds_wrong_numbers(model, tmp_path):
     file.write_text(text.replace("9.81", "9.82"))
     renew_digest(file)
     check_solver(model, report)
-    assert report.errors["udot"] > generation.CHECK_TOLERANCE and report.errors["dudot"] > generation.CHECK_TOLERANCE
+    assert report.errors["udot"] > report.agreement and report.errors["dudot"] > report.agreement
     file.write_text(text.replace("9.81", "float('nan')"))
     renew_digest(file)
     check_solver(model, report)
-    assert not report.errors["udot"] <= generation.CHECK_TOLERANCE
+    assert not report.errors["udot"] <= report.agreement
 
 
 def test_the_check_knows_how_large_what_cancels_is(tmp_path):
@@ -414,7 +414,7 @@ bodies:
 forces: {push: {type: force, on: a, value: [980, 0, 98000]}}
 """
     report = generate(parse_model(text), tmp_path / "sheet", "numpy", check=True)
-    assert max(report.errors.values()) < generation.CHECK_TOLERANCE
+    assert max(report.errors.values()) < report.agreement
 
 
 SLIDER = """

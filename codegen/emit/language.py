@@ -175,9 +175,14 @@ class Language(ABC):
         """Where a number of the current row lies."""
 
     def lines_of(
-        self, block: Block, place: Place, culprit: Callable[[str], str] | None = None, each: str = ""
+        self,
+        block: Block,
+        place: Place,
+        culprit: Callable[[str], str] | None = None,
+        each: str = "",
+        about: str = "",
     ) -> list[str]:
-        """Those of `lines`.
+        """Those of `lines`; `about` is what they compute, for messages.
 
         Raises
         ------
@@ -187,7 +192,7 @@ class Language(ABC):
         try:
             return self.lines(block, place, culprit, each)
         except TargetError as error:
-            raise UnwritableError(self.target.name, block.title, error) from None
+            raise UnwritableError(self.target.name, about or block.title, error) from None
 
     # -- names -----------------------------------------------------------------------------------------------------
 

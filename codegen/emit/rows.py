@@ -56,7 +56,7 @@ class RowWriter(SweepWriter):
             return place(column, store, component)
 
         first = len(self.system.links) + len(self.model.loops) + len(self.model.loads)
-        lines = self.lines_of(block, located, lambda margin: f"{first} + {column(0)}")
+        lines = self.lines_of(block, located, lambda margin: f"{first} + {column(0)}", about=about)
         f = Function(about, self.signature(name, lanes, not single), lines, notes(block))
         numbered = any(store is NUMBER for store, _ in block.loads.values())
         if used[0]:

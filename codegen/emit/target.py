@@ -18,11 +18,11 @@ class TargetError(ValueError):
 
 
 class UnwritableError(TargetError):
-    """The same for a model: `place` is the section of its file."""
+    """The same for a model: `place` is the entry of its file, where that is known."""
 
     def __init__(self, target: str, what: str, error: TargetError):
-        super().__init__(f"{what}, target {target}: {error}")
-        self.place = "bodies"
+        super().__init__(f"{what}: {error} (target {target})")
+        self.place = what.partition(" ")[0].rstrip(",")
 
 
 @dataclass(frozen=True, slots=True)

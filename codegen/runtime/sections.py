@@ -33,7 +33,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Reactions": ("reactions", "reaction_sensitivities"),
     "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
     "Loops": ("closure",), "States": (), "Redundancy": ("opening", "dropped"), "Partitions": (),
-    "Precision": (),
+    "Precision": (), "SinglePrecision": ("scalar",),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
 

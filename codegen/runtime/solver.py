@@ -21,6 +21,7 @@ from .standalone.precision import Precision, extended
 from .standalone.prescribed_branches import PrescribedBranches
 from .standalone.reactions import Reactions
 from .standalone.redundancy import Redundancy
+from .standalone.single_precision import SinglePrecision
 from .standalone.statics import Statics
 from .standalone.tree_forces import TreeForces
 from .standalone.weighted_gradients import WeightedGradients
@@ -46,6 +47,7 @@ class Solver(
     Redundancy,
     Partitions,
     Precision,
+    SinglePrecision,
 ):
     __doc__ = Package.__doc__
 

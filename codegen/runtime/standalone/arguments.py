@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Shape, is_finite, once
+from .arrays import Array, Shape, dtype_of, is_finite, once
 
 SMALLEST_QUATERNION = 1e-6
 """A quaternion shorter than this has no direction worth a rotation."""
@@ -49,7 +49,10 @@ class Arguments:
             "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
         }  # fmt: skip
         self.shapes = shapes
-        self.defaults = {"p": np.array(manifest["parameters"], float), "inputs": np.zeros(len(inputs))}
+        numbers = dtype_of(manifest)
+        self.defaults = {"p": np.array(manifest["parameters"], numbers), "inputs": np.zeros(len(inputs), numbers)}
+        if "scalar" in manifest:
+            self.dtype = numbers
         self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
 
     def take(self, given: Mapping[str, Any], left_out: LeftOut) -> tuple[dict[str, Any], Shape]:
@@ -157,7 +160,8 @@ class Arguments:
         try:
             array = np.asarray(value)
             if array.dtype.kind in "biufO":
-                return array.astype(np.float64)
+                with np.errstate(over="ignore"):  # what becomes infinite is refused where it is read
+                    return array.astype(self.dtype)
         except (TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
         raise ValueError(f"{name} holds {array.dtype}, expected real numbers")

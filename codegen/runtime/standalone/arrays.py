@@ -10,12 +10,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+SCALARS = {"float64": "double", "float32": "float"}
+"""What C calls the types of numbers, by those of arrays."""
+
 Indices = NDArray[np.intp]
 Shape = tuple[int, ...]
 Numbers = ArrayLike | Mapping[str, ArrayLike] | None
 """What a caller may give: an array, or some of its entries by name; None for what is left out."""
 Times = ArrayLike
 """The same for the time, of which there is one."""
+
+
+def dtype_of(manifest: Mapping[str, Any]) -> Any:
+    """The type of the numbers of a package."""
+    return np.dtype(manifest.get("scalar", "float64"))
+
 
 FEW = 32
 """So many numbers are looked at one by one in less time than NumPy takes to begin."""

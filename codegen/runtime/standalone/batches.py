@@ -19,14 +19,14 @@ from .functions import Function
 from .warning import warn
 
 ROWS = """
-typedef struct {{ double *at; long step; }} rows;
-typedef struct {{ long count, failed; rows {}; double *work; }} batch;
+typedef struct {{ {0} *at; long step; }} rows;
+typedef struct {{ long count, failed; rows {1}; {0} *work; }} batch;
 """
 """The struct that functions over a batch work on, as the package's header declares it."""
 
 STRIDED = """
-typedef struct {{ double *at; long state, direction, entry; }} strided;
-typedef struct {{ long count, directions, failed; int code, *codes; strided {}; double *work; }} states;
+typedef struct {{ {0} *at; long state, direction, entry; }} strided;
+typedef struct {{ long count, directions, failed; int code, *codes; strided {1}; {0} *work; }} states;
 """
 """That of functions over several states at once."""
 
@@ -159,7 +159,7 @@ class Batches:
             if (f.name, width) not in self._calls:
                 symbol = f"{self._model}_{f.name}" + (f"_{width}" if width else "") + "_batch"
                 if not self._calls:
-                    self._ffi.cdef(ROWS.format(", ".join(self._arrays)), override=True)
+                    self._ffi.cdef(ROWS.format(self._target.real, ", ".join(self._arrays)), override=True)
                 self._ffi.cdef(f"int {symbol}(batch *);", override=True)
                 self._calls[f.name, width] = getattr(self._target.library_of(f.name, width), symbol)
             return self._calls[f.name, width]
@@ -182,7 +182,7 @@ class Batches:
 
     def _opened(self) -> Any:
         """The library of ``NAME_states.c``; False where it cannot be had."""
-        declared = STRIDED.format(", ".join(self._over_states["arrays"]))
+        declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
         return self._apart("states", declared, "states of batches are worked on one after the other")
 
     def _shared(self) -> Any:
@@ -232,7 +232,7 @@ class Batches:
         threads = min(self.threads, count // WORTH_A_THREAD)
         shared: Any = self._shared() if threads > 1 else False
         codes = np.zeros(count, np.intc)
-        work = np.empty(self._over_states["workspace"] * (threads if shared else 1))
+        work = np.empty(self._over_states["workspace"] * (threads if shared else 1), target.dtype)
         b = ffi.new("states *", {"count": count, "directions": k, "work": target.pointer(work)})
         b.codes = ffi.from_buffer("int[]", codes)
         for name, (at, state, direction) in arrays.items():

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Shape
+from .arrays import SCALARS, Array, Shape, dtype_of
 from .batches import Batches, Failed, spoil
 from .build import Build, builds
 from .caller import find_caller
@@ -90,7 +90,10 @@ class CTarget:
         self.workspace: int = manifest["workspace"]
         self.functions = functions
         self.shapes = shapes
-        self.defaults = np.array(manifest["parameters"], float), np.zeros(len(manifest["input_names"]))
+        self.dtype = dtype_of(manifest)
+        self.real = SCALARS[self.dtype.name]
+        """What numbers of the C are called."""
+        self.defaults = np.array(manifest["parameters"], self.dtype), self.zeros(len(manifest["input_names"]))
         self.builds = builds(folder, manifest, sealed)
         parts = manifest.get("libraries", {})
         self._part_of = {f: part for part, x in parts.items() for f in x["functions"]}
@@ -100,7 +103,7 @@ class CTarget:
         self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
         self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
         """What ``x[FEW]`` of ``NAME_calls.c`` points to: whether functions over few directions cannot be had, and these."""
-        self._few_at = self.ffi.cast("double *", self._few)
+        self._few_at = self.ffi.cast(f"{self.real} *", self._few)
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
         self._opening = threading.Lock()
@@ -113,12 +116,12 @@ class CTarget:
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
         self.call = call_by_address if caller is None else caller.ordernm_call
-        self._doubles = self.ffi.typeof("double[]")
+        self._numbers = self.ffi.typeof(f"{self.real}[]")
         self._calls: dict[str, Any] = {}
         self.batches = Batches(weakref.proxy(self), folder, manifest, sealed)
         self._addresses: dict[str, int] = {}
         self._lock = threading.Lock()
-        self._zeros = self.pointer(np.zeros(8))
+        self._zeros = self.pointer(self.zeros(8))
         self._blank = [self.ffi.NULL] * SLOT["default_p"]
         self._default_pointers = [self.pointer(a) for a in self.defaults]
         self.single_calls = SingleCalls(weakref.proxy(self))
@@ -198,9 +201,16 @@ class CTarget:
             self._kept.append(ctypes.CDLL(str(path)))
             return self.ffi.dlopen(self.ffi.cast("void *", self._kept[-1]._handle))
 
+    def zeros(self, shape: int | Shape) -> Array:
+        return np.zeros(shape, self.dtype)
+
+    def plain(self, x: Any) -> Array:
+        """An array as the C reads it."""
+        return np.ascontiguousarray(x, self.dtype)
+
     def pointer(self, x: Array | None) -> Any:
         """Where an array begins; keeps it alive. Nowhere, for a result that is not asked for."""
-        return self.ffi.NULL if x is None else self.ffi.from_buffer(self._doubles, x)
+        return self.ffi.NULL if x is None else self.ffi.from_buffer(self._numbers, x)
 
     def motion_system(self) -> int:
         """The address of what integrators are told of the model, an ``ordernm_system``."""
@@ -239,7 +249,7 @@ class CTarget:
             symbol = f"{self.model}_call_{f.name}"
             library = self.library_of(BESIDE.get(f.name, f.name))
             with self._lock:
-                self.ffi.cdef(f"int {symbol}(double **, long, double, long);", override=True)
+                self.ffi.cdef(f"int {symbol}({self.real} **, long, double, long);", override=True)
                 call = self._calls[f.name] = getattr(library, symbol)
         return call
 
@@ -247,7 +257,7 @@ class CTarget:
         """So many zeros: a seed that was left out."""
         zeros = self._zeros  # another thread may put shorter ones there meanwhile
         if len(zeros) < size:
-            zeros = self._zeros = self.pointer(np.zeros(size))
+            zeros = self._zeros = self.pointer(self.zeros(size))
         return zeros
 
     # -- one state -----------------------------------------------------------------------------------------------------
@@ -255,7 +265,7 @@ class CTarget:
     def pointers(self, given: Mapping[str, Any], work: Any, lanes: Array, results: Sequence[Any]) -> Any:
         """The table of pointers of a call."""
         x = self.ffi.new(
-            "double *[]",
+            f"{self.real} *[]",
             [
                 *self._blank,
                 *self._default_pointers,
@@ -274,10 +284,10 @@ class CTarget:
         self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, results: Sequence[Array]
     ) -> None:
         """Compute the results of one state, directions as rows."""
-        given = {n: a for n, a in arrays.items() if n in SLOT}
-        given |= {s: np.ascontiguousarray(a) for s, a in seeds.items() if s in f.seeds}
+        given = {n: self.plain(a) for n, a in arrays.items() if n in SLOT}
+        given |= {s: self.plain(a) for s, a in seeds.items() if s in f.seeds}
         derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
-        lanes = np.empty((sum(f.seeds.values()) + derived) * max(f.widths, default=0))
+        lanes = np.empty((sum(f.seeds.values()) + derived) * max(f.widths, default=0), self.dtype)
         memory = self.single_calls.take()
         x = self.pointers({n: self.pointer(a) for n, a in given.items()}, memory.work, lanes, results)
         bits = sum(1 << SLOT[n] for n in given)
@@ -308,7 +318,7 @@ class CTarget:
             alone = self.one_state(f.name, [arrays.get(n, 0.0 if n == "t" else None) for n in f.order])
             if alone is not None:
                 return list(alone)
-        results = list(out) or [empty(shape) for shape in f.whole_shapes(batch)]
+        results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch)]
         if batch:
             count = math.prod(batch)
             given = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
@@ -349,7 +359,7 @@ class CTarget:
         `seeds` hold (k, ..., n) with as many batch axes as the batch, ``dt`` (k, ..., 1); missing ones are zero. For `failed` see
         `values`.
         """
-        results = list(out) or [empty(shape) for shape in f.whole_shapes(batch, k)]
+        results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch, k)]
         if not batch:
             self._single(f, arrays, seeds, k, results)
             return results
@@ -374,7 +384,7 @@ class CTarget:
             lanes: list[tuple[Array, Array]] = []
             for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
                 if derived and (width > 1 or start == end):
-                    taken.append(empty((count, math.prod(shape), width)))
+                    taken.append(empty((count, math.prod(shape), width), self.dtype))
                     lanes.append((taken[-1], result[start:end]))
                 else:
                     taken.append(result[start] if derived else result)
@@ -409,29 +419,29 @@ class CTarget:
         """Where an argument begins, and its step from state to state."""
         if scalar:
             if isinstance(x, float):
-                return self.pointer(np.array([x])), 0
-            return self.pointer(np.ascontiguousarray(np.broadcast_to(x, batch))), 1
+                return self.pointer(np.array([x], self.dtype)), 0
+            return self.pointer(self.plain(np.broadcast_to(x, batch))), 1
         if x.ndim == 1:
-            return self.pointer(x), 0
+            return self.pointer(self.plain(x)), 0
         n = x.shape[-1]
-        return self.pointer(np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))), n
+        return self.pointer(self.plain(np.broadcast_to(x, (*batch, n)))), n
 
     def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
         """Where a seed begins, and its steps from state to state and from direction to direction."""
         n = seed.shape[-1]
         if seed.size == len(seed) * n:  # the same for all states
-            return self.pointer(np.ascontiguousarray(seed)), 0, n if len(seed) == k else 0
-        return self.pointer(np.ascontiguousarray(np.broadcast_to(seed, (k, *batch, n)))), n, count * n
+            return self.pointer(self.plain(seed)), 0, n if len(seed) == k else 0
+        return self.pointer(self.plain(np.broadcast_to(seed, (k, *batch, n)))), n, count * n
 
     def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> tuple[Any, int]:
         """Some directions of a seed, direction last, and the step; lanes beyond its end are zero."""
         m, n = len(part), part.shape[-1]
         if part.size == m * n:  # the same for all states
             if width == m == 1:
-                return self.pointer(np.ascontiguousarray(part)), 0
-            lanes = np.zeros((n, width))
+                return self.pointer(self.plain(part)), 0
+            lanes = self.zeros((n, width))
             lanes[:, :m] = part.reshape(m, n).T
             return self.pointer(lanes), 0
-        lanes = np.zeros((count, n, width))
+        lanes = self.zeros((count, n, width))
         lanes[..., :m] = np.moveaxis(np.broadcast_to(part, (m, *batch, n)).reshape(m, count, n), 0, -1)
         return self.pointer(lanes), n * width

@@ -104,6 +104,8 @@ class Diagnosis:
         How far loops are open, in the units of `closure`.
     failure : str
         Why there are no accelerations, or no derivatives; empty as a rule.
+    unit : float
+        Of rounding, of the package's scalar type.
     """
 
     udot: Array
@@ -119,12 +121,13 @@ class Diagnosis:
     distance: float
     gap: float
     failure: str
+    unit: float = UNIT
 
     @property
     def at_work(self) -> Array:
         """Accelerations, (nu,), that the forces at work would give if they did not cancel: what `argument_error` is a unit of
         rounding of, at least those that are left."""
-        return np.fmax(np.abs(self.udot), self.argument_error / UNIT)
+        return np.fmax(np.abs(self.udot), self.argument_error / self.unit)
 
     @property
     def digits(self) -> Array:

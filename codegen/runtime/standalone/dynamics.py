@@ -70,14 +70,19 @@ class Dynamics(Package):
                 )
         arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
         shapes = {f"J_{n}": batch + self._shapes[f"J_{n}"] for n in asked}
-        J = out or jacobians_of({n: empty(shapes[f"J_{n}"]) for n in asked})
+        J = out or jacobians_of({n: empty(shapes[f"J_{n}"], self._arguments.dtype) for n in asked})
         if not f.has_entries():
             return J
-        taken = places([getattr(J, n) for n in asked], [f"J.{n}" for n in asked], list(shapes.values()))
+        taken = places(
+            [getattr(J, n) for n in asked], [f"J.{n}" for n in asked], list(shapes.values()), self._arguments.dtype
+        )
         named = dict(zip(shapes, taken, strict=True))
         # udot, which is computed beside them, has no place
         whole = f.whole_shapes(batch)
-        wanted: list[Any] = [empty(s) if r == "udot" else named.get(r) for r, s in zip(f.results, whole, strict=True)]
+        wanted: list[Any] = [
+            empty(s, self._arguments.dtype) if r == "udot" else named.get(r)
+            for r, s in zip(f.results, whole, strict=True)
+        ]
         if out is not None and overlap(taken, arrays):
             put(opened.target.values(f, arrays, batch), wanted)
         else:

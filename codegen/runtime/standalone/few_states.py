@@ -15,15 +15,15 @@ import numpy as np
 from .arrays import Array
 from .functions import Function, Wanted
 from .results import empty, put
-from .single_calls import ARRAY, DOUBLE, LISTS, SLOT, CallMemory, PreparedCall, SingleCalls, fits
+from .single_calls import ARRAY, LISTS, SLOT, CallMemory, PreparedCall, SingleCalls, fits
 
 FEW, FEW_ALONG = 96, 32
 """States; with more, a large batch takes less time, along directions sooner."""
 
-MOVED = "typedef struct { double *at, *of; long size, rows, state, row, result; } moved;"
+MOVED = "typedef struct {{ {0} *at, *of; long size, rows, state, row, result; }} moved;"
 """What goes from states to a call, or from a call to results, as ``NAME_calls.c`` declares it."""
 
-EACH = "int {}_call_each(void *, double **, long, double *, long, long, long, moved *, long);"
+EACH = "int {}_call_each(void *, {} **, long, double *, long, long, long, moved *, long);"
 
 Moved = tuple[Any, Any, int, int, int, int, int]
 
@@ -83,7 +83,7 @@ class FewStates:
             bits |= self._directions(call, n, seeds, moved, kept)
         t = given[4]
         several = type(t) is ARRAY and t.shape == (n,)
-        times = np.ascontiguousarray(t, DOUBLE) if several else np.array([float(t)])
+        times = np.ascontiguousarray(t, np.float64) if several else np.array([float(t)])
         f = call.f
         found = []
         for r, x in zip(call.returned, call.results, strict=True):
@@ -91,7 +91,7 @@ class FewStates:
             along = f.derived[i] if i >= 0 else seeds is not None
             shape = x.shape[1:] if along else x.shape
             size, rows = math.prod(shape), len(x) if along else 1
-            found.append(empty((rows, n, *shape) if along else (n, *shape)))
+            found.append(empty((rows, n, *shape) if along else (n, *shape), self.target.dtype))
             if i < 0:
                 found[-1][...] = 0.0
                 continue
@@ -103,7 +103,17 @@ class FewStates:
             return None
         each, function = self._function(f)
         moves = self.target.ffi.new("moved[]", moved)
-        if each(function, call.x, bits, self.target.pointer(times), int(several), call.k, n, moves, len(moved)):
+        if each(
+            function,
+            call.x,
+            bits,
+            self.target.ffi.from_buffer("double[]", times),
+            int(several),
+            call.k,
+            n,
+            moves,
+            len(moved),
+        ):
             return None
         return tuple(found) if out is None else put(found, out)
 
@@ -122,7 +132,7 @@ class FewStates:
             else:
                 bits |= 1 << SLOT[name]
             size = len(memory.arguments[name])
-            if type(x) is not ARRAY or x.dtype != DOUBLE:
+            if type(x) is not ARRAY or x.dtype != self.target.dtype:
                 raise TypeError
             if x.shape == (n, size):
                 kept.append(np.ascontiguousarray(x))
@@ -144,7 +154,7 @@ class FewStates:
         for s, (bit, _, rows, shape), x in zip(call.f.directions, call.seeds, seeds, strict=True):
             if x is None:
                 continue
-            if type(x) is not ARRAY or x.dtype != DOUBLE or len(x) != k:
+            if type(x) is not ARRAY or x.dtype != self.target.dtype or len(x) != k:
                 raise TypeError
             bits |= bit
             if x.shape == shape:
@@ -167,8 +177,8 @@ class FewStates:
             ffi, target = self.target.ffi, self.target
             with self.declaring:
                 if not self.declared:
-                    ffi.cdef(MOVED)
-                    ffi.cdef(EACH.format(target.model))
+                    ffi.cdef(MOVED.format(target.real))
+                    ffi.cdef(EACH.format(target.model, target.real))
                 each = getattr(target.library_of(f.name), f"{target.model}_call_each")
                 self.declared[f.name] = each, ffi.cast("void *", target.function(f))
         return self.declared[f.name]

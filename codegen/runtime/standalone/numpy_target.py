@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Shape, of_state
+from .arrays import Array, Shape, dtype_of, of_state
 from .errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
 from .functions import Function, Wanted
 from .results import put
@@ -22,6 +22,7 @@ class NumpyTarget:
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
         self.threads = 1
+        self.dtype = dtype_of(manifest)
         self.couplings = frozenset(manifest.get("couplings", ()))
         self.singular_forces = dict(singular_forces(manifest))
         module = f"{manifest['name']}_numpy"
@@ -91,7 +92,7 @@ class NumpyTarget:
         failed: dict[int, SingularJointError],
     ) -> list[Array]:
         """Each state of a batch alone: some of them cannot be computed."""
-        results = list(out) or [np.full(shape, np.nan) for shape in f.whole_shapes(batch, k)]
+        results = list(out) or [np.full(shape, np.nan, self.dtype) for shape in f.whole_shapes(batch, k)]
         for number, at in enumerate(np.ndindex(*batch)):
             alone = {
                 n: float(np.broadcast_to(a, batch)[at]) if n == "t" else of_state(a, batch, at, 0)
@@ -121,7 +122,7 @@ class NumpyTarget:
         return self._call(f, [*(arrays[a] for a in f.arguments), *given], f.whole_shapes(batch, k), out)
 
     def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Array]:
-        found = [np.asarray(r, np.float64) for r in self._results(f, arguments)]
+        found = [np.asarray(r, self.dtype) for r in self._results(f, arguments)]
         return put([_full(r, s, shape) for r, s, shape in zip(found, f.shapes, shapes, strict=True)], out)
 
     def _results(self, f: Function, arguments: list[Any]) -> Any:

@@ -62,7 +62,7 @@ class Package:
 
     def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
         self.folder = Path(folder).absolute()
-        self._manifest = manifest = read_manifest(self.folder)
+        self._manifest = manifest = self._read()
         self.name: str = manifest["name"]
         self.coordinate_names: tuple[str, ...] = tuple(manifest["coordinate_names"])
         self.speed_names: tuple[str, ...] = tuple(manifest["speed_names"])
@@ -83,6 +83,9 @@ class Package:
         self._compiled: dict[int, CTarget] = {}
         self._making = threading.Lock()
         self._use(self._open(0))
+
+    def _read(self) -> dict[str, Any]:
+        return read_manifest(self.folder)
 
     def _open(self, partition: int) -> Opened:
         """A partition, opened when first asked for."""
@@ -263,7 +266,7 @@ class Package:
         opened = self._opened
         f = self._find(opened, name)
         arrays, batch, bad = self._taken(f, given)
-        taken = [] if out is None else places([out], f.results, f.whole_shapes(batch))
+        taken = [] if out is None else places([out], f.results, f.whole_shapes(batch), self._arguments.dtype)
         return self._compute(opened, f, arrays, batch, {}, 0, taken, bad)
 
     def _along(self, name: str, given: Sequence[Any], seeds: Sequence[Any], out: Any = None) -> Any:
@@ -279,7 +282,7 @@ class Package:
         along = dict(zip(f.directions, seeds, strict=True))
         of, (directions, k, batch) = batch, take_directions(self._arguments, along, arrays, batch)
         bad = bad if batch == of else spread(bad, of, batch)
-        taken = [] if out is None else places(out, f.results, f.whole_shapes(batch, k))
+        taken = [] if out is None else places(out, f.results, f.whole_shapes(batch, k), self._arguments.dtype)
         return tuple(self._compute(opened, f, arrays, batch, directions, k, taken, bad))
 
     def _taken(self, f: Function, values: Sequence[Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
@@ -302,7 +305,7 @@ class Package:
     ) -> list[Array]:
         """Results for arguments that have been checked, told where they are not finite; NaN for states that are bad."""
         if not f.has_entries():
-            return taken or [empty(shape) for shape in f.whole_shapes(batch, k)]
+            return taken or [empty(shape, self._arguments.dtype) for shape in f.whole_shapes(batch, k)]
         # results that would be written over what is read are moved in the end
         place: list[Array] = [] if overlap(taken, {**arrays, **seeds}) else taken
         failed: dict[int, SingularJointError] | None = {} if batch and self._bad_states == "nan" else None

@@ -12,7 +12,7 @@ import numpy as np
 from .arrays import Array, Shape
 
 
-def empty(shape: Shape) -> Array:
+def empty(shape: Shape, dtype: Any = np.float64) -> Array:
     """Room for results.
 
     Raises
@@ -21,7 +21,7 @@ def empty(shape: Shape) -> Array:
         Says how much was asked for.
     """
     try:
-        return np.empty(shape)
+        return np.empty(shape, dtype)
     except (MemoryError, ValueError):
         size = math.prod(shape) * 8 / 2**30
         raise MemoryError(
@@ -29,15 +29,15 @@ def empty(shape: Shape) -> Array:
         ) from None
 
 
-def places(out: Any, names: Sequence[str], shapes: Sequence[Shape]) -> list[Array]:
+def places(out: Any, names: Sequence[str], shapes: Sequence[Shape], dtype: Any = np.float64) -> list[Array]:
     """The arrays of ``out=``, checked."""
     if not isinstance(out, (tuple, list)) or len(out) != len(names):
         raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
     for name, x, shape in zip(names, out, shapes, strict=True):
-        wanted = f"expected a writeable C-contiguous array of float64 of shape {shape}"
+        wanted = f"expected a writeable C-contiguous array of {np.dtype(dtype)} of shape {shape}"
         if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # whose mask would stay as it is
             raise ValueError(f"out ({name}) is {type(x).__name__}, {wanted}")
-        if x.dtype != np.float64 or x.shape != shape:
+        if x.dtype != dtype or x.shape != shape:
             raise ValueError(f"out ({name}) holds {x.dtype} and has shape {x.shape}, {wanted}")
         if not x.flags.carray:
             raise ValueError(f"out ({name}) is read-only, not contiguous or not aligned, {wanted}")

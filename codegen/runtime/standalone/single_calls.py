@@ -19,8 +19,6 @@ from .results import overlapping
 LARGEST = 2**15
 """Numbers of all seeds and results of a call; above this size the C reads and writes the arrays themselves."""
 
-DOUBLE = np.dtype(np.float64)
-
 SELECTIVE = ("jacobians",)
 """Functions that leave out results with no place to go, but for the first."""
 
@@ -60,8 +58,8 @@ class CallMemory(dict[Any, "PreparedCall"]):
     def __init__(self, target: Any):
         super().__init__()
         self.target = target
-        self.work = target.pointer(np.empty(target.workspace))
-        arrays = {n: np.zeros(target.shapes[n]) for n in ARGUMENTS}
+        self.work = target.pointer(np.empty(target.workspace, target.dtype))
+        arrays = {n: target.zeros(target.shapes[n]) for n in ARGUMENTS}
         self.arguments: dict[str, Any] = {n: x.data for n, x in arrays.items()}
         self.pointers = {n: target.pointer(x) for n, x in arrays.items()}
         self.q, self.u, self.p, self.inputs = (self.arguments[n] for n in ("q", "u", "p", "inputs"))
@@ -116,6 +114,7 @@ class PreparedCall:
     __slots__ = (
         "call",
         "capacity",
+        "dtype",
         "extra",
         "f",
         "fitting",
@@ -139,7 +138,7 @@ class PreparedCall:
         target = memory.target
         self.f, self.returned, self.pointer, self.call = f, wanted.returned, target.pointer, target.call
         self.function = target.address(f)
-        self.shapes = target.shapes
+        self.shapes, self.dtype = target.shapes, target.dtype
         self.needed = sum(1 << SLOT[n] for n in f.takes if n not in ("p", "inputs", "t"))
         self.extra: tuple[int, Any] = (
             1 << SLOT[f.order[-1]] if len(f.order) > 5 else 0,
@@ -148,10 +147,11 @@ class PreparedCall:
         derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
         self.per_direction = sum(f.seeds.values()) + derived
         self.k, self.capacity = 0, -1
-        lanes = np.empty(self.per_direction * max(f.widths, default=0))
+        lanes = np.empty(self.per_direction * max(f.widths, default=0), target.dtype)
         self.x = target.pointers(memory.pointers, memory.work, lanes, [None] * len(f.results))
-        self.x[SLOT["points"]] = target.pointer(wanted.table)
-        self.kept = memory.pointers, lanes, wanted
+        table = None if wanted.table is None else wanted.table.astype(target.dtype, copy=False)
+        self.x[SLOT["points"]] = target.pointer(table)
+        self.kept = memory.pointers, lanes, table
         self.rows: dict[str, Array] = {}
         self.places: dict[str, Array | None] = {}
         self.fit(0)
@@ -165,14 +165,14 @@ class PreparedCall:
             self.capacity = max(k, 8) if f.seeds else 0
             for i, (r, shape) in enumerate(zip(f.results, f.whole_shapes((), self.capacity), strict=True)):
                 computed = not i or r in self.returned or f.name not in SELECTIVE
-                self.places[r] = np.empty(shape) if computed else None
+                self.places[r] = np.empty(shape, self.dtype) if computed else None
                 self.x[SLOT["results"] + i] = self.pointer(self.places[r])
             for r in self.returned:
                 if r not in f.results:
                     shape = self.shapes[r.removeprefix("d")]
-                    self.places[r] = np.zeros((self.capacity, *shape) if f.seeds else shape)
+                    self.places[r] = np.zeros((self.capacity, *shape) if f.seeds else shape, self.dtype)
             for s in f.directions:
-                self.rows[s] = np.zeros((self.capacity, math.prod(self.shapes[s[1:]])))
+                self.rows[s] = np.zeros((self.capacity, math.prod(self.shapes[s[1:]])), self.dtype)
                 self.x[SLOT[s]] = self.pointer(self.rows[s])
         self.k = k
         self.seeds: list[tuple[int, Any, Array, Shape]] = []
@@ -221,7 +221,7 @@ class PreparedCall:
                     if shape != (1,) or not isinstance(x, float):
                         raise ValueError
                     rows[0] = x
-                elif x.shape == shape and x.dtype is DOUBLE:
+                elif x.shape == shape and x.dtype is self.dtype:
                     rows[...] = x
                 elif k == 1:
                     row[:] = x
@@ -358,6 +358,6 @@ def fits(out: Sequence[Any], results: Sequence[Array]) -> bool:
     if len(out) != len(results):
         return False
     for x, result in zip(out, results, strict=True):
-        if type(x) is not ARRAY or x.dtype != DOUBLE or x.shape != result.shape or not x.flags.carray:
+        if type(x) is not ARRAY or x.dtype != result.dtype or x.shape != result.shape or not x.flags.carray:
             return False
     return not overlapping(out)

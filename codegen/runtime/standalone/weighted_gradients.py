@@ -131,4 +131,9 @@ class WeightedGradients(States):
 
     def _filled(self, found: Mapping[str, Array], k: int, batch: tuple[int, ...]) -> Gradients:
         """Gradients, zero with respect to what a function does not depend on."""
-        return Gradients(*(found[d] if d in found else np.zeros((k, *batch, *self._shapes[d[1:]])) for d in ALONG))
+        return Gradients(
+            *(
+                found[d] if d in found else np.zeros((k, *batch, *self._shapes[d[1:]]), self._arguments.dtype)
+                for d in ALONG
+            )
+        )
