@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -211,6 +212,28 @@ def test_statements_are_of_one_algebra():
         if any(name.split(".")[0] == "sympy" for name in names):
             found[path.relative_to(PACKAGE).as_posix()] = len(names)
     assert set(found) == {"mechanics/elements/along_line.py", "program/expressions.py"}
+
+
+DECLARED_AS = {"pydantic_core": "pydantic", "yaml": "PyYAML", "pinocchio": "pin"}
+"""What a package is called where it is installed from, by the name that is imported."""
+
+
+def test_everything_that_is_imported_is_declared():
+    """A package that comes only because another one needs it may be missing one day."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*project["dependencies"], *(d for extra in project["optional-dependencies"].values() for d in extra)]
+    declared = {re.split(r"[<>=,;\[ ]", d)[0] for d in wanted}
+    core = {re.split(r"[<>=,;\[ ]", d)[0] for d in project["dependencies"]}
+    missing = []
+    for path in MODULES:
+        source = path.read_text(encoding="utf-8")
+        inner = lines_of_functions(source)
+        for line, name in imports(source, path):
+            package = name.split(".")[0]
+            if package not in sys.stdlib_module_names | {"codegen", "ordernm"}:
+                known = declared if line in inner else core
+                missing += [f"{_name(path)}:{line}: {package}"] * (DECLARED_AS.get(package, package) not in known)
+    assert not missing
 
 
 def test_nothing_is_called_utils():

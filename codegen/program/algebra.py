@@ -17,13 +17,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, TypeVar
+from weakref import WeakValueDictionary
 
 import mpmath
 
 Real = int | Fraction | float
 """What a number is: whole, a fraction, or a double; with more digits an ``mpmath.mpf`` in the place of the last."""
 
+T = TypeVar("T")
 _SYMBOL, _POWER, _PRODUCT, _SUM, _FUNCTION = range(13, 18)
 
 
@@ -98,7 +100,7 @@ class Expr:
 class Symbol(Expr):
     """A name; there is one symbol of each."""
 
-    __slots__ = ("name",)
+    __slots__ = ("__weakref__", "name")
     is_Symbol = True
     name: str
 
@@ -108,7 +110,8 @@ class Symbol(Expr):
             found = object.__new__(cls)
             found.name, found.args, found.key = name, (), (_SYMBOL, "", 0, name)
             found.free_symbols = frozenset((found,))
-            found = _symbols.setdefault(name, found)
+            with _changing:
+                found = _symbols.setdefault(name, found)
         return found
 
     def xreplace(self, rule: Mapping[Symbol, Expr]) -> Expr:
@@ -119,11 +122,16 @@ class Symbol(Expr):
 
 
 class Number(Expr):
-    """A number. Doubles that are whole are the whole numbers."""
+    """A number. Doubles that are whole are the whole numbers.
 
-    __slots__ = ("value",)
+    It equals plain numbers of its value, and hashes like them. Two numbers of one kind and value are the same object. A double
+    and a fraction of one value are two numbers, for sums of them round differently.
+    """
+
+    __slots__ = ("hash", "value")
     is_Number = True
     value: Real
+    hash: int
 
     def __new__(cls, value: object) -> Number:
         number = value if type(value) is int else _plain(value)
@@ -132,7 +140,7 @@ class Number(Expr):
         if found is None:
             found = object.__new__(cls)
             found.value, found.args, found.free_symbols = number, (), _NONE
-            found.key = _number_key(number)
+            found.key, found.hash = _number_key(number), hash(number)
             found = _numbers.setdefault(entry, found)
         return found
 
@@ -150,10 +158,11 @@ class Number(Expr):
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, Number):
-            return self is other or self.value == other.value
+            return self is other
         return self.value == other if isinstance(other, (int, float, Fraction, mpmath.mpf)) else NotImplemented
 
-    __hash__ = object.__hash__
+    def __hash__(self) -> int:
+        return self.hash
 
     def __float__(self) -> float:
         return float(self.value)
@@ -262,11 +271,26 @@ MEANINGS: dict[str, Meaning] = {}
 """Functions by their names; `functions` has them."""
 
 _NONE: frozenset[Symbol] = frozenset()
-_symbols: dict[str, Symbol] = {}
+_symbols: WeakValueDictionary[str, Symbol] = WeakValueDictionary()
 _numbers: dict[tuple[type, object], Number] = {}
 _made: dict[tuple[object, ...], Expr] = {}
 """Sums, products, powers and functions by what they are of; and what sums and products of some operands have come to."""
+_remembered: list[Callable[[], None]] = []
 _users, _changing = 0, threading.Lock()
+
+
+def remembered(f: Callable[[Expr], T]) -> Callable[[Expr], T]:
+    """A function of an expression that computes each value once, while expressions are kept."""
+    known: dict[Expr, T] = {}
+    _remembered.append(known.clear)
+
+    def of(e: Expr) -> T:
+        found = known.get(e)
+        if found is None:
+            found = known[e] = f(e)
+        return found
+
+    return of
 
 
 @contextmanager
@@ -281,7 +305,8 @@ def expressions_kept() -> Iterator[None]:
         with _changing:
             _users -= 1
             if not _users:
-                _made.clear()
+                for clear in (_made.clear, *_remembered):
+                    clear()
                 _numbers.clear()
                 _numbers.update({(type(n.value), n.value): n for n in _COMMON})
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 from . import algebra
 from .block import Block
@@ -41,7 +40,7 @@ class Operations:
         return Operations(self.additions * n, self.multiplications * n, self.divisions * n, self.functions * n)
 
 
-@lru_cache(maxsize=1 << 17)
+@algebra.remembered
 def count_expression(e: Expr) -> Operations:
     """Operations of one right side, as the printers write it. Signs are free."""
     if e.is_Symbol or e.is_Number:

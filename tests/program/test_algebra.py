@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import random
+import weakref
 from collections.abc import Callable
 from fractions import Fraction
 
@@ -11,6 +13,7 @@ import sympy
 
 from codegen.program import algebra
 from codegen.program.algebra import Expr, Number, Pow, Symbol, expressions_kept
+from codegen.program.operations import count_expression
 
 NAMES = ("a", "b", "c", "d_1", "d_10", "W")
 
@@ -79,3 +82,31 @@ def test_what_is_no_expression_is_refused() -> None:
         Symbol("a") + "b"
     with pytest.raises(TypeError, match="exponents are numbers"):
         Symbol("a") ** Symbol("b")
+
+
+@pytest.mark.parametrize("value", [0, 1, -3, 2**60, 0.5, -1e300, Fraction(1, 3), Fraction(1, 2), float("inf")])
+def test_equal_numbers_hash_alike(value: float | Fraction) -> None:
+    number = Number(value)
+    assert number == value and hash(number) == hash(value)
+    assert {number: 1}[value] == 1 and {value: 1}[number] == 1  # type: ignore[index]
+    others = [Number(v) for v in (0, 1, -3, 2**60, 0.5, -1e300, Fraction(1, 3), Fraction(1, 2), float("inf"))]
+    assert all(hash(number) == hash(other) for other in others if number == other)
+
+
+def test_nothing_is_kept_of_expressions_that_nobody_uses() -> None:
+    gc.collect()
+    before = set(algebra._symbols)
+    with expressions_kept():
+        e = Symbol("only_here") * 2 + Symbol("and_here") ** 3
+        assert count_expression(e).multiplications == 3
+        assert {"only_here", "and_here"} <= set(algebra._symbols)
+        of_one = weakref.ref(Symbol("only_here"))
+        del e
+    gc.collect()
+    assert of_one() is None and set(algebra._symbols) <= before and not algebra._made
+
+
+def test_a_symbol_is_the_same_while_it_is_used() -> None:
+    a = Symbol("used")
+    gc.collect()
+    assert Symbol("used") is a
