@@ -319,3 +319,29 @@ def test_the_check_sees_forbidden_calls_and_paths():
         assert all(MACHINE_PATH.search(text.format(d)) for d in ("work", "home", "root", "Users"))
     for text in ("frame/{}s", "a/{}", "../{}", "/{}bench", "https://x.org/{}/a", "{{base}}/{}"):
         assert not any(MACHINE_PATH.search(text.format(d)) for d in ("work", "home", "root", "Users")), text
+
+
+def test_files_of_the_integrator_call_lower_rows_only() -> None:
+    """The rows are in the first comment of `inside.h`; every file is in one, and none calls its own row or a higher one."""
+    folder = PACKAGE / "runtime" / "motion"
+    sources = {f.stem: re.sub(r"/\*.*?\*/", "", f.read_text(), flags=re.S) for f in folder.glob("*.c")}
+    drawn = re.findall(r"^ \*     ([a-z_]+(?:, [a-z_]+)*)  ", (folder / "inside.h").read_text(), flags=re.M)
+    row = {name: i for i, names in enumerate(drawn) for name in names.split(", ")}
+    assert sorted(row) == sorted(sources)
+    home = {
+        symbol: name
+        for name, text in sources.items()
+        for symbol in re.findall(
+            r"^(?:const method |[a-z][\w *]*[ *])(ordernm_\w+)(?: = |\([^;{]*\)\s*\{)", text, flags=re.M
+        )
+    }
+    assert len(home) > 100
+    upward = {
+        f"{name} calls {symbol} of {home[symbol]}"
+        for name, text in sources.items()
+        for symbol in set(re.findall(r"\bordernm_\w+", text)) & home.keys()
+        if home[symbol] != name and row[home[symbol]] <= row[name]
+    }
+    assert not upward, sorted(upward)
+    for name, text in sources.items():
+        assert text.count("\n") < 500, name

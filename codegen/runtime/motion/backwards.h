@@ -42,13 +42,23 @@ static inline void ordernm_accumulate(double *to, double factor, const double *o
     for (long i = 0; i < n; ++i) to[i] += factor*of[i];
 }
 
-/* backwards.c; each returns what a function returned */
+/* transposes.c; each returns what a function returned */
 int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
 int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
 int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu);
 int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed,
     int timed);
-int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row);
 int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z);
+int ordernm_sample_behind(ordernm_adjoint *a);
+int ordernm_completion_transposed(ordernm_adjoint *a, int n, double *lambda);
+
+/* switches_backwards.c */
+int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row);
+
+/* explicit_backwards.c, radau_backwards.c, radau.c */
+int ordernm_explicit_backwards(ordernm_adjoint *a, const double *row);
+int ordernm_explicit_replay(ordernm_motion *m, int first, double *row);
+int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
+int ordernm_radau_replay(ordernm_motion *m, const double *known, double *row);
 
 #endif

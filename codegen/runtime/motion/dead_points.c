@@ -86,15 +86,6 @@ static const double FINE = 2e-3;
  * they grow by at a dead point, where it is the quotient of the distances. */
 static const double FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
 
-/* What loops are by their condition at a stage of a step, or at its end. */
-void ordernm_note_condition(ordernm_motion *m, int stage, int status)
-{
-    const int n = m->system->nloops;
-    m->conditions[stage] = status ? LOST : m->results->condition_here;
-    if (m->identity) return;
-    for (int i = 0; i < n; ++i) m->ranks[stage*n + i] = status ? 0.0 : 1.0/m->condition[i];
-}
-
 /* The first interval from `from` on, of those between n times, in which a loop may lose rank, by how inverse conditions at the times change from
  * one to the next: smooth functions but for their sign. The number of intervals if there is none. */
 static int suspicious(const ordernm_motion *m, int n, const double *t, const double *const *rank, int from)

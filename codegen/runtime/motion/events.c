@@ -18,12 +18,6 @@ static const double TOUCHING = 1e-12;
 /* Beside a pose where a loop loses rank, in parts of the step. */
 static const double CUT_BEHIND = 0.1;
 
-long ordernm_event_size(const ordernm_problem *p)
-{
-    const ordernm_system *const s = p->system;
-    return ordernm_row_size(p) + s->nq + s->nu + s->noutputs + p->ndirections + 1;
-}
-
 /* Outputs at a state, less the levels of events. Returns what a function returned. */
 int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g)
 {

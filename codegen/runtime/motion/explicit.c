@@ -8,53 +8,6 @@
 
 #include <string.h>
 
-/* Vectors of the width that the machine works on at once, some of them to a cache line. */
-#if defined(__GNUC__) && defined(__AVX512F__)
-enum { WIDE = 8 };
-#elif defined(__GNUC__) && defined(__AVX__)
-enum { WIDE = 4 };
-#elif defined(__GNUC__)
-enum { WIDE = 2 };
-#else
-enum { WIDE = 1 };
-#endif
-#ifdef __GNUC__
-typedef double vector __attribute__((vector_size(8*WIDE), aligned(8*WIDE), may_alias));
-#else
-typedef double vector;
-#endif
-
-/* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. Four vectors at a time, each with a name of
- * its own: sums in arrays would go through memory at -O2. */
-void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
-    double *const *rate)
-{
-    double by[MOST_STAGES];
-    for (int j = 0; j < count; ++j) by[j] = h*factor[j];
-    long i = 0;
-    for (; i + 4*WIDE <= n; i += 4*WIDE) {
-        const vector *const from = (const vector *)(z + i);
-        vector *const to = (vector *)(out + i);
-        vector first = from[0], second = from[1], third = from[2], fourth = from[3];
-        for (int j = 0; j < count; ++j) {
-            const vector *const of = (const vector *)(rate[which[j]] + i);
-            first += by[j]*of[0];
-            second += by[j]*of[1];
-            third += by[j]*of[2];
-            fourth += by[j]*of[3];
-        }
-        to[0] = first;
-        to[1] = second;
-        to[2] = third;
-        to[3] = fourth;
-    }
-    for (; i < n; i += WIDE) {
-        vector sum = *(const vector *)(z + i);
-        for (int j = 0; j < count; ++j) sum += by[j]**(const vector *)(rate[which[j]] + i);
-        *(vector *)(out + i) = sum;
-    }
-}
-
 static void stage(ordernm_motion *m, const row *r, double h, double *z)
 {
     ordernm_combine(m->size, z, m->z, h, r->count, r->which, r->factor, m->rate);
@@ -136,8 +89,8 @@ static void dop853_interpolate(ordernm_motion *m, double h, double theta, double
     ordernm_combine(m->size, z, m->z, h, 16, every, w, m->rate);
 }
 
-const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
-    dop853_weights, 0, 0.4667, keep, ordernm_explicit_replay, ordernm_explicit_backwards};
+const method ordernm_dop853 = {DOP853_STAGES, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
+    dop853_weights, 0, 0.4667, keep};
 
 /* ---- The classical method of order 4. ---- */
 
@@ -177,5 +130,4 @@ static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep,
-    ordernm_explicit_replay, ordernm_explicit_backwards};
+const method ordernm_rk4 = {RK4_STAGES, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep};

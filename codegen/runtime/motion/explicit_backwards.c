@@ -111,9 +111,8 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
     return 0;
 }
 
-int ordernm_explicit_replay(ordernm_motion *m, const double *known, int first, double *step)
+int ordernm_explicit_replay(ordernm_motion *m, int first, double *step)
 {
-    (void)known;
     if (first) {
         first_rate(m, step);
         m->precise_stages = (unsigned)step[2];

@@ -1,4 +1,15 @@
-/* What the files of motion share: how the state lies in memory, and what is done with one state.
+/* What the files of motion share: how the state lies in memory, and what they do for each other.
+ *
+ * A file calls files of lower rows only; tests/test_layers.py reads the rows:
+ *
+ *     control, backwards                                   a motion step by step; its adjoint
+ *     room, explicit_backwards, radau_backwards, switches_backwards     memory and the beginning; one step, and switches, backwards
+ *     steps, step_sizes, events, results, transposes       between steps; how long; events in them; what is kept; a state backwards
+ *     explicit, radau, passing                             one step; over a switch
+ *     radau_sensitivities, switches, poses, dead_points    its derivatives; modes; where loops lose rank
+ *     radau_equations, report                              its equations; a row of results
+ *     state, linear, errors, extremes                      one state with its loops closed; factors; norms; where outputs turn
+ *     inputs, sizes, sums                                  splines; how long rows are; sums of rates
  *
  * What is integrated is one array z of `size` doubles: the independent coordinates and speeds, integrals of outputs, predictions
  * of the dependent coordinates, then for each group of directions the derivatives of the first three quarters of these, with the
@@ -68,10 +79,7 @@ typedef struct {
     void (*weights)(double theta, double *factor); /* of all rates, at t + theta h */
     int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
     double gap;               /* the place in a step that is farthest from all stages; 0: conditions of stages are not kept */
-    /* the way back: rows of steps, behind their states; a step made again; the adjoint before it from that behind it */
-    void (*keep)(const ordernm_motion *m, double *row);
-    int (*replay)(ordernm_motion *m, const double *known, int first, double *row);
-    int (*backwards)(ordernm_adjoint *a, const double *row);
+    void (*keep)(const ordernm_motion *m, double *row); /* what the way back needs of a step: its row, behind the state */
 } method;
 
 /* A function of a system, as it is to be called at the state whose loops were closed last. */
@@ -151,6 +159,7 @@ struct ordernm_motion {
     double t, h;
     long segment;             /* of the inputs' spline in this step */
     long sampled;             /* of the times that results are wanted at */
+    int stopped;              /* at an event */
     int begun, adaptive, rejected_before, complete;
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     double *part;             /* [nevents] of the step, at which an event happens */
@@ -183,7 +192,7 @@ struct ordernm_motion {
     int ntogether, *together; /* switches that have been passed at one time, in this order ... */
     int together_jump;        /* ... with a jump of rates ... */
     double together_since, *z_before, *modes_before, *switches_kept; /* ... since when, from which state and modes; room for modes */
-    double *lost;             /* [ngroups][LANES] not 0: there is no derivative along the direction any more */
+    double *lost;             /* [ngroups][LANES] NaN: there is no derivative along the direction any more; else 0 */
     double turning;           /* the longest step in which no angle that jumps at half a turn leaves its mode by so much; 0 for any */
     int switched;             /* modes have changed between the step before and this one */
     long head;                /* numbers of a row of steps before the state */
@@ -204,49 +213,60 @@ static const double ORDER_MATTERS = 1e-6;
 
 enum { SLIDES = -1000 };      /* beside what functions return: a switch is pushed back to from both sides */
 
-/* state.c */
+/* sums.c */
+void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
+    double *const *rate);
+int ordernm_all_finite(const double *x, long n);
+
+/* sizes.c; those of rows are in motion.h */
+enum { RK4_STAGES = 4, DOP853_STAGES = 12, RADAU_STAGES = 3 };
+int ordernm_kind(const ordernm_problem *p);
+static inline long ordernm_whole_lines(long n) { return (n + 7)/8*8; }
+
+/* inputs.c */
+enum { ORDERNM_ORDERS = 3 };  /* of time derivatives of inputs: the value, the rate, the acceleration */
+static inline int ordernm_signals(const ordernm_system *s) { return s->ninputs - 2*s->nmoving; }
+void ordernm_find_segment(ordernm_motion *m, double t, double h);
+double ordernm_next_knot(const ordernm_motion *m, double t);
+long ordernm_input_weights(const ordernm_motion *m, double t, double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1]);
+int ordernm_signal_of(const ordernm_system *s, int input, int *order);
 void ordernm_input_rates(ordernm_motion *m, double t, double *rates);
-void ordernm_seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c);
+const double *ordernm_inputs_at(ordernm_motion *m, double t);
+double *ordernm_input_directions(ordernm_motion *m, double t, const group *g);
+
+/* state.c */
 enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4, PRECISE = 8 }; /* of the state; of integrals; loops are known to be closed, and poor */
+void ordernm_normalise(double *e, double *de, int width);
+void ordernm_expand(ordernm_motion *m, const double *z);
+void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_call *c);
+void ordernm_seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c);
+int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
 int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate);
-void ordernm_expand(ordernm_motion *m, const double *z);
-void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_call *c);
-int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
-enum { ORDERNM_ORDERS = 3 };  /* of time derivatives of inputs: the value, the rate, the acceleration */
-static inline int ordernm_signals(const ordernm_system *s) { return s->ninputs - 2*s->nmoving; }
-long ordernm_input_weights(const ordernm_motion *m, double t, double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1]);
-int ordernm_signal_of(const ordernm_system *s, int input, int *order);
-void ordernm_keep_stage(ordernm_motion *m, int stage);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
 int ordernm_along_time(ordernm_motion *m, double t, const double *z, const double *rate, ordernm_call *c);
+void ordernm_note_condition(ordernm_motion *m, int stage, int status);
+
+/* report.c */
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);
 int ordernm_report_rates(ordernm_motion *m, double t, const double *z, double *rates);
-void ordernm_find_segment(ordernm_motion *m, double t, double h);
-double ordernm_next_knot(const ordernm_motion *m, double t);
-int ordernm_all_finite(const double *x, long n);
 
-/* explicit.c, explicit_backwards.c */
-extern const method ordernm_rk4, ordernm_dop853;
-void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
-    double *const *rate);
-int ordernm_explicit_replay(ordernm_motion *m, const double *known, int first, double *row);
-int ordernm_explicit_backwards(ordernm_adjoint *a, const double *row);
+/* errors.c */
+int ordernm_counted(const ordernm_motion *m);
+double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
+int ordernm_worst_entry(const ordernm_motion *m);
 
-/* radau.c */
-extern const method ordernm_radau;
+/* explicit.c, radau.c */
+extern const method ordernm_rk4, ordernm_dop853, ordernm_radau;
+void ordernm_keep_stage(ordernm_motion *m, int stage);
 size_t ordernm_radau_layout(ordernm_motion *m, void *at);
 size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at);
-
-/* radau_backwards.c */
-int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
 
 /* dead_points.c */
 enum { RANKS_BETWEEN = 35 }; /* places that are looked at together */
 int ordernm_jumped(const ordernm_motion *m, const double *z);
 int ordernm_undetermined(ordernm_motion *m);
-void ordernm_note_condition(ordernm_motion *m, int stage, int status);
 double ordernm_dead_point_within(ordernm_motion *m, double h);
 
 /* poses.c */
@@ -268,15 +288,18 @@ int ordernm_compare_events(ordernm_motion *m);
 int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop);
 
 /* switches.c */
+int ordernm_switch_speed(ordernm_motion *m, double t, const double *z, const double *rate, int k, double *found);
+int ordernm_switch_along(ordernm_motion *m, double t, const double *z, int k);
+int ordernm_follow(ordernm_motion *m, double t, const double *z, const double *crossed);
+int ordernm_rates_jump(const ordernm_motion *m, const double *before, const double *after);
+double ordernm_other_mode(const ordernm_motion *m, int k);
 void ordernm_hold_switches(ordernm_motion *m);
 int ordernm_switching(ordernm_motion *m, double t, const double *z);
 double ordernm_side(const ordernm_motion *m, int k);
 int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides);
 int ordernm_choose_modes(ordernm_motion *m, double t, const double *z);
-int ordernm_pass_switches(ordernm_motion *m);
 int ordernm_hold_again(ordernm_motion *m);
 int ordernm_limit_turns(ordernm_motion *m);
-int ordernm_accumulates(const ordernm_motion *m);
 int ordernm_let_go(ordernm_motion *m);
 void ordernm_touch(ordernm_motion *m, double t, int k);
 int ordernm_follow_inputs(ordernm_motion *m);
@@ -287,9 +310,34 @@ void ordernm_take_modes(ordernm_motion *m, const double *row);
 double ordernm_event_point(int i);
 int ordernm_extremes(const double *value, double *where);
 
-/* control.c */
+/* passing.c */
+int ordernm_pass_switches(ordernm_motion *m);
+int ordernm_accumulates(const ordernm_motion *m);
+
+/* results.c */
+int ordernm_failed(ordernm_results *r, int status);
+int ordernm_not_finite(ordernm_motion *m, const double *rate);
+int ordernm_wants_precise(ordernm_motion *m);
+int ordernm_keep(ordernm_motion *m, double t, const double *z);
+int ordernm_sample(ordernm_motion *m, double end);
+void ordernm_keep_step(const ordernm_motion *m, double h);
+
+/* step_sizes.c */
+int ordernm_first_step(ordernm_motion *m, double limit, double *h);
+void ordernm_watch_stability(ordernm_motion *m, double h);
+int ordernm_plan(ordernm_motion *m, trial *step);
+double ordernm_after_failure(const ordernm_motion *m, double error);
+void ordernm_resize(ordernm_motion *m, const trial *step);
+
+/* steps.c */
+static inline void ordernm_exchange(double **one, double **other)
+{
+    double *const kept = *one;
+    *one = *other;
+    *other = kept;
+}
 int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled, const double *modes);
 void ordernm_take_derivatives(ordernm_motion *m, double best);
-double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
+void ordernm_note_best(ordernm_motion *m);
 
 #endif

@@ -158,7 +158,7 @@ typedef struct {
     long capacity, count;
     /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. For ordernm_replay beside them what
      * the method knew before the first of them, ordernm_known_size doubles; not kept if known is 0. */
-    double *steps, *known;    /* with one row more than there are steps: where an event ends the motion */
+    double *steps, *known;
     long steps_capacity, steps_count;
     /* Events that happened, and which; rows of ordernm_event_size: one as above, time derivatives of coordinates [nq], speeds [nu] and
      * outputs, derivatives of the time along directions, of an output that has jumped over its level, and how fast the output changed

@@ -101,27 +101,6 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 
 /* ---- Stages. ---- */
 
-/* Rates at a stage, along one group or none, whose directions are as at the stage or as at the step's beginning; what predictions
- * of dependent coordinates are there is kept. */
-int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what)
-{
-    struct radau *const r = m->radau;
-    const long predicted = m->ny + m->nx;
-    for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
-    if (g) {
-        const long end = g->at + (long)predicted*g->width;
-        for (long k = g->at; k < end; ++k) m->trial[k] = beginning ? m->z[k] : m->z[k] + r->stage[i][k];
-    }
-    if (m->precise_stages >> i & 1u) what |= PRECISE; /* which tells something of loops that are known to be closed only */
-    const int status = ordernm_rates_of(m, ordernm_time_of_stage(m->t, h, i), m->trial, m->rate[i + 1], g != 0, g, what);
-    if (status) return status;
-    if (what & KNOWN_CLOSED) return 0;
-    ordernm_note_precise(m, i);
-    ordernm_note_condition(m, i + 1, 0);
-    for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
-    return 0;
-}
-
 /* Factors of Z[i] in the polynomial through the step's beginning and its stages, at theta: z + sum(weight*Z). */
 void ordernm_radau_weights(double theta, double *w)
 {
@@ -339,10 +318,29 @@ static int ends(ordernm_motion *m, double h)
     return 0;
 }
 
-static int radau_step(ordernm_motion *m, double h, double *error)
+/* Derivatives at the step's end along all directions. Returns CONVERGED, DIVERGED, or what a function returned. */
+static int ends_along(ordernm_motion *m, double h)
 {
     struct radau *const r = m->radau;
-    const ordernm_problem *const p = m->problem;
+    const int closed = m->system->split ? 0 : KNOWN_CLOSED;
+    int formed = 0, status = CONVERGED;
+    for (int n = 0; n < m->ngroups; ++n) {
+        const group *const g = m->groups + n;
+        if ((status = ordernm_radau_along(m, h, g, closed, &formed)) != CONVERGED) return status;
+        if (m->nx && (status = integrate(m, h, g, closed))) return status;
+        const long end = g->at + (long)(m->ny + m->nx)*g->width;
+        for (long k = g->at; k < end; ++k) m->next[k] = m->z[k] + r->stage[2][k];
+        if (!m->problem->atol_directions) continue;
+        estimate(m, h, g, m->rate[0]);
+        judge(m, h, g);
+    }
+    return CONVERGED;
+}
+
+/* What is left of the step before, and of its Jacobian, where this one begins. Returns what a function returned. */
+static int take_up(ordernm_motion *m, double h)
+{
+    struct radau *const r = m->radau;
     if (r->tried && m->t != r->t_tried) { /* the step that was tried last has been accepted */
         go_on(r, r->h_tried);
         r->formed_here = r->formed && m->identity && m->segment == r->segment && !m->switched;
@@ -358,10 +356,19 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     r->segment = m->segment;
     r->h_tried = h;
     if (!r->accepted) r->theta = 1.0;
+    return 0;
+}
+
+static int radau_step(ordernm_motion *m, double h, double *error)
+{
+    struct radau *const r = m->radau;
+    const ordernm_problem *const p = m->problem;
+    int status = take_up(m, h);
+    if (status) return status;
     double limit, usual;
     limits(m, &limit, &usual);
     extrapolate(m, h);
-    int status = stages(m, h, limit, usual);
+    status = stages(m, h, limit, usual);
     if (status == DIVERGED) {
         if (m->advice <= 0.0) m->advice = 0.5;
         *error = NAN;
@@ -384,25 +391,12 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         }
     }
     const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
-    const int closed = m->system->split ? 0 : KNOWN_CLOSED;
-    int formed = 0;
-    for (int n = 0; n < m->ngroups && !refused; ++n) {
-        const group *const g = m->groups + n;
-        status = ordernm_radau_along(m, h, g, closed, &formed);
-        if (status == DIVERGED) {
-            r->theta = 1.0;
-            m->advice = r->jacobian_here ? 0.5 : 0.999;
-            *error = NAN;
-            return 0;
-        }
-        if (status != CONVERGED) return status;
-        if (m->nx && (status = integrate(m, h, g, closed))) return status;
-        const long end = g->at + (long)(m->ny + m->nx)*g->width;
-        for (long k = g->at; k < end; ++k) m->next[k] = m->z[k] + r->stage[2][k];
-        if (p->atol_directions) {
-            estimate(m, h, g, m->rate[0]);
-            judge(m, h, g);
-        }
+    if (!refused && (status = ends_along(m, h)) != CONVERGED) {
+        if (status != DIVERGED) return status;
+        r->theta = 1.0;
+        m->advice = r->jacobian_here ? 0.5 : 0.999;
+        *error = NAN;
+        return 0;
     }
     if (!refused && p->atol_directions) *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
     double change = next_step(m, h, *error);
@@ -460,9 +454,8 @@ static void radau_keep(const ordernm_motion *m, double *row)
     for (int i = 0; i < STAGES; ++i) memcpy(known + 4 + (1 + i)*m->values, r->last[i], m->values*sizeof(double));
 }
 
-static int radau_replay(ordernm_motion *m, const double *known, int first, double *row)
+int ordernm_radau_replay(ordernm_motion *m, const double *known, double *row)
 {
-    (void)first;
     struct radau *const r = m->radau;
     const double h = row[1];
     int status;
@@ -492,5 +485,4 @@ static int radau_replay(ordernm_motion *m, const double *known, int first, doubl
     return ends(m, h);
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, TIMES, 0, 1, 0.4, radau_keep,
-    radau_replay, ordernm_radau_backwards};
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, TIMES, 0, 1, 0.4, radau_keep};

@@ -53,9 +53,10 @@ static inline double ordernm_time_of_stage(double t, double h, int i) { return i
 
 /* radau.c */
 void ordernm_radau_weights(double theta, double *w);
-int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what);
+int ordernm_radau_replay(ordernm_motion *m, const double *known, double *row);
 
 /* radau_equations.c */
+int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what);
 int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian, int precise);
 void ordernm_radau_take_jacobian(struct radau *r);
 int ordernm_radau_factorise(ordernm_motion *m, double h);

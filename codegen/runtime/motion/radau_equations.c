@@ -372,3 +372,26 @@ void ordernm_radau_solve_transposed(const struct radau *r, double h, double *con
         }
     }
 }
+
+/* ---- Rates at stages. ---- */
+
+/* Rates at a stage, along one group or none, whose directions are as at the stage or as at the step's beginning; what predictions
+ * of dependent coordinates are there is kept. */
+int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what)
+{
+    struct radau *const r = m->radau;
+    const long predicted = m->ny + m->nx;
+    for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
+    if (g) {
+        const long end = g->at + (long)predicted*g->width;
+        for (long k = g->at; k < end; ++k) m->trial[k] = beginning ? m->z[k] : m->z[k] + r->stage[i][k];
+    }
+    if (m->precise_stages >> i & 1u) what |= PRECISE; /* which tells something of loops that are known to be closed only */
+    const int status = ordernm_rates_of(m, ordernm_time_of_stage(m->t, h, i), m->trial, m->rate[i + 1], g != 0, g, what);
+    if (status) return status;
+    if (what & KNOWN_CLOSED) return 0;
+    ordernm_note_precise(m, i);
+    ordernm_note_condition(m, i + 1, 0);
+    for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
+    return 0;
+}

@@ -12,158 +12,6 @@ static const double CLOSED = 1e-15;
 /* Scaled residual that rounding may leave. */
 static const double ROUNDING = 1e-13;
 
-int ordernm_all_finite(const double *x, long n)
-{
-    double sum = 0.0;
-    for (long i = 0; i < n; ++i) sum += 0.0*x[i];
-    return sum == 0.0;
-}
-
-/* ---- Inputs. ---- */
-
-/* The first knot behind t, with what rounding makes of it. */
-double ordernm_next_knot(const ordernm_motion *m, double t)
-{
-    const ordernm_inputs *in = &m->problem->inputs;
-    if (!in->knots) return INFINITY;
-    const long n = in->count + in->degree + 1;
-    const double least = t + 1e-12*(fabs(t) + 1e-3);
-    for (long i = 0; i < n; ++i)
-        if (in->knots[i] > least) return in->knots[i];
-    return INFINITY;
-}
-
-/* The piece of the spline that a step lies in; count is behind the last knot, degree - 1 before the first. */
-void ordernm_find_segment(ordernm_motion *m, double t, double h)
-{
-    const ordernm_inputs *in = &m->problem->inputs;
-    if (!in->knots) return;
-    const double middle = t + 0.5*h;
-    long low = in->degree, high = in->count - 1;
-    while (low < high) {
-        const long at = (low + high + 1)/2;
-        if (in->knots[at] <= middle) low = at;
-        else high = at - 1;
-    }
-    m->segment = middle < in->knots[in->degree] ? in->degree - 1 : middle > in->knots[in->count] ? in->count : low;
-}
-
-/* The B-splines that are not zero at t, degree + 1 of them, or their time derivatives of some order; returns the number of the first
- * (de Boor). */
-static long b_splines(const ordernm_motion *m, double t, int order, double *value)
-{
-    const ordernm_inputs *in = &m->problem->inputs;
-    const double *knot = in->knots;
-    const int degree = in->degree, outside = m->segment < degree || m->segment >= in->count;
-    const long at = m->segment < degree ? degree : m->segment < in->count ? m->segment : in->count - 1;
-    const double first = knot[degree], last = knot[in->count];
-    const double x = t < first ? first : t > last ? last : t;
-    double left[ORDERNM_MOST_DEGREE + 1], right[ORDERNM_MOST_DEGREE + 1];
-    if (order && (outside || order > degree)) {
-        for (int i = 0; i <= degree; ++i) value[i] = 0.0;
-        return at - degree;
-    }
-    value[0] = 1.0;
-    for (int j = 1; j <= degree - order; ++j) {
-        left[j] = x - knot[at + 1 - j];
-        right[j] = knot[at + j] - x;
-        double saved = 0.0;
-        for (int i = 0; i < j; ++i) {
-            const double part = value[i]/(right[i + 1] + left[j - i]);
-            value[i] = saved + right[i + 1]*part;
-            saved = left[j - i]*part;
-        }
-        value[j] = saved;
-    }
-    for (int j = degree - order + 1; j <= degree; ++j) { /* differences of those of a degree less */
-        double before = 0.0;
-        for (int i = 0; i <= j; ++i) {
-            const double *const from = knot + at - j + i;
-            const double here = i < j ? value[i]/(from[j + 1] - from[1]) : 0.0;
-            value[i] = j*(before - here);
-            before = here;
-        }
-    }
-    return at - degree;
-}
-
-/* The B-splines at t, and where prescribed motion reads inputs their first and second derivatives; returns the number of the first. */
-long ordernm_input_weights(const ordernm_motion *m, double t, double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1])
-{
-    const int orders = m->system->nmoving ? ORDERNM_ORDERS : 1;
-    long first = 0;
-    for (int order = 0; order < orders; ++order)
-        if (m->problem->inputs.knots) first = b_splines(m, t, order, value[order]);
-        else value[order][0] = order ? 0.0 : 1.0;
-    return first;
-}
-
-/* Which signal an input follows, and its derivative of which order it is. */
-int ordernm_signal_of(const ordernm_system *s, int input, int *order)
-{
-    const int behind = input - ordernm_signals(s);
-    *order = behind < 0 ? 0 : 1 + behind%2;
-    return behind < 0 ? input : s->moving[behind/2];
-}
-
-/* Time derivatives of all inputs. */
-void ordernm_input_rates(ordernm_motion *m, double t, double *rates)
-{
-    const ordernm_inputs *const in = &m->problem->inputs;
-    const ordernm_system *const s = m->system;
-    memset(rates, 0, s->ninputs*sizeof(double));
-    if (!in->knots || !in->values) return;
-    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
-    long first = 0;
-    for (int order = 0; order < (s->nmoving ? ORDERNM_ORDERS : 1); ++order) first = b_splines(m, t, order + 1, value[order]);
-    for (int i = 0; i < s->ninputs; ++i) {
-        int order;
-        const int signal = ordernm_signal_of(s, i, &order);
-        for (int b = 0; b <= in->degree; ++b) rates[i] += value[order][b]*in->values[(first + b)*ordernm_signals(s) + signal];
-    }
-}
-
-static const double *inputs_at(ordernm_motion *m, double t)
-{
-    const ordernm_inputs *in = &m->problem->inputs;
-    const ordernm_system *const s = m->system;
-    const int n = ordernm_signals(s);
-    if (!n || !in->values) return m->inputs; /* zeros */
-    if (!in->knots && !s->nmoving) return in->values;
-    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
-    const long first = ordernm_input_weights(m, t, value);
-    for (int i = 0; i < s->ninputs; ++i) {
-        int order;
-        const int signal = ordernm_signal_of(s, i, &order);
-        m->inputs[i] = 0.0;
-        for (int b = 0; b <= in->degree; ++b) m->inputs[i] += value[order][b]*in->values[(first + b)*n + signal];
-    }
-    return m->inputs;
-}
-
-/* Their derivatives along the directions of a group. */
-static double *input_directions(ordernm_motion *m, double t, const group *g)
-{
-    const ordernm_inputs *in = &m->problem->inputs;
-    const ordernm_system *const s = m->system;
-    const int n = ordernm_signals(s), width = g->width;
-    if (!n || !in->directions) return m->dinputs; /* zeros */
-    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
-    const long first = ordernm_input_weights(m, t, value);
-    for (int i = 0; i < s->ninputs; ++i) {
-        int order;
-        const int signal = ordernm_signal_of(s, i, &order);
-        for (int l = 0; l < width; ++l) {
-            double sum = 0.0;
-            if (l < g->used)
-                for (int b = 0; b <= in->degree; ++b)
-                    sum += value[order][b]*in->directions[((g->first + l)*in->count + first + b)*n + signal];
-            m->dinputs[i*width + l] = sum;
-        }
-    }
-    return m->dinputs;
-}
-
 /* ---- Quaternions. ---- */
 
 static double length_of(const double *e)
@@ -172,7 +20,7 @@ static double length_of(const double *e)
 }
 
 /* Gives a quaternion length one, and its derivatives along so many directions what they are then. */
-static void normalise(double *e, double *de, int width)
+void ordernm_normalise(double *e, double *de, int width)
 {
     const double length = length_of(e);
     for (int i = 0; i < 4; ++i) e[i] /= length;
@@ -193,7 +41,7 @@ static void keep_lengths(ordernm_motion *m, const double *before)
     const ordernm_system *const s = m->system;
     for (int i = 0; i < s->nquaternions; ++i) {
         double *const e = m->q + s->quaternion[i];
-        if (m->turned[i]) normalise(e, 0, 0);
+        if (m->turned[i]) ordernm_normalise(e, 0, 0);
         else if (s->split) {
             const double by = before[i]/length_of(e);
             for (int k = 0; k < 4; ++k) e[k] *= by;
@@ -226,7 +74,7 @@ void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_cal
     c->modes = m->modes;
     c->work = m->work;
     c->precise_work = m->precise_work;
-    c->inputs = inputs_at(m, t);
+    c->inputs = ordernm_inputs_at(m, t);
     c->q = m->identity ? z : m->q;
     c->u = m->identity ? z + m->system->nq : m->u;
 }
@@ -246,7 +94,7 @@ void ordernm_seeds(ordernm_motion *m, double t, const double *z, const group *g,
     const int width = g->width;
     double *S = (double *)z + g->at;
     c->dp = g->dp;
-    c->dinputs = input_directions(m, t, g);
+    c->dinputs = ordernm_input_directions(m, t, g);
     if (m->identity) {
         c->dq = S;
         c->du = S + s->nq*width;
@@ -460,95 +308,13 @@ int ordernm_along_time(ordernm_motion *m, double t, const double *z, const doubl
     return 0;
 }
 
-/* ---- Results. ---- */
+/* ---- Conditions. ---- */
 
-/* Time derivatives of all coordinates, of quaternions of length one, of speeds and of outputs. */
-int ordernm_report_rates(ordernm_motion *m, double t, const double *z, double *rates)
+/* What loops are by their condition at a stage of a step, or at its end. */
+void ordernm_note_condition(ordernm_motion *m, int stage, int status)
 {
-    const ordernm_system *const s = m->system;
-    double *const qdot = rates, *const udot = qdot + s->nq, *const outputs = udot + s->nu;
-    int status = ordernm_rates_of(m, t, z, m->trial, 0, 0, RATES);
-    if (status) return status;
-    memcpy(qdot, m->identity ? m->trial : m->qdot, s->nq*sizeof(double));
-    memcpy(udot, m->identity ? m->trial + s->nq : m->udot, s->nu*sizeof(double));
-    const double *const q = m->identity ? z : m->q;
-    for (int i = 0; i < s->nquaternions; ++i) {
-        double e[4];
-        memcpy(e, q + s->quaternion[i], sizeof e);
-        normalise(e, qdot + s->quaternion[i], 1);
-    }
-    for (int i = 0; i < s->noutputs; ++i) outputs[i] = NAN;
-    if (!s->output_sensitivities[ORDERNM_ONE]) return 0;
-    ordernm_call c;
-    if ((status = ordernm_along_time(m, t, z, m->trial, &c))) return status;
-    c.outputs = m->outputs, c.doutputs = m->doutputs;
-    if ((status = ORDERNM_OF(m, output_sensitivities[ORDERNM_ONE])(&c))) return status;
-    memcpy(outputs, m->doutputs, s->noutputs*sizeof(double));
-    return 0;
-}
-
-/* A row of results at a state: its loops closed, quaternions of length one. */
-int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
-{
-    const ordernm_system *s = m->system;
-    const ordernm_problem *p = m->problem;
-    ordernm_call c;
-    ordernm_arguments(m, t, z, &c);
-    int status = ordernm_close_loops(m, &c);
-    if (status) return status;
-    double *q = row + 1, *u = q + s->nq, *outputs = u + s->nu, *integrals = outputs + s->noutputs;
-    double *dq = integrals + m->nx, *du = dq + (long)p->ndirections*s->nq, *doutputs = du + (long)p->ndirections*s->nu;
-    double *dintegrals = doutputs + (long)p->ndirections*s->noutputs;
-    row[0] = t;
-    memcpy(q, c.q, s->nq*sizeof(double));
-    memcpy(u, c.u, s->nu*sizeof(double));
-    for (int i = 0; i < s->nquaternions; ++i) normalise(q + s->quaternion[i], 0, 0);
-    if (!m->identity) {
-        c.full_u = u;
-        if ((status = ORDERNM_OF(m, completion)(&c))) return status;
-    }
-    if (s->noutputs && s->outputs) {
-        c.outputs = outputs;
-        if ((status = ORDERNM_OF(m, outputs)(&c))) return status;
-    }
-    for (int i = 0; i < m->nx; ++i) integrals[i] = z[m->ny + i];
-    for (int n = 0; n < m->ngroups; ++n) {
-        const group *g = m->groups + n;
-        const int width = g->width;
-        double *S = (double *)z + g->at;
-        ordernm_seeds(m, t, z, g, &c);
-        double *of_q = c.dq, *of_u = c.du;
-        if (!m->identity) {
-            c.full_u = m->qdot;
-            c.dfull_q = of_q = m->full_dq;
-            c.dfull_u = of_u = m->full_du;
-            if ((status = ORDERNM_OF(m, completion_sensitivities[g->index])(&c))) return status;
-        } else if (s->nquaternions) {
-            memcpy(m->full_dq, of_q, s->nq*width*sizeof(double));
-            of_q = m->full_dq;
-        }
-        for (int i = 0; i < s->nquaternions; ++i) {
-            double e[4];
-            memcpy(e, c.q + s->quaternion[i], sizeof e);
-            normalise(e, of_q + s->quaternion[i]*width, width);
-        }
-        if (s->noutputs && s->output_sensitivities[g->index]) {
-            c.outputs = m->outputs;
-            c.doutputs = m->doutputs;
-            if ((status = ORDERNM_OF(m, output_sensitivities[g->index])(&c))) return status;
-        }
-        for (int l = 0; l < g->used; ++l) {
-            const long k = g->first + l;
-            for (int i = 0; i < s->nq; ++i) dq[k*s->nq + i] = of_q[i*width + l];
-            for (int i = 0; i < s->nu; ++i) du[k*s->nu + i] = of_u[i*width + l];
-            for (int i = 0; i < s->noutputs; ++i) doutputs[k*s->noutputs + i] = m->doutputs[i*width + l];
-            for (int i = 0; i < m->nx; ++i) dintegrals[k*m->nx + i] = S[(m->ny + i)*width + l];
-            if (m->lost[n*LANES + l] == 0.0) continue;
-            for (int i = 0; i < s->nq; ++i) dq[k*s->nq + i] = NAN;
-            for (int i = 0; i < s->nu; ++i) du[k*s->nu + i] = NAN;
-            for (int i = 0; i < s->noutputs; ++i) doutputs[k*s->noutputs + i] = NAN;
-            for (int i = 0; i < m->nx; ++i) dintegrals[k*m->nx + i] = NAN;
-        }
-    }
-    return 0;
+    const int n = m->system->nloops;
+    m->conditions[stage] = status ? LOST : m->results->condition_here;
+    if (m->identity) return;
+    for (int i = 0; i < n; ++i) m->ranks[stage*n + i] = status ? 0.0 : 1.0/m->condition[i];
 }

@@ -296,7 +296,7 @@ class MotionRun(States, Partitions):
                 if r.count == r.capacity:
                     full.append(rows)
                     rows = more_rows()
-                if kept is not None and r.steps_count + 2 > r.steps_capacity:
+                if kept is not None and r.steps_count == r.steps_capacity:
                     steps.append(kept[: r.steps_count])
                     heads.append(None)
                     if 8 * sum(x.size for x in steps) > memory // 2:

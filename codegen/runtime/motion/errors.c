@@ -1,0 +1,68 @@
+/* Errors of steps in units of what is allowed. */
+#include "inside.h"
+
+#include <math.h>
+
+/* How many entries of the state have errors that count: those that are integrated; where nothing is independent, predictions too,
+ * by which dependent coordinates are followed. */
+int ordernm_counted(const ordernm_motion *m)
+{
+    return m->ny + m->nx + (m->ny ? 0 : m->nd);
+}
+
+/* The mean square of n errors in units of what is allowed: absolute, and relative to the larger of two sizes. */
+static double mean_square(long n, long step, const double *error, const double *a, const double *b, const double *atol,
+    int same, double rtol)
+{
+    double sum = 0.0;
+    for (long i = 0; i < n; ++i) {
+        const double x = fabs(a[i*step]), y = fabs(b[i*step]);
+        const double of = error[i*step]/(atol[same ? 0 : i] + rtol*(x > y ? x : y));
+        sum += of*of;
+    }
+    return n ? sum/n : 0.0;
+}
+
+/* One error of two, after E. Hairer: the first, made smaller where the second is large. */
+static double of_both(double first, double second)
+{
+    const double both = first + 0.01*second;
+    return both > 0.0 || both != both ? first/sqrt(both) : 0.0;
+}
+
+/* The error of a step in units of what is allowed: the largest of those of the state and of each direction. */
+double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second)
+{
+    const ordernm_problem *const p = m->problem;
+    const long n = m->ny + m->nx, all = ordernm_counted(m);
+    const double state = mean_square(all, 1, error, m->z, next, p->atol, 0, p->rtol);
+    const double other = mean_square(all, 1, second, m->z, next, p->atol, 0, p->rtol);
+    double largest = of_both(state, other);
+    if (!p->atol_directions || !(largest == largest)) return largest;
+    for (int g = 0; g < m->ngroups; ++g) {
+        const group *const of = m->groups + g;
+        for (int l = 0; l < of->used; ++l) {
+            const double *const atol = p->atol_directions + of->first + l;
+            const long at = of->at + l;
+            const double one = mean_square(n, of->width, error + at, m->z + at, next + at, atol, 1, p->rtol);
+            const double two = mean_square(n, of->width, second + at, m->z + at, next + at, atol, 1, p->rtol);
+            const double direction = of_both(one, two);
+            if (!(direction <= largest)) largest = direction;
+        }
+    }
+    return largest;
+}
+
+/* The entry of the state whose error is largest in the step that was tried last, or that is not finite. */
+int ordernm_worst_entry(const ordernm_motion *m)
+{
+    const ordernm_problem *const p = m->problem;
+    int worst = 0;
+    double largest = -1.0;
+    for (int i = 0; i < ordernm_counted(m); ++i) {
+        const double of = fabs(m->error[0][i])/(p->atol[i] + p->rtol*fabs(m->z[i]));
+        if (!(of <= largest)) largest = of, worst = i;
+        if (of != of) break;
+    }
+    return worst;
+}

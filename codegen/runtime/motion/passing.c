@@ -1,0 +1,191 @@
+/* Passing switches: a step has ended where switching functions are zero; modes change, and derivatives along directions jump.
+ *
+ * The state is continuous there, and
+ *
+ *     S+ = S- + (f- - f+) dt,  dt = -(g_z S- + g_p)/g',  g' = g_z f- + g_t,
+ *
+ * with f- and f+ the rates before and after. Of several switches at one time each is passed so, one after another. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A switching function that changes at less than this part of its pace in the step touches zero only. */
+static const double GRAZING = 1e-9;
+
+/* In parts of the motion's time: switches that are passed within the first accumulate, one that is passed twice within the other has
+ * rounding only to thank for it. */
+static const double ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
+
+/* Counts switches with a jump that are passed, again and again in a time that is nothing beside the motion's. Kinks do not accumulate
+ * by themselves: a motion that passes many of them in no time has a cause elsewhere, such as speeds that grow beyond all bounds. */
+static void count(ordernm_motion *m, int k)
+{
+    if (m->passed == 0 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) {
+        m->accumulating = m->t;
+        m->passed = 0;
+    }
+    ++m->passed;
+    m->last_passed = k;
+}
+
+/* Changes the mode of a switch whose function is zero at a state z. `before` holds the rates in front of it, `after` becomes those
+ * behind it, and derivatives along directions in z become those behind it. With `follows`, switches other than those in m->crossed take
+ * the modes of their functions. Returns what a function returned. */
+static int pass(ordernm_motion *m, double *z, int k, const double *before, double *after, int follows, double *speed)
+{
+    const long n = m->ny + m->nx;
+    int status = ordernm_switch_speed(m, m->t, z, before, k, speed);
+    if (!status && m->ngroups) status = ordernm_switch_along(m, m->t, z, k);
+    if (status) return status;
+    m->modes[k] = ordernm_other_mode(m, k);
+    if (follows && (status = ordernm_follow(m, m->t, m->z, m->crossed))) return status;
+    if ((status = ordernm_rates_of(m, m->t, z, after, 0, 0, RATES | INTEGRALS))) return status;
+    for (int i = 0; i < m->ngroups*LANES; ++i) m->passing_time[i] = -m->switch_along[i]/ *speed;
+    if (!ordernm_rates_jump(m, before, after) || !(fabs(*speed) > GRAZING*m->crossed[k])) return 0;
+    for (int g = 0; g < m->ngroups; ++g) {
+        const group *const of = m->groups + g;
+        double *const S = z + of->at;
+        for (int i = 0; i < n; ++i)
+            for (int l = 0; l < of->width; ++l)
+                S[i*of->width + l] += (before[i] - after[i])*m->passing_time[g*LANES + l];
+    }
+    return 0;
+}
+
+/* A switch is about to be passed: it joins those that have been passed at the same time, or begins a new row of these. */
+static void gather(ordernm_motion *m, int k)
+{
+    int joins = m->ntogether && m->t - m->together_since <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
+    for (int i = 0; i < m->ntogether; ++i) joins &= m->together[i] != k;
+    if (!joins) {
+        m->ntogether = m->together_jump = 0;
+        m->together_since = m->t;
+        memcpy(m->z_before, m->z, m->size*sizeof(double));
+        memcpy(m->modes_before, m->modes, m->system->nswitches*sizeof(double));
+    }
+    m->together[m->ntogether++] = k;
+}
+
+/* Whether derivatives along a direction, entry `at` of states, differ between two orders of switches, beside how they jump. */
+static int differ(const ordernm_motion *m, const group *of, int lane, const double *other)
+{
+    for (long i = 0; i < m->ny + m->nx; ++i) {
+        const long at = of->at + i*of->width + lane;
+        const double here = m->z[at], there = other[at], first = m->z_before[at];
+        const double allowed = ORDER_MATTERS*(fabs(here - first) + fabs(there - first)) + 1e-10*(fabs(here) + fabs(first));
+        if (!(fabs(here - there) <= allowed)) return 1;
+    }
+    return 0;
+}
+
+/* Several switches have been passed at one time. A disturbed motion passes them one after another, in an order that depends on the
+ * disturbance. Along a direction for which the order matters there is no derivative. Three switches are passed in every order, more in
+ * all rotations of two orders. Returns what a function returned. */
+static int compare_orders(ordernm_motion *m)
+{
+    const int n = m->ntogether, count = m->system->nswitches;
+    double *const z = m->error[0], *const rates = m->rate[1];
+    double *const kept = m->switches_kept;
+    int status = 0;
+    memcpy(kept, m->modes, count*sizeof(double));
+    for (int order = 1; order < 2*n && !status; ++order) {
+        double speed;
+        memcpy(z, m->z, m->values*sizeof(double));
+        memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(double));
+        for (int i = 0; i < n; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
+        status = ordernm_rates_of(m, m->t, z, rates, 0, 0, RATES | INTEGRALS);
+        for (int i = 0; i < n && !status; ++i) {
+            const int at = (order < n ? i : n - 1 - i) + order;
+            memcpy(m->trial, rates, m->values*sizeof(double));
+            status = pass(m, z, m->together[at%n], m->trial, rates, 0, &speed);
+        }
+        for (int g = 0; g < m->ngroups && !status; ++g)
+            for (int l = 0; l < m->groups[g].used; ++l)
+                if (differ(m, m->groups + g, l, z)) m->lost[g*LANES + l] = m->switch_time[g*LANES + l] = NAN;
+    }
+    memcpy(m->modes, kept, count*sizeof(double));
+    for (int i = 0; i < m->ngroups*LANES; ++i)
+        if (m->lost[i] != 0.0) m->results->ordered = 1;
+    return status;
+}
+
+/* Whether a switch is in an output that an event is of. */
+static int times_event(const ordernm_motion *m, int k)
+{
+    const ordernm_system *const s = m->system;
+    const ordernm_problem *const p = m->problem;
+    for (int i = 0; i < s->nswitch_outputs; ++i)
+        for (int e = 0; s->switch_of_output[2*i] == k && e < p->nevents; ++e)
+            if (p->events[e].output == s->switch_of_output[2*i + 1]) return 1;
+    return 0;
+}
+
+/* Derivatives of the time of a passing, for events of outputs that jump there: NaN where two switches of such outputs disagree. */
+static void note_time(ordernm_motion *m, int k, int *timed)
+{
+    if (!times_event(m, k)) return;
+    for (int i = 0; i < m->ngroups*LANES; ++i) {
+        const double here = m->passing_time[i], first = m->switch_time[i];
+        m->switch_time[i] = !*timed || fabs(here - first) <= ORDER_MATTERS*(fabs(here) + fabs(first)) ? here : NAN;
+    }
+    *timed = 1;
+}
+
+/* The passed switches must not be pushed back to by the rates behind all of them. */
+static int slides(ordernm_motion *m, const double *after)
+{
+    for (int k = 0; k < m->system->nswitches; ++k) {
+        double way;
+        if (m->speeds[k] == 0.0) continue;
+        const int status = ordernm_switch_speed(m, m->t, m->z, after, k, &way);
+        if (status) return status;
+        if (m->speeds[k]*way > 0.0) continue;
+        m->results->component = k;
+        return SLIDES;
+    }
+    return 0;
+}
+
+/* At the end of a step, where switching functions of the switches in m->crossed are zero and the rates in rate[0] are those before:
+ * modes, and derivatives along directions, become those behind. Returns 0, what a function returned, or SLIDES. */
+int ordernm_pass_switches(ordernm_motion *m)
+{
+    const ordernm_system *const s = m->system;
+    double *const before = m->trial, *const after = m->rate[0];
+    int left = 0, status, timed = 0;
+    for (int k = 0; k < s->nswitches; ++k) left += m->crossed[k] != 0.0;
+    memset(m->speeds, 0, s->nswitches*sizeof(double));
+    for (int k = 0; k < s->nswitches; ++k) {
+        if (m->crossed[k] == 0.0) continue;
+        double speed;
+        const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
+        gather(m, k);
+        m->changed[k] = m->t;
+        memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(double));
+        if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
+        note_time(m, k, &timed);
+        if (!ordernm_rates_jump(m, before, after)) {
+            if (at_once) m->modes[k] = 0.0; /* rounding goes to and fro across a kink */
+            continue;
+        }
+        count(m, k);
+        m->speeds[k] = speed != 0.0 ? speed : LEAST_SIDE;
+        m->together_jump = 1;
+        if ((m->ngroups || m->results->steps) && !(fabs(speed) > GRAZING*m->crossed[k])) m->results->grazed = k + 1;
+    }
+    if ((status = slides(m, after))) return status;
+    if (m->ntogether < 2 || !(m->together_jump || timed)) return 0;
+    m->results->together = 1 + m->together[m->ntogether - 1];
+    m->results->together_with = 1 + m->together[m->ntogether - 2];
+    m->results->together_at = m->t;
+    return m->ngroups ? compare_orders(m) : 0;
+}
+
+/* Whether switches have been passed faster and faster. */
+int ordernm_accumulates(const ordernm_motion *m)
+{
+    if (m->passed < 3 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) return 0;
+    m->results->component = m->last_passed;
+    return 1;
+}

@@ -1,0 +1,210 @@
+/* A motion at its beginning: the memory that it needs, its initial state, and conditions that are poor for its tolerances. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Conditions below it are not poor, whatever is asked for. */
+static const double LEAST_POOR = 10.0;
+
+static const double LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
+
+static const method *method_of(const ordernm_problem *p)
+{
+    const method *const methods[] = {&ordernm_rk4, &ordernm_dop853, &ordernm_radau}; /* in the order of their numbers */
+    return methods[ordernm_kind(p)];
+}
+
+/* Of long doubles: the workspace, and what NAME_precise.c has beside it. */
+static long precise_numbers(const ordernm_system *s)
+{
+    const long values = 3L*s->nq + 3L*s->nu + s->np + s->ninputs + s->noutputs + s->nclosure + s->nloops;
+    return s->workspace + values + LANES*(3L*s->nq + 3L*s->nu + s->np + s->ninputs + s->noutputs + 1);
+}
+
+/* Directions in groups, and the size of states with them. */
+static void lay_out_groups(ordernm_motion *m, memory *of, int at)
+{
+    const ordernm_problem *const p = m->problem;
+    const ordernm_system *const s = m->system;
+    m->ngroups = (p->ndirections + LANES - 1)/LANES;
+    m->groups = ordernm_take(of, (m->ngroups + 1)*sizeof(group));
+    m->size = m->values;
+    for (int n = 0; n < m->ngroups; ++n) {
+        const int left = p->ndirections - n*LANES;
+        const int four = left <= LANES/2 && m->method->rows && s->state_rate_sensitivities[ORDERNM_FOUR];
+        const int width = left == 1 ? 1 : four ? LANES/2 : LANES;
+        const int index = left == 1 ? ORDERNM_ONE : four ? ORDERNM_FOUR : ORDERNM_EIGHT;
+        group g = {width, index, n*LANES, left < LANES ? left : LANES, m->size, ordernm_numbers(of, s->np*width)};
+        m->size += ordernm_whole_lines((long)(m->ny + m->nx)*width);
+        if (at) m->groups[n] = g;
+    }
+    m->lost = ordernm_numbers(of, (long)m->ngroups*LANES);
+}
+
+/* What functions of the system read and write at one state. */
+static void lay_out_arguments(ordernm_motion *m, memory *of)
+{
+    const ordernm_system *const s = m->system;
+    m->work = ordernm_numbers(of, s->workspace);
+    if (s->closing_step) m->precise_work = ordernm_take(of, precise_numbers(s)*sizeof(long double));
+    double **of_q[] = {&m->q, &m->qdot, &m->newton, &m->closed}, **of_u[] = {&m->u, &m->udot};
+    double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
+    const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
+    for (int i = 0; i < 4; ++i) *of_q[i] = ordernm_numbers(of, wider);
+    for (int i = 0; i < 2; ++i) *of_u[i] = ordernm_numbers(of, s->nu);
+    for (int i = 0; i < 3; ++i) *lanes_q[i] = ordernm_numbers(of, s->nq*LANES), *lanes_u[i] = ordernm_numbers(of, s->nu*LANES);
+    m->outputs = ordernm_numbers(of, s->noutputs);
+    m->doutputs = ordernm_numbers(of, s->noutputs*LANES);
+    m->inputs = ordernm_numbers(of, s->ninputs);
+    m->dinputs = ordernm_numbers(of, s->ninputs*LANES);
+    m->input_rates = ordernm_numbers(of, s->ninputs);
+    m->no_dp = ordernm_numbers(of, s->np);
+    m->dt = ordernm_numbers(of, LANES);
+}
+
+static void lay_out_loops(ordernm_motion *m, memory *of)
+{
+    const ordernm_system *const s = m->system;
+    const long loops = m->identity ? 0 : s->nloops;
+    m->dependent = ordernm_take(of, (m->nd + 1)*sizeof(int));
+    m->turned = ordernm_take(of, (s->nquaternions + 1)*sizeof(int));
+    m->lengths = ordernm_numbers(of, s->nquaternions);
+    for (int i = 0; i < 5; ++i) m->probe[i] = ordernm_numbers(of, m->nd ? m->values : 0);
+    m->position = ordernm_numbers(of, s->nclosure);
+    m->ranks = ordernm_numbers(of, MOST_STAGES*loops), m->ranks_between = ordernm_numbers(of, RANKS_BETWEEN*loops);
+    m->condition = ordernm_numbers(of, s->nloops);
+    m->flat = ordernm_numbers(of, 1 + 2L*s->nq);
+    m->beside = ordernm_numbers(of, m->identity ? 0 : BESIDE*ordernm_event_size(m->problem));
+}
+
+static void lay_out_switches(ordernm_motion *m, memory *of, int at)
+{
+    const ordernm_system *const s = m->system;
+    const int switching = s->switches != 0;
+    const long lanes = switching ? (long)m->ngroups*LANES : 0;
+    m->held = ordernm_take(of, (s->nswitches + 1)*sizeof(int));
+    if (at) ordernm_hold_switches(m);
+    double **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go, &m->speeds, &m->modes_before,
+        &m->switches_kept};
+    for (int i = 0; i < 8; ++i) *of_switches[i] = ordernm_numbers(of, s->nswitches);
+    m->together = ordernm_take(of, (s->nswitches + 1)*sizeof(int));
+    m->z_before = ordernm_numbers(of, switching ? m->size : 0);
+    m->dswitches = ordernm_numbers(of, (long)s->nswitches*LANES);
+    double **of_lanes[] = {&m->switch_along, &m->switch_time, &m->passing_time};
+    for (int i = 0; i < 3; ++i) *of_lanes[i] = ordernm_numbers(of, lanes);
+}
+
+static void lay_out_events(ordernm_motion *m, memory *of)
+{
+    const ordernm_problem *const p = m->problem;
+    const int most_watched = p->nevents + m->system->nswitches;
+    m->nwatched = p->nevents + m->nheld;
+    double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part, &m->happened, &m->paces, &m->at_first};
+    for (int i = 0; i < 7; ++i) *of_events[i] = ordernm_numbers(of, most_watched);
+    m->samples = ordernm_numbers(of, (long)EVENT_SAMPLES*most_watched);
+}
+
+/* Lays a motion out; m is 0 where only its size is asked for. */
+static size_t lay_out(const ordernm_problem *p, void *at)
+{
+    memory of = {at, 0};
+    const ordernm_system *s = p->system;
+    ordernm_motion none, *m = ordernm_take(&of, sizeof *m);
+    if (!at) m = &none;
+    memset(m, 0, sizeof *m);
+    m->problem = p;
+    m->system = s;
+    m->method = method_of(p);
+    m->adaptive = p->method != ORDERNM_RK4 && !p->fixed;
+    m->ny = s->nfree_q + s->nfree_u;
+    m->nx = p->nintegrals;
+    m->nd = s->nq - s->nfree_q;
+    m->identity = !s->closing_step;
+    m->values = ordernm_whole_lines(m->ny + m->nx + m->nd);
+    m->head = ordernm_head_size(p);
+    lay_out_groups(m, &of, at != 0);
+    for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
+    double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
+    for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
+    m->stages = ordernm_numbers(&of, ordernm_step_size(p));
+    double **rows[] = {&m->row, &m->known_row};
+    for (int i = 0; i < 2; ++i) *rows[i] = ordernm_numbers(&of, ordernm_event_size(p));
+    lay_out_arguments(m, &of);
+    lay_out_loops(m, &of);
+    lay_out_switches(m, &of, at != 0);
+    lay_out_events(m, &of);
+    if (m->method == &ordernm_radau) {
+        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
+        if (own) ordernm_radau_layout(m, own);
+    }
+    return of.used;
+}
+
+long ordernm_room(const ordernm_problem *problem)
+{
+    return (long)(lay_out(problem, 0)/sizeof(double)) + 8;
+}
+
+static int finite_along(const double *S, int n, int width, int lane)
+{
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i) sum += 0.0*S[i*width + lane];
+    return sum == 0.0;
+}
+
+ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
+{
+    void *const line = ordernm_line(room);
+    memset(line, 0, lay_out(p, 0));
+    lay_out(p, line);
+    ordernm_motion *const m = line;
+    const ordernm_system *const s = p->system;
+    for (int i = 0, free = 0, n = 0; i < s->nq; ++i) {
+        if (free < s->nfree_q && s->free_q[free] == i) ++free;
+        else m->dependent[n++] = i;
+    }
+    for (int i = 0; i < m->nd; ++i)
+        for (int k = 0; k < s->nquaternions; ++k) m->turned[k] |= m->dependent[i] == s->quaternion[k];
+    for (int i = 0; i < s->nfree_q; ++i) m->z[i] = p->q[s->free_q[i]];
+    for (int i = 0; i < s->nfree_u; ++i) m->z[s->nfree_q + i] = p->u[s->free_u[i]];
+    for (int i = 0; i < m->nd; ++i) m->z[m->ny + m->nx + i] = p->q[m->dependent[i]];
+    for (int n = 0; n < m->ngroups; ++n) {
+        const group *const g = m->groups + n;
+        double *const S = m->z + g->at;
+        for (int l = 0; l < g->used; ++l) {
+            const long k = g->first + l;
+            for (int i = 0; p->dq && i < s->nfree_q; ++i) S[i*g->width + l] = p->dq[k*s->nq + s->free_q[i]];
+            for (int i = 0; p->du && i < s->nfree_u; ++i)
+                S[(s->nfree_q + i)*g->width + l] = p->du[k*s->nu + s->free_u[i]];
+            for (int i = 0; p->dp && i < s->np; ++i) g->dp[i*g->width + l] = p->dp[k*s->np + i];
+            if (finite_along(S, s->nfree_q + s->nfree_u, g->width, l)) continue;
+            m->lost[n*LANES + l] = NAN; /* lost in a motion before this one */
+            for (int i = 0; i < s->nfree_q + s->nfree_u; ++i) S[i*g->width + l] = 0.0;
+        }
+    }
+    m->t = p->start;
+    /* rounding of conditions moves dependents in proportion to the condition, and rates to its square */
+    const double rounding = fmax(1.0, s->nloops);
+    m->poor = m->poor_rates = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
+    /* in long double, where coordinates keep what is rounded, to its cube; predictions tell branches apart that differ by more */
+    const double by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
+    m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
+    /* constants are doubles: lengths that ought to be the same are off by so much where they were turned */
+    m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
+    /* speeds are off by rounding times the condition, and in long double by its square */
+    m->hopeless = fmax(fmin(0.1*p->rtol/2.2e-16, sqrt(0.1*p->rtol/(5.4e-20*rounding))), LEAST_HOPELESS);
+    m->pose = m->refused_pose = -INFINITY;
+    m->mark = p->start;
+    m->looked_at = p->looked_at;
+    return m;
+}
+
+void ordernm_state(const ordernm_motion *m, double *q, double *u)
+{
+    const ordernm_system *s = m->system;
+    for (int i = 0; i < s->nfree_q; ++i) q[s->free_q[i]] = m->z[i];
+    for (int i = 0; i < m->nd; ++i) q[m->dependent[i]] = m->z[m->ny + m->nx + i];
+    for (int i = 0; i < s->nu; ++i) u[i] = 0.0;
+    for (int i = 0; i < s->nfree_u; ++i) u[s->free_u[i]] = m->z[s->nfree_q + i];
+}

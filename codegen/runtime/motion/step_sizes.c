@@ -1,0 +1,117 @@
+/* How long steps are: the first one, the next one by the error of the last, and where each has to end. */
+#include "inside.h"
+
+#include <math.h>
+
+static const double SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
+
+/* How much of a step's size follows from the error of the step before: with it, and SAFETY, a third as many steps are made in vain
+ * as without, and an error takes 7 % fewer evaluations (K. Gustafsson; Hairer, Wanner, Solving ODE II, IV.2). */
+static const double MEMORY = 0.04, LEAST_REMEMBERED = 1e-4;
+
+/* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */
+static const double LIMIT_OF_STABILITY = 6.1;
+enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
+
+/* The first step (E. Hairer, S. P. Norsett, G. Wanner, section II.4). Returns what a function returned. */
+int ordernm_first_step(ordernm_motion *m, double limit, double *h)
+{
+    const ordernm_problem *const p = m->problem;
+    const int n = ordernm_counted(m);
+    double size = 0.0, rate = 0.0, bend = 0.0;
+    *h = limit;
+    if (!n) return 0;
+    for (int i = 0; i < n; ++i) {
+        const double scale = p->atol[i] + p->rtol*fabs(m->z[i]);
+        size += m->z[i]/scale*(m->z[i]/scale);
+        rate += m->rate[0][i]/scale*(m->rate[0][i]/scale);
+    }
+    size = sqrt(size/n);
+    rate = sqrt(rate/n);
+    double first = size < 1e-5 || rate < 1e-5 ? 1e-6 : 0.01*size/rate;
+    if (first > limit) first = limit;
+    static const int which[] = {0};
+    static const double one[] = {1.0};
+    ordernm_combine(m->size, m->trial, m->z, first, 1, which, one, m->rate);
+    const int status = ordernm_rates(m, m->t + first, m->trial, m->rate[1]);
+    if (status) return status;
+    for (int i = 0; i < n; ++i) {
+        const double scale = p->atol[i] + p->rtol*fabs(m->z[i]);
+        const double of = (m->rate[1][i] - m->rate[0][i])/scale;
+        bend += of*of;
+    }
+    bend = sqrt(bend/n)/first;
+    const double steepest = bend > rate ? bend : rate;
+    const double second = steepest <= 1e-15 ? (first*1e-3 > 1e-6 ? first*1e-3 : 1e-6)
+                                            : pow(0.01/steepest, 1.0/m->method->order);
+    *h = 100.0*first < second ? 100.0*first : second;
+    return 0;
+}
+
+/* Whether the limit of stability keeps an explicit method's steps small (E. Hairer, S. P. Norsett and G. Wanner, DOP853): where
+ * its last two stages, both at the step's end, differ, their rates differ by the largest eigenvalue. */
+void ordernm_watch_stability(ordernm_motion *m, double h)
+{
+    const double *const last = m->rate[m->method->stages - 1], *const end = m->rate[m->method->stages];
+    double rates = 0.0, states = 0.0;
+    for (int i = 0; i < m->ny; ++i) {
+        const double rate = end[i] - last[i], state = m->next[i] - m->trial[i];
+        rates += rate*rate;
+        states += state*state;
+    }
+    const double product = states > 0.0 ? h*sqrt(rates/states) : 0.0;
+    if (product > LIMIT_OF_STABILITY) {
+        m->near_steps = 0;
+        if (++m->far_steps >= FAR_STEPS && product > m->results->stiffness) m->results->stiffness = product;
+    } else if (++m->near_steps >= NEAR_STEPS) {
+        m->far_steps = 0;
+    }
+}
+
+/* How far a step goes: not beyond the end, nor a knot of the inputs; what is left over is not tiny. */
+int ordernm_plan(ordernm_motion *m, trial *step)
+{
+    const ordernm_problem *const p = m->problem;
+    step->knot = ordernm_next_knot(m, m->t);
+    step->wall = step->knot < p->end ? step->knot : p->end;
+    step->h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
+    if (m->shorter > 0.0 && step->h > m->shorter) step->h = m->shorter;
+    if (m->turning > 0.0 && step->h > m->turning) step->h = m->turning;
+    const double left = step->wall - m->t, wanted = step->h;
+    if (m->nd && m->method->gap > 0.0) step->h = ordernm_step_at_pose(m, step->h, step->wall);
+    step->to_pose = step->h != wanted;
+    step->again = 0;
+    /* steps of one size add up to an end with rounding */
+    step->to_wall = step->h >= left*(1.0 - 1e-9) || left - step->h <= 1e-15*fabs(step->wall);
+    if (step->to_wall) step->h = left;
+    else if (m->adaptive && !step->to_pose && 2.0*step->h > left) step->h = 0.5*left;
+    step->end = step->to_wall ? step->wall : m->t + step->h;
+    step->event = -1;
+    step->at_pose = 0;
+    step->dead = 0.0;
+    step->apart = 0;
+    step->error = 0.0;
+    if (step->h <= 4e-16*fabs(m->t) || !(step->h > 0.0)) return ORDERNM_COLLAPSED;
+    ordernm_find_segment(m, m->t, step->h);
+    return ORDERNM_ENDED;
+}
+
+/* By how much a step is made shorter whose error is too large, or that failed, which NAN stands for. */
+double ordernm_after_failure(const ordernm_motion *m, double error)
+{
+    return error == error ? fmax(LEAST_CHANGE, SAFETY*pow(error, -1.0/m->method->order)) : AFTER_FAILURE;
+}
+
+/* The next step's size. */
+void ordernm_resize(ordernm_motion *m, const trial *step)
+{
+    const double before = m->error_before > 0.0 ? m->error_before : LEAST_REMEMBERED;
+    double change = LARGEST_CHANGE;
+    if (step->error > 0.0) change = SAFETY*pow(step->error, 0.75*MEMORY - 1.0/m->method->order)*pow(before, MEMORY);
+    m->error_before = fmax(step->error, LEAST_REMEMBERED);
+    change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);
+    change = fmin(change, m->rejected_before ? 1.0 : LARGEST_CHANGE);
+    m->rejected_before = 0;
+    const int shorter = step->to_wall || step->to_pose;
+    if (m->adaptive && step->event < 0 && !(shorter && change*step->h < m->h)) m->h = step->h*change;
+}

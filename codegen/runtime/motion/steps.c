@@ -1,0 +1,61 @@
+/* From one step to the next, in a motion and where its steps are made again. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Where derivatives are wanted, forward or on the way back. Near a pose rounding changes them by its size times condition^3, times
+ * some tens or hundreds, and both ways are to agree to rounding. A condition that is poor all the time comes of a mechanism's
+ * proportions and does no such harm, so what is poor is as many times the best that has been met, by how long steps are: of the
+ * method of order 8, of others; or this one in any case. And what no stage should have. */
+static const double WORSE_IN_LONG_STEPS = 2.5, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 50.0;
+
+/* From here on derivatives are taken, of this motion or of steps that it keeps; `best` is the least condition at the beginning of
+ * the steps so far. */
+void ordernm_take_derivatives(ordernm_motion *m, double best)
+{
+    const double worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;
+    m->best = best;
+    m->derived = 1;
+    m->poor_rates = fmin(m->poor, fmin(worse*best, POOR_IN_ANY_CASE));
+    m->too_poor = fmin(m->too_poor, TOO_POOR_FOR_DERIVATIVES);
+}
+
+/* What is known of conditions where a step begins. */
+void ordernm_note_best(ordernm_motion *m)
+{
+    const double best = fmin(m->best, m->conditions[0]);
+    if (m->derived && best < m->best) ordernm_take_derivatives(m, best);
+}
+
+/* The end of a step, before which the next knot of the inputs was that one, becomes the beginning of the next step; a state
+ * at a pose is settled. Steps that are made again go this way too, for rounding to be the same. */
+int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled, const double *modes)
+{
+    int status;
+    m->t = end;
+    ordernm_exchange(&m->z, &m->next);
+    ordernm_exchange(&m->rate[0], &m->rate[m->method->stages]);
+    m->precise = m->precise_at_end;
+    ordernm_note_precise(m, 0);
+    const int changed = settled ? 0 : ordernm_settle(m, m->t, m->z);
+    if (changed < 0) return changed;
+    ordernm_note_condition(m, 0, 0);
+    ordernm_note_best(m);
+    const int at_knot = ordernm_next_knot(m, m->t) != knot;
+    m->switched = 0;
+    if (modes) {
+        ordernm_take_modes(m, modes);
+        for (int k = 0; k < m->system->nswitches; ++k) m->switched |= m->crossed[k] != 0.0;
+    } else if (m->nheld) {
+        for (int k = 0; k < m->system->nswitches; ++k) m->switched |= m->crossed[k] != 0.0;
+        if (m->switched && (status = ordernm_pass_switches(m))) return status;
+        if ((status = ordernm_hold_again(m))) return status;
+    }
+    if (!changed && !at_knot && !m->switched) return 0;
+    ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+    if (m->nheld && at_knot && !modes && (status = ordernm_follow_inputs(m))) return status;
+    status = ordernm_rates(m, m->t, m->z, m->rate[0]);
+    ordernm_note_precise(m, 0);
+    return status;
+}

@@ -1,0 +1,56 @@
+/* Sums of arrays: what every stage, and what lies between the ends of a step, is made of. */
+#include "inside.h"
+
+/* Vectors of the width that the machine works on at once, some of them to a cache line. */
+#if defined(__GNUC__) && defined(__AVX512F__)
+enum { WIDE = 8 };
+#elif defined(__GNUC__) && defined(__AVX__)
+enum { WIDE = 4 };
+#elif defined(__GNUC__)
+enum { WIDE = 2 };
+#else
+enum { WIDE = 1 };
+#endif
+#ifdef __GNUC__
+typedef double vector __attribute__((vector_size(8*WIDE), aligned(8*WIDE), may_alias));
+#else
+typedef double vector;
+#endif
+
+/* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. Four vectors at a time, each with a name of
+ * its own: sums in arrays would go through memory at -O2. */
+void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
+    double *const *rate)
+{
+    double by[MOST_STAGES];
+    for (int j = 0; j < count; ++j) by[j] = h*factor[j];
+    long i = 0;
+    for (; i + 4*WIDE <= n; i += 4*WIDE) {
+        const vector *const from = (const vector *)(z + i);
+        vector *const to = (vector *)(out + i);
+        vector first = from[0], second = from[1], third = from[2], fourth = from[3];
+        for (int j = 0; j < count; ++j) {
+            const vector *const of = (const vector *)(rate[which[j]] + i);
+            first += by[j]*of[0];
+            second += by[j]*of[1];
+            third += by[j]*of[2];
+            fourth += by[j]*of[3];
+        }
+        to[0] = first;
+        to[1] = second;
+        to[2] = third;
+        to[3] = fourth;
+    }
+    for (; i < n; i += WIDE) {
+        vector sum = *(const vector *)(z + i);
+        for (int j = 0; j < count; ++j) sum += by[j]**(const vector *)(rate[which[j]] + i);
+        *(vector *)(out + i) = sum;
+    }
+}
+
+int ordernm_all_finite(const double *x, long n)
+{
+    double sum = 0.0;
+    for (long i = 0; i < n; ++i) sum += 0.0*x[i];
+    return sum == 0.0;
+}

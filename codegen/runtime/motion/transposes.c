@@ -1,0 +1,238 @@
+/* One state on the way back: the transposes of its rates, outputs, switches and of what is done between steps. */
+#include "backwards.h"
+
+#include <string.h>
+
+/* Adds what transposes gave, c->dq and so on, to an adjoint of the state and to the gradients of a group. */
+static void add(ordernm_adjoint *a, int n, const ordernm_call *c, double t, double *nu)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const int width = a->width;
+    for (int i = 0; i < s->nfree_q; ++i)
+        for (int l = 0; l < width; ++l) nu[i*width + l] += c->dq[s->free_q[i]*width + l];
+    for (int i = 0; i < s->nfree_u; ++i)
+        for (int l = 0; l < width; ++l) nu[(s->nfree_q + i)*width + l] += c->du[s->free_u[i]*width + l];
+    double *const p = a->p + (long)n*s->np*width;
+    for (long i = 0; i < (long)s->np*width; ++i) p[i] += c->dp[i];
+    if (!s->ninputs) return;
+    const ordernm_inputs *const in = &m->problem->inputs;
+    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
+    const long first = ordernm_input_weights(m, t, value);
+    for (int i = 0; i < s->ninputs; ++i) {
+        int order;
+        const int signal = ordernm_signal_of(s, i, &order);
+        for (int b = 0; b <= in->degree; ++b) {
+            double *const entry = a->inputs + (((long)n*in->count + first + b)*ordernm_signals(s) + signal)*width;
+            for (int l = 0; l < width; ++l) entry[l] += value[order][b]*c->dinputs[i*width + l];
+        }
+    }
+}
+
+/* Where transposes write; what a function does not know of stays zero. */
+static void clear(ordernm_adjoint *a, ordernm_call *c)
+{
+    const ordernm_system *const s = a->motion->system;
+    memset(a->dq, 0, s->nq*a->width*sizeof(double));
+    memset(a->du, 0, s->nu*a->width*sizeof(double));
+    memset(a->dp, 0, s->np*a->width*sizeof(double));
+    memset(a->dinputs, 0, s->ninputs*a->width*sizeof(double));
+    memset(c->dt, 0, a->width*sizeof(double));
+    c->dq = a->dq, c->du = a->du, c->dp = a->dp, c->dinputs = a->dinputs;
+}
+
+/* A state whose loops have been closed before. */
+static void closed(ordernm_adjoint *a, double t, const double *z, double *q, ordernm_call *c)
+{
+    ordernm_arguments(a->motion, t, z, c);
+    if (!a->motion->identity) c->q = q;
+}
+
+/* nu = f_z^T kappa at a state, and the gradients' parts; of independent coordinates and speeds. */
+int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const int width = a->width, index = a->index;
+    const size_t entry = width*sizeof(double);
+    ordernm_call c;
+    closed(a, t, z, q, &c);
+    int status;
+    ++a->gradients->transposes;
+    memset(nu, 0, a->n*entry);
+    c.qdot = m->qdot, c.udot = m->udot, c.outputs = m->outputs;
+    for (int i = 0; i < s->nfree_u; ++i)
+        memcpy(a->weights_u + s->free_u[i]*width, kappa + (s->nfree_q + i)*width, entry);
+    clear(a, &c);
+    c.dudot = a->weights_u;
+    if ((status = ORDERNM_OF(m, sensitivities_transposed[index])(&c))) return status;
+    add(a, n, &c, t, nu);
+    if (s->plain_rates) {
+        for (int i = 0; i < s->nfree_q; ++i)
+            for (int l = 0; l < width; ++l) nu[(s->nfree_q + i)*width + l] += kappa[i*width + l];
+    } else {
+        for (int i = 0; i < s->nfree_q; ++i) memcpy(a->weights_q + s->free_q[i]*width, kappa + i*width, entry);
+        clear(a, &c);
+        c.dqdot = a->weights_q;
+        if ((status = ORDERNM_OF(m, coordinate_rate_sensitivities_transposed[index])(&c))) return status;
+        add(a, n, &c, t, nu);
+    }
+    return 0;
+}
+
+/* Adds to nu what the rates of integrals, weighed by those entries of kappa, depend on at a state. */
+int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const int width = a->width;
+    if (!m->nx || !ordernm_any(kappa + m->ny*width, m->nx*width)) return 0;
+    ordernm_call c;
+    closed(a, t, z, q, &c);
+    memset(a->weights, 0, s->noutputs*width*sizeof(double));
+    for (int i = 0; i < m->nx; ++i)
+        for (int l = 0; l < width; ++l) a->weights[m->problem->integrals[i]*width + l] += kappa[(m->ny + i)*width + l];
+    clear(a, &c);
+    c.outputs = m->outputs;
+    c.doutputs = a->weights;
+    const int status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(&c);
+    if (!status) add(a, n, &c, t, nu);
+    return status;
+}
+
+/* The adjoint of a state from weights of its outputs, of a group of functionals, [nfunctionals][ntimes][noutputs], at one time. */
+static int outputs_transposed(ordernm_adjoint *a, int n, double t, const double *z, const double *weights, long ntimes, long time,
+    double *nu)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const int width = a->width;
+    memset(nu, 0, a->n*width*sizeof(double));
+    if (!weights) return 0;
+    for (int i = 0; i < s->noutputs; ++i)
+        for (int l = 0; l < width; ++l) {
+            const int functional = n*width + l;
+            a->weights[i*width + l] =
+                functional < a->gradients->nfunctionals ? weights[((long)functional*ntimes + time)*s->noutputs + i] : 0.0;
+        }
+    if (!ordernm_any(a->weights, s->noutputs*width)) return 0;
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    int status = ordernm_close_loops(m, &c);
+    if (status) return status;
+    clear(a, &c);
+    c.outputs = m->outputs;
+    c.doutputs = a->weights;
+    if ((status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(&c))) return status;
+    add(a, n, &c, t, nu);
+    return 0;
+}
+
+/* The same at the last time that is left. */
+int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu)
+{
+    const ordernm_gradients *const g = a->gradients;
+    return outputs_transposed(a, n, t, z, g->weights, g->ntimes, --a->sampled[n], nu);
+}
+
+/* Adds what is weighed behind a jump where the step at hand begins. */
+int ordernm_sample_behind(ordernm_adjoint *a)
+{
+    const ordernm_motion *const m = a->motion;
+    const ordernm_gradients *const g = a->gradients;
+    const long size = (long)a->n*a->width;
+    while (a->behind > 0 && g->behind[a->behind - 1] >= m->t) {
+        a->timed = --a->behind;
+        for (int n = 0; n < a->ngroups; ++n) {
+            const int status = outputs_transposed(a, n, m->t, m->z, g->behind_weights, g->nbehind, a->timed, a->nu);
+            if (status) return status;
+            ordernm_accumulate(a->lambda + n*size, 1.0, a->nu, size);
+        }
+    }
+    return 0;
+}
+
+/* The adjoint of a group before a switch where rates jump by -`jump`, whose switching function changes at a speed. */
+int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed,
+    int timed)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const ordernm_gradients *const of = a->gradients;
+    const int width = a->width;
+    double *const lambda = a->lambda + (long)n*a->n*width;
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    int status = ordernm_close_loops(m, &c);
+    if (status) return status;
+    memset(m->dswitches, 0, s->nswitches*width*sizeof(double));
+    for (int i = 0; i < a->n; ++i)
+        for (int l = 0; l < width; ++l) m->dswitches[k*width + l] -= lambda[i*width + l]*jump[i]/speed;
+    for (int l = 0; timed && l < width && n*width + l < of->nfunctionals; ++l)
+        m->dswitches[k*width + l] -= of->time_weights[(n*width + l)*of->nbehind + a->timed]/speed;
+    clear(a, &c);
+    c.switches = m->switches;
+    c.dswitches = m->dswitches;
+    status = ORDERNM_OF(m, switch_sensitivities_transposed[a->index])(&c);
+    if (!status) add(a, n, &c, t, lambda);
+    return status;
+}
+
+/* The transpose of what is done between steps to joints with independent and dependent speeds. */
+static int transposed_settling(ordernm_adjoint *a, int n, double t, const double *z, double *lambda)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const int width = a->width;
+    if (!s->split) return 0;
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    int status = ordernm_close_loops(m, &c);
+    if (status) return status;
+    clear(a, &c);
+    c.full_u = m->udot;
+    memset(a->weights_q, 0, s->nq*width*sizeof(double));
+    for (int i = 0; i < s->nfree_q; ++i)
+        memcpy(a->weights_q + s->free_q[i]*width, lambda + i*width, width*sizeof(double));
+    memset(a->weights_u, 0, s->nu*width*sizeof(double));
+    c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
+    if ((status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c))) return status;
+    memset(lambda, 0, s->nfree_q*width*sizeof(double));
+    add(a, n, &c, t, lambda);
+    memset(a->weights_q, 0, s->nq*width*sizeof(double));
+    return 0;
+}
+
+int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z)
+{
+    int status = 0;
+    for (int n = 0; n < a->ngroups && !status; ++n)
+        status = transposed_settling(a, n, t, z, a->lambda + (long)n*a->n*a->width);
+    return status;
+}
+
+/* Of weights of all entries of the state at the end, which was completed there, those of its independent entries. */
+int ordernm_completion_transposed(ordernm_adjoint *a, int n, double *lambda)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const ordernm_gradients *const g = a->gradients;
+    const int width = a->width;
+    ordernm_call c;
+    ordernm_arguments(m, m->t, m->z, &c);
+    c.q = g->whole_q, c.u = g->whole_u;
+    clear(a, &c);
+    for (int l = 0; l < width; ++l) {
+        const long f = (long)n*width + l;
+        for (int i = 0; i < s->nq; ++i) a->weights_q[i*width + l] = f < g->nfunctionals ? g->end_q[f*s->nq + i] : 0.0;
+        for (int i = 0; i < s->nu; ++i) a->weights_u[i*width + l] = f < g->nfunctionals ? g->end_u[f*s->nu + i] : 0.0;
+    }
+    c.full_u = m->udot;
+    c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
+    m->precise = s->precise != 0; /* conditions are poor where independents change */
+    const int status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c);
+    if (!status) add(a, n, &c, m->t, lambda);
+    memset(a->weights_q, 0, s->nq*width*sizeof(double));
+    memset(a->weights_u, 0, s->nu*width*sizeof(double));
+    return status;
+}
