@@ -17,19 +17,19 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from ladders import ladder_text
-
 import codegen
+from codegen.measure.accuracy import relative
+from codegen.measure.clock import elapsed, in_rounds
+from codegen.measure.models import example, text_of
 from codegen.runtime import Final
 
 END = 2.0
 CLAIM = 5.0
-FLYBALL = Path(__file__).parents[1] / "examples" / "flyball.yaml"
 
 
 def chain_text(n: int, stiff: bool = False) -> str:
@@ -64,7 +64,7 @@ def chain_text(n: int, stiff: bool = False) -> str:
 
 def ladder_of_parameters(loops: int) -> str:
     """LADDER(loops) whose bars have densities and radii of their own."""
-    text = ladder_text(loops)
+    text = text_of("LADDER", loops)
     bars = ["rung_0", *(f"{bar}_{k}" for k in range(1, loops + 1) for bar in ("rail", "rung"))]
     more = "".join(
         f"  density_{b}: {{value: {1 + 0.01 * i!r}}}\n  radius_{b}: {{value: 0.05}}\n" for i, b in enumerate(bars)
@@ -80,83 +80,84 @@ def ladder_of_parameters(loops: int) -> str:
     return f"{first}  repeat k in 1..L:\n    rail(k):{rail}    rung(k):{rung}\nloops:{loop}"
 
 
-def least(run: Callable[[], Any], rounds: int) -> tuple[float, Any]:
-    """The least seconds of a call, and what it gave."""
-    best, found = np.inf, None
-    for _ in range(rounds):
-        begins = time.process_time()
-        found = run()
-        best = min(best, time.process_time() - begins)
-    return best, found
+class InC:
+    """CPU seconds of members of a solver that call the integrators, while they are watched."""
 
+    def __init__(self, solver: Any, members: Sequence[str]):
+        self.seconds: dict[str, list[float]] = {name: [] for name in members}
+        self._type, self._own = type(solver), {name: getattr(type(solver), name) for name in members}
 
-def measure(
-    name: str, text: str, output: str, folder: Path, rounds: int,
-    end: float = END, integrator: str = "dop853", tolerance: float = 1e-9,
-) -> None:  # fmt: skip
-    model = codegen.parse_model(text, name)
-    begins = time.perf_counter()
-    codegen.generate(model, folder / name, check=False, functions=("motion",))
-    solver: Any = codegen.load(folder / name)
-    print(
-        f"{name}: {len(model.bodies)} bodies, {len(model.loops)} loops, {solver.np} parameters, {integrator}", end="; "
-    )
-    print(f"generated and compiled in {time.perf_counter() - begins:.0f} s")
-    wanted, accuracy = Final(output), {"rtol": tolerance, "atol": tolerance}
-    judged = {"integrator": integrator, **accuracy}
-    gradient = {"wrt": solver.parameter_names, **judged}
-    in_c: dict[str, list[float]] = {"_segment": [], "_backwards": []}
-    own = {of: getattr(type(solver), of) for of in in_c}
+    def __enter__(self) -> InC:
+        for name, own in self._own.items():
+            setattr(self._type, name, self._timed(name, own))
+        return self
 
-    def timed(of: str) -> Callable[..., Any]:
-        def call(self: Any, *arguments: Any) -> Any:
+    def __exit__(self, *_: object) -> None:
+        for name, own in self._own.items():
+            setattr(self._type, name, own)
+
+    def _timed(self, name: str, own: Callable[..., Any]) -> Callable[..., Any]:
+        def call(solver: Any, *arguments: Any) -> Any:
             begins = time.process_time()
-            found = own[of](self, *arguments)
-            in_c[of].append(time.process_time() - begins)
+            found = own(solver, *arguments)
+            self.seconds[name].append(time.process_time() - begins)
             return found
 
         return call
 
-    for of in in_c:
-        setattr(type(solver), of, timed(of))
-    # one after the other in every round, so that a busy machine is so for all of them
-    runs: dict[str, Callable[[], Any]] = {
-        "motion": lambda: solver.simulate([0.0, end], method=integrator, **accuracy),
-        "functional": lambda: solver.judge(end, wanted, **judged),
-        "adjoint": lambda: solver.judge(end, wanted, method="adjoint", **gradient),
-        "forward": lambda: solver.judge(end, wanted, method="forward", **gradient),
+
+def runs_of(solver: Any, output: str, end: float, integrator: str, tolerance: float) -> dict[str, Callable[[], Any]]:
+    """The motion, the motion with its functional, and its gradient by both ways."""
+    wanted, accuracy = Final(output), {"rtol": tolerance, "atol": tolerance}
+    judge = partial(solver.judge, end, wanted, integrator=integrator, **accuracy)
+    return {
+        "motion": lambda: solver.simulate([0.0, end], method=integrator, **accuracy), "functional": judge,
+        "adjoint": partial(judge, method="adjoint", wrt=solver.parameter_names),
+        "forward": partial(judge, method="forward", wrt=solver.parameter_names),
+    }  # fmt: skip
+
+
+def measure(name: str, text: str, output: str, folder: Path, rounds: int, end: float = END, integrator: str = "dop853",
+            tolerance: float = 1e-9) -> None:  # fmt: skip
+    model = codegen.parse_model(text, name)
+    begins = time.perf_counter()
+    codegen.generate(model, folder / name, check=False, functions=("motion",))
+    solver: Any = codegen.load(folder / name)
+    took = f"generated and compiled in {time.perf_counter() - begins:.0f} s"
+    print(f"{name}: {len(model.bodies)} bodies, {len(model.loops)} loops, {solver.np} parameters, {integrator}; {took}")
+    found: dict[str, Any] = {}
+    in_c: dict[str, list[float]] = {"motion": [], "adjoint": []}
+    with InC(solver, ("_segment", "_backwards")) as watched:
+
+        def timed(what: str, run: Callable[[], Any]) -> float:
+            before = len(watched.seconds["_segment"])
+            seconds = elapsed(lambda: found.update({what: run()}), clock=time.process_time)()
+            in_c.setdefault(what, []).append(sum(watched.seconds["_segment"][before:]))
+            return seconds
+
+        runs = runs_of(solver, output, end, integrator, tolerance)
+        # one after the other in every round, so that a busy machine is so for all of them
+        times = in_rounds({what: partial(timed, what, run) for what, run in runs.items()}, rounds)
+    least = {what: x.least for what, x in times.items()}
+    # the motion of the adjoint keeps its steps
+    least |= {
+        "motion in C": min(in_c["motion"]),
+        "kept in C": min(in_c["adjoint"]),
+        "backwards": min(watched.seconds["_backwards"]),
     }
-    times: dict[str, list[float]] = {n: [] for n in (*runs, "motion in C", "kept in C")}
-    for _ in range(rounds):
-        for n, run in runs.items():
-            before = len(in_c["_segment"])
-            seconds, found = least(run, 1)
-            times[n].append(seconds)
-            if n == "motion":
-                times["motion in C"].append(sum(in_c["_segment"][before:]))
-                steps = found.stats["steps"]
-            elif n == "adjoint":
-                # whose motion keeps its steps
-                times["kept in C"].append(sum(in_c["_segment"][before:]))
-                adjoint = found
-    forward = found
-    for of, method in own.items():
-        setattr(type(solver), of, method)
-    least_of = {n: min(x) for n, x in times.items()} | {"backwards": min(in_c["_backwards"])}
     state = solver.nq + len(solver.independent_speed_names)
     stages = 3 * state if integrator == "radau" else 11 * (state + (solver.nq if solver.closure_names else 0)) + state
-    error = np.abs(adjoint.gradients - forward.gradients).max() / np.abs(forward.gradients).max()
-    back = (least_of["kept in C"] + least_of["backwards"]) / least_of["motion in C"]
-    called = least_of["adjoint"] / least_of["motion"]
-    for n, x in least_of.items():
-        print(f"  {n:12} {1e3 * x:9.2f} ms")
+    error = relative(found["adjoint"].gradients, found["forward"].gradients)
+    back = (least["kept in C"] + least["backwards"]) / least["motion in C"]
+    for what, x in least.items():
+        print(f"  {what:12} {1e3 * x:9.2f} ms")
+    called, forward = (least[way] / least["motion"] for way in ("adjoint", "forward"))
     print(f"  gradient by the adjoint: {back:.2f} motions in C, {called:.2f} from Python; claimed at most {CLAIM:g}")
-    print(f"  forward: {least_of['forward'] / least_of['motion']:.1f} motions; both agree to {error:.1e}")
-    counts = adjoint.counts
-    print(f"  {steps} steps, {counts['evaluations']} evaluations; back {counts['adjoint_evaluations']}", end=" and ")
-    print(
-        f"{counts['adjoint_transposes']} transposes; {counts['steps'] * 8 * (4 + state + stages) / 2**10:.0f} KiB for steps"
-    )
+    print(f"  forward: {forward:.1f} motions; both agree to {error:.1e}")
+    counts, steps = found["adjoint"].counts, found["motion"].stats["steps"]
+    kept = f"{counts['steps'] * 8 * (4 + state + stages) / 2**10:.0f} KiB for steps"
+    print(f"  {steps} steps, {counts['evaluations']} evaluations; back {counts['adjoint_evaluations']} and "
+          f"{counts['adjoint_transposes']} transposes; {kept}")  # fmt: skip
 
 
 def main() -> None:
@@ -174,7 +175,7 @@ def main() -> None:
         if "ladder" in only:
             measure("ladder", ladder_of_parameters(given.loops), "top_x", folder, rounds)
         if "flyball" in only:
-            measure("flyball", FLYBALL.read_text(), "height", folder, rounds, 10.0, "radau", 1e-8)
+            measure("flyball", example("flyball"), "height", folder, rounds, 10.0, "radau", 1e-8)
         if "stiff" in only:
             measure("stiff", chain_text(given.rods, stiff=True), "tip_x", folder, rounds, END, "radau", 1e-7)
 

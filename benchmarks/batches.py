@@ -12,24 +12,28 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-import chains
 import numpy as np
-from ctiming import FLAGS, Contestant, add_instructions, alternate, default_cache, restrict_instructions, table
 
 import codegen
+from codegen.measure.accuracy import largest
+from codegen.measure.clock import elapsed, in_rounds
+from codegen.measure.compiled import INSTRUCTIONS, Contestant, Functions, add_options, workshop
+from codegen.measure.models import example, sized
+from codegen.measure.tables import markdown
 from codegen.model import Model
 from codegen.pipeline import Source, write_solver
 from codegen.runtime.standalone import batches
 
 STATES = 4096
-
 DIRECTIONS = 8
 ASKED = ("accelerations", "sensitivities")
-EXAMPLES = Path(__file__).parents[1] / "examples"
+TURNS = 20
+"""Calls of a batch in C, one after the other, before the other way has its turn."""
 
 LOOP = """\
 #include "{name}.h"
@@ -50,16 +54,11 @@ static void run(double **a)
 """
 
 
-def sizes_of(model: Model) -> dict[str, int]:
-    """Entries of each array of a state."""
-    n = {"q": model.nq, "u": model.nu, "p": len(model.parameters), "inputs": len(model.inputs), "udot": model.nu}
-    return n | {f"d{name}": size for name, size in n.items()}
-
-
 def contestants(source: Source, model: Model, function: str) -> list[Contestant]:
     """A loop of calls, and several states at once, on the same arrays: parameters are one for all, directions last."""
     name, f = model.name, source.manifest["functions"][function]
-    seeds, sizes, rng = f.get("seeds", []), sizes_of(model), np.random.default_rng(1)
+    functions, seeds, rng = Functions.of(source), f.get("seeds", []), np.random.default_rng(1)
+    sizes = functions.sizes()
     width = DIRECTIONS if seeds else 1
     arrays, passed, members = [], [], []
     for i, a in enumerate((*f["arguments"], *seeds, *f["results"])):
@@ -77,7 +76,7 @@ def contestants(source: Source, model: Model, function: str) -> list[Contestant]
     several = AT_ONCE.format(
         name=name, states=STATES, function=function, directions=width, members=", ".join([*members, f".work = {place}"])
     )
-    files = chains.c_files(source) | {f"{name}_states.c": source.files[f"{name}_states.c"]}
+    files = {**functions.files} | {f"{name}_states.c": source.files[f"{name}_states.c"]}
     arrays.append(np.zeros(work))
     return [
         Contestant(f"{kind} {function} {name}", files, text, "run(a)", arrays, ("-O2", "-O3"))
@@ -88,46 +87,40 @@ def contestants(source: Source, model: Model, function: str) -> list[Contestant]
 def of_python(model: Model, folder: Path, threads: int, rounds: int) -> list[dict[str, float]]:
     """Seconds of a batch by the wall clock, for each function: one state after the other, several at once, on threads."""
     codegen.generate(model, folder / model.name, functions=ASKED, check=False)
-    solvers = {}
+    solvers: dict[str, Any] = {}
     for kind, of in (("one", 1), ("several", 1), ("threads", threads)):
         solvers[kind] = codegen.load(folder / model.name)
         solvers[kind].batch_threads = of
     solvers["one"]._target.batches.takes = lambda *_: False
     rng = np.random.default_rng(2)
-    q, u = rng.uniform(-1.0, 1.0, (STATES, model.nq)), rng.uniform(-1.0, 1.0, (STATES, model.nu))
-    dq = rng.uniform(-1.0, 1.0, (DIRECTIONS, STATES, model.nq))
-    du = rng.uniform(-1.0, 1.0, (DIRECTIONS, STATES, model.nu))
-
-    def call(solver: codegen.runtime.Solver, function: str) -> Callable[[], object]:
-        if function == "accelerations":
-            return lambda: solver.accelerations(q, u)
-        return lambda: solver.sensitivities(q, u, dq=dq, du=du)
-
+    q, u = (rng.uniform(-1.0, 1.0, (STATES, n)) for n in (model.nq, model.nu))
+    dq, du = (rng.uniform(-1.0, 1.0, (DIRECTIONS, STATES, n)) for n in (model.nq, model.nu))
     found = []
-    for function in ASKED:
-        best = dict.fromkeys(solvers, np.inf)
-        for _ in range(rounds):
-            for kind, solver in solvers.items():
-                run = call(solver, function)
-                begin = time.perf_counter()
-                run()
-                best[kind] = min(best[kind], time.perf_counter() - begin)
-        found.append(best)
+    for function, seeds in zip(ASKED, ({}, {"dq": dq, "du": du}), strict=True):
+        calls = {kind: partial(getattr(solver, function), q, u, **seeds) for kind, solver in solvers.items()}
+        found.append(least({kind: [call] for kind, call in calls.items()}, rounds))
     return found
 
 
-def in_c_on_threads(model: Model, folder: Path, threads: int, rounds: int) -> list[dict[str, float]]:
+def least(calls: dict[str, list[Callable[[], object]]], rounds: int) -> dict[str, float]:
+    """The least wall time of a call; those in a list come one after the other within a turn."""
+    turns = {kind: lambda several=several: min(elapsed(call)() for call in several) for kind, several in calls.items()}
+    return {kind: x.least for kind, x in in_rounds(turns, rounds).items()}
+
+
+def in_c_on_threads(
+    model: Model, folder: Path, sizes: dict[str, int], threads: int, rounds: int
+) -> list[dict[str, float]]:
     """Seconds of a batch in C by the wall clock, for each function: on one thread, and on several."""
-    solver = codegen.load(folder)
+    solver: Any = codegen.load(folder)
     solver.batch_threads = threads
     rng = np.random.default_rng(3)
     q, u = (rng.uniform(-1.0, 1.0, (STATES, n)) for n in (model.nq, model.nu))
     solver.accelerations(q, u)  # what is called below is compiled and opened
     solver.sensitivities(q, u, dq=rng.uniform(-1.0, 1.0, (DIRECTIONS, STATES, model.nq)))
-    over = solver._target.batches
-    ffi, sizes, found = over._ffi, sizes_of(model), []
+    over, found = solver._target.batches, []
     for function in ASKED:
-        b = ffi.new("states *", {"count": STATES, "directions": DIRECTIONS})
+        b = over._ffi.new("states *", {"count": STATES, "directions": DIRECTIONS})
         kept = [np.empty(threads * over._over_states["workspace"])]
         b.work = solver._target.pointer(kept[0])
         for name in over._over_states["arrays"]:
@@ -137,81 +130,58 @@ def in_c_on_threads(model: Model, folder: Path, threads: int, rounds: int) -> li
             kept.append(np.array([list(model.defaults.values())]) if name == "p" else array)
             setattr(b, name, (solver._target.pointer(kept[-1]), 0 if shared else entries, 1, lanes))
         call = over._several[f"{model.name}_{function}_states"]
-        runs: dict[str, Callable[[], object]] = {
-            "one": lambda call=call, b=b: call(b),
-            "threads": lambda call=call, b=b: over._shared()(call, b, threads),
-        }
-        best = dict.fromkeys(runs, np.inf)
-        for _ in range(rounds):
-            for kind, run in runs.items():
-                for _ in range(20):
-                    begin = time.perf_counter()
-                    run()
-                    best[kind] = min(best[kind], time.perf_counter() - begin)
-        found.append(best)
+        ways = {"one": partial(call, b), "threads": partial(over._shared(), call, b, threads)}
+        found.append(least({kind: [way] * TURNS for kind, way in ways.items()}, rounds))
     return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--batches", type=int, default=5)
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--cache", type=Path, default=default_cache())
-    add_instructions(parser)
-    arguments = parser.parse_args()
-    instructions = restrict_instructions(arguments.instructions)
-    if arguments.instructions != "native":
-        os.environ["ORDERNM_CFLAGS"] = " ".join(["-O2", "-march=native", *FLAGS[1:-2]])
-    batches.WORTH_COMPILING = 0
-
-    models = [chains.chain_model(12), codegen.load_model(EXAMPLES / "arm.yaml")]
-    rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        for model in models:
-            python = of_python(model, Path(folder), arguments.threads, 20 * arguments.rounds)
-            shared = in_c_on_threads(model, Path(folder) / model.name, arguments.threads, 4 * arguments.rounds)
-            source = write_solver(model, functions=ASKED)
-            for function, wall, in_c in zip(ASKED, python, shared, strict=True):
-                times = alternate(
-                    contestants(source, model, function), arguments.cache, arguments.rounds, arguments.batches
-                )
-                one, several = (times[f"{kind} {function} {model.name}"] for kind in ("one", "several"))
-                check(one.variant.arrays, several.variant.arrays)
-                along = f" + {DIRECTIONS}" if function == "sensitivities" else ""
-                row = [
-                    f"{model.name}, {model.nu} joints, udot{along}",
-                    *(f"{t.median / STATES * 1e9:.0f}" for t in (one, several)),
-                ]
-                row += [f"{several.ratio(one):.2f}", *(f"{t / STATES * 1e9:.0f}" for t in in_c.values())]
-                row += [f"{in_c['one'] / in_c['threads']:.2f}", *(f"{t / STATES * 1e9:.0f}" for t in wall.values())]
-                rows.append([*row, f"{wall['several'] / wall['one']:.2f}", f"{wall['several'] / wall['threads']:.2f}"])
-    heads = [
-        "ns per state",
-        "calls in C",
-        "several at once",
-        "ratio",
-        "C, one thread",
-        f"{arguments.threads} threads",
-        "times",
-        "Python: one by one",
-        "several at once",
-        f"{arguments.threads} threads",
-        "ratio",
-        "times",
-    ]
-    print(
-        f"{instructions}, {STATES} states; calls in C and several at once: CPU time, median over the rounds, "
-        "best of -O2 and -O3; others: fastest by the wall clock\n"
-    )
-    print(table(heads, rows))
-
-
-def check(a: list[np.ndarray], b: list[np.ndarray]) -> None:
+def check(a: dict[Any, np.ndarray], b: dict[Any, np.ndarray]) -> None:
     """Compare what contestants have found, number by number; the last array is the workspace."""
-    for x, y in zip(a[:-1], b[:-1], strict=True):
-        if not np.allclose(x, y, rtol=1e-9, atol=1e-9 * (1.0 + np.abs(x).max())):
+    for x, y in list(zip(a.values(), b.values(), strict=True))[:-1]:
+        if not np.allclose(x, y, rtol=1e-9, atol=1e-9 * (1.0 + largest(x))):
             raise ValueError("several states at once give other numbers")
+
+
+def ns(seconds: float) -> str:
+    """Of a batch, for each state."""
+    return f"{seconds / STATES * 1e9:.0f}"
+
+
+def rows_of(model: Model, folder: Path, options: argparse.Namespace) -> list[list[str]]:
+    """Rows of a model, a function each."""
+    source, shop, rows = write_solver(model, functions=ASKED), workshop(options), []
+    python = of_python(model, folder, options.threads, 20 * options.rounds)
+    sizes = Functions.of(source).sizes()
+    shared = in_c_on_threads(model, folder / model.name, sizes, options.threads, 4 * options.rounds)
+    for function, wall, in_c in zip(ASKED, python, shared, strict=True):
+        one, several = shop.compete(contestants(source, model, function), options.rounds, options.batches).values()
+        check(one.variant.arrays, several.variant.arrays)
+        along = f" + {DIRECTIONS}" if function == "sensitivities" else ""
+        rows.append(
+            [f"{model.name}, {model.nu} joints, udot{along}", ns(one.median), ns(several.median), f"{several.ratio(one):.2f}",
+             *map(ns, in_c.values()), f"{in_c['one'] / in_c['threads']:.2f}", *map(ns, wall.values()),
+             f"{wall['several'] / wall['one']:.2f}", f"{wall['several'] / wall['threads']:.2f}"]
+        )  # fmt: skip
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--threads", type=int, default=2)
+    add_options(parser, 5, 5)
+    options = parser.parse_args()
+    if options.instructions != "native":
+        os.environ["ORDERNM_CFLAGS"] = " ".join(["-O2", "-march=native", *INSTRUCTIONS[options.instructions]])
+    batches.WORTH_COMPILING = 0
+    with tempfile.TemporaryDirectory() as folder:
+        models = [sized("CHAIN", 12).model, codegen.parse_model(example("arm"))]
+        rows = [row for model in models for row in rows_of(model, Path(folder), options)]
+    on_threads = f"{options.threads} threads"
+    heads = ["ns per state", "calls in C", "several at once", "ratio", "C, one thread", on_threads, "times", "Python: one by one",
+             "several at once", on_threads, "ratio", "times"]  # fmt: skip
+    print(f"{workshop(options).widest}, {STATES} states; calls in C and several at once: CPU time, median over the rounds, "
+          "best of -O2 and -O3; others: least by the wall clock\n")  # fmt: skip
+    print(markdown(heads, rows))
 
 
 if __name__ == "__main__":

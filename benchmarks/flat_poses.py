@@ -18,15 +18,16 @@ import json
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from ctiming import table
-
 import codegen
-from codegen.measure.models import changed, example
+from codegen.measure.accuracy import by_direction
+from codegen.measure.clock import elapsed, in_rounds
+from codegen.measure.models import example, text_of
+from codegen.measure.tables import markdown
 from codegen.own_files import refuse_foreign_file
 from codegen.runtime import At, Final, Integral
 from codegen.runtime.standalone.whole_file import MARK
@@ -38,67 +39,53 @@ INTEGRATORS: tuple[tuple[str, dict[str, float]], ...] = (
     *(("radau", {"rtol": x, "atol": x}) for x in (1e-8, 1e-10, 1e-12)),
     *(("rk4", {"step": x}) for x in (0.01, 0.005)),
 )
+WAYS = ("forward", "adjoint")
+HEAD = ("model", "s", "integrator", "tolerance or step", "steps", "largest c", "before", "difference", "forward, motions",
+        "adjoint, motions")  # fmt: skip
 
 
-def models(loops: list[int]) -> dict[str, str]:
-    """Texts by name: the N-four-bar, and ladders of so many loops."""
-    return {"four-bars 2": example("n_four_bar")} | {
-        f"ladder {n}": changed("ladder", "L: 3,", f"L: {n},") for n in loops
-    }
-
-
-def difference(solver: Any, end: float, integrator: str, options: dict[str, float]) -> tuple[Any, float]:
+def difference(solver: Any, end: float, options: dict[str, Any]) -> tuple[Any, float]:
     """A motion's figures, and how much gradients of both ways differ, relative to the largest entry of each."""
     first, second = solver.output_names[:2]
     wanted = [Final(first), Final(second), Integral("kinetic"), At(first, 0.37 * end)]
     wrt = [*solver.parameter_names, *(f"q0.{n}" for n in solver.independent_names)]
     wrt += [f"u0.{n}" for n in solver.independent_speed_names]
-    forward, adjoint = (
-        solver.judge(end, wanted, wrt=wrt, method=m, integrator=integrator, **options) for m in ("forward", "adjoint")
-    )
+    forward, adjoint = (solver.judge(end, wanted, wrt=wrt, method=m, **options) for m in WAYS)
     if forward.counts["steps"] != adjoint.counts["steps"]:
         raise AssertionError("both ways are to make the same steps")
-    size = np.abs(forward.gradients).max(axis=1)
-    return forward.counts, float((np.abs(forward.gradients - adjoint.gradients).max(axis=1) / size).max())
+    return forward.counts, max(by_direction(adjoint.gradients, forward.gradients))
 
 
-def least(call: Callable[[], Any], runs: int) -> float:
-    """Seconds of the processor."""
-    best = np.inf
-    for _ in range(runs):
-        start = time.process_time()
-        call()
-        best = min(best, time.process_time() - start)
-    return best
-
-
-def times(solver: Any, end: float, integrator: str, options: dict[str, float], runs: int) -> tuple[float, float]:
+def times(solver: Any, end: float, options: dict[str, Any], runs: int) -> dict[str, float]:
     """Times of gradients of one functional forward and by the adjoint, over that of the motion alone."""
-    wanted, names = Final(solver.output_names[0]), list(solver.parameter_names)
-    plain = least(lambda: solver.judge(end, wanted, integrator=integrator, **options), runs)
-    ways = (
-        least(lambda m=m: solver.judge(end, wanted, wrt=names, method=m, integrator=integrator, **options), runs)
-        for m in ("forward", "adjoint")
-    )
-    forward, adjoint = (x / plain for x in ways)
-    return forward, adjoint
+    judge = partial(solver.judge, end, Final(solver.output_names[0]), **options)
+    calls = {"motion": judge} | {m: partial(judge, wrt=list(solver.parameter_names), method=m) for m in WAYS}
+    found = in_rounds({name: elapsed(call, clock=time.process_time) for name, call in calls.items()}, runs)
+    return {m: found[m].least / found["motion"].least for m in WAYS}
 
 
-def measured(loops: list[int], ends: list[float], runs: int) -> Iterator[dict[str, Any]]:
+def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    models = {"four-bars 2": example("n_four_bar")}
+    models |= {f"ladder {n}": text_of("LADDER", int(n)) for n in options.loops.split(",")}
     with tempfile.TemporaryDirectory() as folder:
-        for name, text in models(loops).items():
+        for name, text in models.items():
             place = Path(folder) / name.replace(" ", "_").replace("-", "_")
             codegen.generate(codegen.parse_model(text), place, check=False)
             solver = codegen.load(place)
-            for end in ends:
-                for integrator, options in INTEGRATORS:
-                    counts, found = difference(solver, end, integrator, options)
-                    forward, adjoint = times(solver, end, integrator, options, runs)
+            for end in map(float, options.ends.split(",")):
+                for integrator, accuracy in INTEGRATORS:
+                    given = {"integrator": integrator, **accuracy}
+                    counts, found = difference(solver, end, given)
                     yield {
-                        "model": name, "end": end, "integrator": integrator, "of": next(iter(options.values())),
+                        "model": name, "end": end, "integrator": integrator, "of": next(iter(accuracy.values())),
                         "steps": counts["steps"], "condition": counts["condition"], "difference": found,
-                        "forward": forward, "adjoint": adjoint,
+                        **times(solver, end, given, options.runs),
                     }  # fmt: skip
+
+
+def key(row: dict[str, Any]) -> tuple[Any, ...]:
+    """What identifies a motion."""
+    return row["model"], row["end"], row["integrator"], row["of"]
 
 
 def main() -> None:
@@ -111,28 +98,19 @@ def main() -> None:
     options = parser.parse_args()
     if options.output:
         refuse_foreign_file(options.output)
-    before = {}
-    if options.compare:
-        rows = json.loads(options.compare.read_text(encoding="utf-8"))["rows"]
-        before = {(r["model"], r["end"], r["integrator"], r["of"]): r["difference"] for r in rows}
+    rows = json.loads(options.compare.read_text(encoding="utf-8"))["rows"] if options.compare else []
+    before = {key(r): f"{r['difference']:.1e}" for r in rows}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        loops, ends = ([of(x) for x in given.split(",")] for of, given in ((int, options.loops), (float, options.ends)))
-        found = list(measured(loops, ends, options.runs))
+        found = list(measured(options))
     if options.output:
         options.output.write_text(json.dumps({"written": MARK, "rows": found}, indent=1) + "\n", encoding="utf-8")
-    rows = []
-    for r in found:
-        old = before.get((r["model"], r["end"], r["integrator"], r["of"]))
-        rows.append(
-            [
-                r["model"], f"{r['end']:g}", r["integrator"], f"{r['of']:g}", str(r["steps"]), f"{r['condition']:.0f}",
-                *([f"{old:.1e}" if old else ""] if before else []), f"{r['difference']:.1e}", f"{r['forward']:.1f}",
-                f"{r['adjoint']:.1f}",
-            ]
-        )  # fmt: skip
-    heads = ["model", "s", "integrator", "tolerance or step", "steps", "largest c", *(["before"] if before else [])]
-    print(table([*heads, "difference", "forward, motions", "adjoint, motions"], rows))
+    cells = [
+        [r["model"], f"{r['end']:g}", r["integrator"], f"{r['of']:g}", r["steps"], f"{r['condition']:.0f}",
+         before.get(key(r), ""), f"{r['difference']:.1e}", f"{r['forward']:.1f}", f"{r['adjoint']:.1f}"]
+        for r in found
+    ]  # fmt: skip
+    print(markdown(HEAD, cells))
     differences = [r["difference"] for r in found]
     good = sum(x <= CLAIM for x in differences)
     print(f"\n{good} of {len(found)} differ by at most {CLAIM:g}; the largest difference is {max(differences):.1e}")

@@ -20,9 +20,10 @@ import time
 from typing import Any
 
 import numpy as np
-from ctiming import table
-from ladders import ladder_text
 
+from codegen.measure.models import text_of
+from codegen.measure.operations import of_manifest, plain, total
+from codegen.measure.tables import markdown
 from codegen.model import Model, ModelBuilder, parse_model
 from codegen.pipeline import write_solver
 
@@ -98,7 +99,7 @@ def grid(n: int) -> Model:
     return b.build()
 
 
-SHAPES = {"STAR": star, "BUNDLE": bundle, "GRID": grid, "LADDER": lambda n: parse_model(ladder_text(n))}
+SHAPES = {"STAR": star, "BUNDLE": bundle, "GRID": grid, "LADDER": lambda n: parse_model(text_of("LADDER", n))}
 
 
 def measured(shape: str, size: int) -> dict[str, float]:
@@ -112,14 +113,8 @@ def measured(shape: str, size: int) -> dict[str, float]:
         "seconds": seconds,
         "MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
-    counts, functions = source.manifest["operations"], source.manifest["functions"]
-    for name, function, part in (
-        ("udot", "accelerations", "per_call"),
-        ("direction", "sensitivities", "per_direction"),
-    ):
-        parts = [counts[sweep].get(part, {}) for sweep in functions[function]["sweeps"]]
-        found[name] = sum(p.get(kind, 0) for p in parts for kind in ("additions", "multiplications"))
-    return found
+    udot, along = (of_manifest(source.manifest, f) for f in ("accelerations", "sensitivities"))
+    return found | {"udot": plain(total(udot)), "direction": plain(total(along, "per_direction"))}
 
 
 def main() -> None:
@@ -144,7 +139,7 @@ def main() -> None:
             r = json.loads(done.stdout)
             each = [f"{r[k] / r['loops']:.0f}" for k in ("udot", "direction")]
             rows.append([shape, size, r["loops"], f"{r['seconds']:.2f}", f"{r['MB']:.0f}", *each])
-    print(table(["", "size", "loops", "CPU s", "MB", "udot a loop", "a direction a loop"], rows))
+    print(markdown(["", "size", "loops", "CPU s", "MB", "udot a loop", "a direction a loop"], rows))
 
 
 if __name__ == "__main__":

@@ -1,54 +1,94 @@
-"""Operations per body of CHAIN(n), counted in the emitted blocks: udot, and one more total direction (dq, du and dL).
+"""Operations counted in the emitted blocks: udot, and one more total direction, of chains, ladders and robots.
 
-python benchmarks/operations.py [n ...]
+    python benchmarks/operations.py [CHAIN LADDER HOOKE PINNED UR5 ...] [--sizes 12 100] [--layouts kinds unrolled] [--sweeps]
 
-Sines and cosines, and divisions, are listed apart.
+Of models of any size for each body, of robots (``CHAIN(12)``, ``UR5``, ..., see `codegen.measure.pinocchio_models`) in all. A
+direction is dq, du and a parameter together; what all directions share is computed once, after udot. Additions and
+multiplications are counted together; divisions, and sines and cosines, apart. Of Jacobians and mass matrices a column is one that
+concerns every link.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-from chains import chain_source
-from ctiming import table
+from codegen.measure.models import SIZES, sized
+from codegen.measure.operations import of_manifest, plain, total
+from codegen.measure.tables import markdown
+from codegen.pipeline import write_solver
 
-CLAIMS = {"unrolled": 270, "kinds": 330}
-FORWARD = ("start", "rotations", "kinematics", "triangularize", "back_substitute")
-DIRECTION = ("newton_euler_out", "newton_euler_in", "balance_out", "balance_in", "balance_back")
+DEFAULT = {"CHAIN": (12, 24, 50, 100), "LADDER": (10, 30, 100), "HOOKE": (10, 30, 100), "PINNED": (10, 30, 100)}
+CLAIMS = {("CHAIN", "unrolled"): 270, ("CHAIN", "kinds"): 330, ("LADDER", "auto"): 125, ("HOOKE", "auto"): 700}
+"""Operations for each body of udot, at most; one more direction of CHAIN at most 1.0, of LADDER at most 1.2 of them."""
+
+HEAD = ("", "layout", "bodies", "udot", "claim", "divisions", "sin, cos", "one more direction", "of udot", "its divisions",
+        "once for all directions")  # fmt: skip
+HEAD_ROBOTS = (
+    "",
+    "udot",
+    "one more direction",
+    "once for all directions",
+    "Jacobians",
+    "a column",
+    "mass matrix",
+    "a column",
+)
 
 
-def total(operations: dict[str, dict[str, dict[str, int]]], sweeps: tuple[str, ...], part: str) -> dict[str, int]:
-    """Sum over the sweeps."""
-    result = dict.fromkeys(("additions", "multiplications", "divisions", "functions"), 0)
-    for sweep in sweeps:
-        for name, count in operations.get(sweep, {}).get(part, {}).items():
-            result[name] += count
-    return result
+def of_each_body(name: str, size: int, layout: str, sweeps: bool) -> list[Any]:
+    """A row for a model of any size."""
+    m = sized(name, size)
+    manifest = m.source(layout).manifest
+    forward, along = (of_manifest(manifest, f) for f in ("accelerations", "sensitivities"))
+    if sweeps:
+        for sweep, parts in along.items():
+            print(m, layout, sweep, {p: {k: round(v / m.bodies, 1) for k, v in c.items()} for p, c in parts.items()})
+    udot, shared, each = total(forward), total(along), total(along, "per_direction")
+    n, direction = m.bodies, plain(each) / plain(udot)
+    figures = [x / n for x in (udot["divisions"], udot["functions"], plain(each))]
+    more = [each["divisions"] / n, (plain(shared) - plain(udot)) / n]
+    return [m, layout, n, f"{plain(udot) / n:.1f}", CLAIMS.get((name, layout), ""), *(f"{x:.1f}" for x in figures),
+            f"{direction:.3f}", *(f"{x:.1f}" for x in more)]  # fmt: skip
+
+
+def of_robot(folder: Path, name: str, layout: str) -> list[Any]:
+    """A row for a robot."""
+    from codegen.measure.pinocchio_models import ours, theirs_of
+
+    manifest = write_solver(ours(theirs_of(name, folder), name), layout).manifest
+    once, each = (
+        {f: plain(total(of_manifest(manifest, f), part)) for f in ("accelerations", "sensitivities", "jacobians", "mass_matrix")}
+        for part in ("per_call", "per_direction")
+    )  # fmt: skip
+    udot = once["accelerations"]
+    return [name, udot, each["sensitivities"], once["sensitivities"] - udot,
+            *(x[f] for f in ("jacobians", "mass_matrix") for x in (once, each))]  # fmt: skip
+
+
+def rows(options: argparse.Namespace) -> Iterator[list[Any]]:
+    """Of models of any size, by name, size and layout."""
+    for name in (n for n in options.names if n in SIZES):
+        for layout in options.layouts or (("kinds", "unrolled") if name == "CHAIN" else ("auto",)):
+            for size in options.sizes or DEFAULT[name]:
+                yield of_each_body(name, size, layout, options.sweeps)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("n", nargs="*", type=int, default=[12, 24, 50, 100])
-    parser.add_argument("--layouts", nargs="*", default=["kinds", "unrolled"])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", default=["CHAIN"], help="models of any size, or robots")
+    parser.add_argument("--sizes", nargs="*", type=int, help="rods, or loops of ladders")
+    parser.add_argument("--layouts", nargs="*", choices=("auto", "kinds", "unrolled"))
     parser.add_argument("--sweeps", action="store_true", help="print every sweep as well")
-    arguments = parser.parse_args()
-    rows = []
-    for layout in arguments.layouts:
-        for n in arguments.n:
-            operations = chain_source(n, layout).manifest["operations"]
-            if arguments.sweeps:
-                for sweep, parts in operations.items():
-                    print(layout, n, sweep, {p: {k: round(v / n, 1) for k, v in c.items()} for p, c in parts.items()})
-            udot = total(operations, FORWARD, "per_call")
-            once, each = total(operations, DIRECTION, "per_call"), total(operations, DIRECTION, "per_direction")
-            plain = [(x["additions"] + x["multiplications"]) / n for x in (udot, once, each)]
-            row = [layout, n, f"{plain[0]:.1f}", CLAIMS.get(layout, ""), f"{udot['divisions'] / n:.1f}",
-                   f"{udot['functions'] / n:.1f}", f"{plain[2]:.1f}", f"{plain[2] / plain[0]:.3f}",
-                   f"{plain[1]:.1f}"]  # fmt: skip
-            rows.append(row)
-    head = ["layout", "n", "udot", "claim", "divisions", "sin, cos", "one more direction", "of udot (claim: 1.0)",
-            "once for all directions"]  # fmt: skip
-    print(table(head, rows))
+    parser.add_argument("--robots", type=Path, help="the folder `robots` of example-robot-data")
+    options = parser.parse_args()
+    if found := list(rows(options)):
+        print("For each body:\n\n" + markdown(HEAD, found))
+    if robots := [n for n in options.names if n not in SIZES]:
+        layout = (options.layouts or ["unrolled"])[0]
+        print("\nIn all:\n\n" + markdown(HEAD_ROBOTS, [of_robot(options.robots, n, layout) for n in robots]))
 
 
 if __name__ == "__main__":

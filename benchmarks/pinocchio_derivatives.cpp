@@ -113,14 +113,4 @@ int pinocchio_mass(void *solver, const double *q, int world)
     pinocchio::crba(s.model, s.data, s.q, world ? pinocchio::Convention::WORLD : pinocchio::Convention::LOCAL);
     return 0;
 }
-
-void pinocchio_results(void *solver, double *udot, double *by_q, double *by_u, double *mass)
-{
-    Solver &s = *(Solver *)solver;
-    const int n = s.model.nv;
-    Eigen::Map<Eigen::VectorXd>(udot, n) = s.data.ddq;
-    Eigen::Map<Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(by_q, n, n) = s.data.ddq_dq;
-    Eigen::Map<Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(by_u, n, n) = s.data.ddq_dv;
-    Eigen::Map<Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(mass, n, n) = s.data.M;
-}
 }

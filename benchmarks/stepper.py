@@ -10,17 +10,16 @@ errors, sizes of steps, and that the next state is another one.
 from __future__ import annotations
 
 import argparse
-import os
 import statistics
 import subprocess
 import tempfile
 from pathlib import Path
 
-from ctiming import FLAGS, add_instructions, restrict_instructions, table
-
 import codegen
+from codegen.measure.compiled import add_options, workshop
+from codegen.measure.models import text_of
+from codegen.measure.tables import markdown
 
-MODEL = Path(__file__).parents[1] / "examples" / "chain.yaml"
 RODS = 8
 CLAIM = 0.25
 """us a stage."""
@@ -77,37 +76,29 @@ int main(int count, char **words)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_instructions(parser)
-    parser.add_argument("--rounds", type=int, default=400)
+    add_options(parser, 400)
     options = parser.parse_args()
-    instructions = restrict_instructions(options.instructions)
+    shop = workshop(options)
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name) / "chain"
-        text = MODEL.read_text(encoding="utf-8")
-        assert text.count("{n: 12,") == 1
-        (Path(name) / "chain.yaml").write_text(text.replace("{n: 12,", f"{{n: {RODS},"), encoding="utf-8")
-        codegen.generate(Path(name) / "chain.yaml", folder, functions=("motion",))
+        folder, program = Path(name) / "chain", Path(name) / "stepper"
+        codegen.generate(codegen.parse_model(text_of("CHAIN", RODS)), folder, functions=("motion",))
         (folder / "stepper.c").write_text(PROGRAM, encoding="utf-8")
-        sources = [folder / f for f in ("stepper.c", "chain.c", "chain_motion.c")] + sorted(
-            (folder / "motion").glob("*.c")
-        )
-        flags = ["-O2", *(f for f in FLAGS if f not in ("-shared", "-fPIC"))]
-        program = Path(name) / "stepper"
-        subprocess.run(["gcc", *flags, f"-I{folder}", *sources, "-lm", "-o", program], check=True, env=os.environ)
+        sources = [
+            *(folder / f for f in ("stepper.c", "chain.c", "chain_motion.c")),
+            *sorted((folder / "motion").glob("*.c")),
+        ]
+        command = [*shop.compiler, "-O2", *shop.all_flags, f"-I{folder}", *sources, "-lm", "-o", program]
+        subprocess.run(command, check=True)
         lines = subprocess.run([program, str(options.rounds)], check=True, capture_output=True, text=True).stdout
     rows = [[float(x) for x in line.split()] for line in lines.splitlines()]
     calls = int(rows[0][0])
     motion, alone = ([1e6 * row[i] / calls for row in rows] for i in (1, 2))
-    print(f"CHAIN({RODS}), 5 s at 1e-9, {calls} calls; {instructions}, gcc -O2; claim: {CLAIM:g} us a stage\n")
-    print(
-        table(
-            ["us a stage", "motion", "accelerations alone", "difference"],
-            [
-                [what, *(f"{x:.3f}" for x in (of(motion), of(alone), of(motion) - of(alone)))]
-                for what, of in (("least", min), ("median", statistics.median))
-            ],
-        )
-    )
+    cells = [
+        [what, *(f"{x:.3f}" for x in (of(motion), of(alone), of(motion) - of(alone)))]
+        for what, of in (("least", min), ("median", statistics.median))
+    ]
+    print(f"CHAIN({RODS}), 5 s at 1e-9, {calls} calls; {shop.widest}, gcc -O2; claim: {CLAIM:g} us a stage\n")
+    print(markdown(["us a stage", "motion", "accelerations alone", "difference"], cells))
 
 
 if __name__ == "__main__":

@@ -39,11 +39,12 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "benchmarks"))
 
-from chains import c_files, chain_seeds, chain_source, chain_state
-from ctiming import LEVELS, Contestant, Timing, alternate, compile_variant, default_cache, table, use_one_core
-
+from ordernm.measure.clock import one_core
+from ordernm.measure.compiled import LEVELS, Contestant, Functions, Timing, Workshop, default_cache
+from ordernm.measure.models import chain_state, sized
+from ordernm.measure.models import seeds as chain_seeds
+from ordernm.measure.tables import markdown
 from ordernm.model import parse_model
 from ordernm.pipeline import write_solver
 
@@ -63,7 +64,7 @@ RESULTS = (6, 7, 8, 9)
 
 
 def ordernm(n: int) -> Contestant:
-    source = chain_source(n)
+    source = sized("CHAIN", n).source()
     dq, du, dL = chain_seeds(n, 1)
     results = [np.zeros(n), np.zeros(n), np.zeros(1), np.zeros(1)]
     arrays = [*chain_state(n), np.ones(1), dq, du, dL, *results, np.zeros(source.manifest["workspace"])]
@@ -71,7 +72,7 @@ def ordernm(n: int) -> Contestant:
         "(chain_sensitivities_1(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[10]),"
         " chain_output_sensitivities_1(a[0], a[1], a[2], a[3], a[4], a[5], a[8], a[9], a[10]))"
     )
-    return Contestant("ordernm", c_files(source), '#include "chain.h"', call, arrays)
+    return Contestant("ordernm", Functions.of(source).files, '#include "chain.h"', call, arrays)
 
 
 def dense_files(composite: bool) -> dict[str, str]:
@@ -195,7 +196,7 @@ def _write_closed_form(n: int, path: Path) -> None:
 
 
 def _compile(contestant: Contestant, level: str, cache: Path) -> None:
-    compile_variant(contestant, level, cache)
+    Workshop(cache).compiled(contestant, level)
 
 
 def within(seconds: float, function: Any, *arguments: Any) -> float | None:
@@ -255,7 +256,7 @@ def largest_difference(contestants: Sequence[Contestant], level: str, cache: Pat
     """Evaluate everybody once; the largest relative difference to the first, array by array."""
     values = []
     for contestant in contestants:
-        variant = compile_variant(contestant, level, cache)
+        variant = Workshop(cache).compiled(contestant, level)
         variant.seconds(1)
         values.append([variant.arrays[i].copy() for i in RESULTS])
     worst = 0.0
@@ -283,7 +284,7 @@ def kinetic_energy(arguments: argparse.Namespace) -> tuple[list[str], list[list[
         if worst > AGREEMENT and n <= WELL_CONDITIONED:
             raise SystemExit(f"n = {n}: the contestants differ by {worst:.1e}")
         contestants = [replace(c, levels=sorted({*c.levels} & {*arguments.levels})) for c in contestants]
-        times = alternate(contestants, arguments.cache, arguments.rounds, arguments.batches)
+        times = Workshop(arguments.cache).compete(contestants, arguments.rounds, arguments.batches)
         mine = times["ordernm"]
         everyone = [times.get(name) for name in ("ordernm", "dense", "dense, Jacobians", "closed form")]
         ratios = ["" if t is None else f"{t.ratio(mine):.2f}" for t in everyone[1:]]
@@ -339,7 +340,7 @@ def lengths_ordernm(n: int, p: int) -> Contestant:
         places = f"a[5] + {n * done}, a[6] + {n * done}, a[7] + {p * done}, a[3], a[4] + {n * done}, a[8]"
         calls.append(f"lengths_sensitivities_{width}(a[0], a[1], a[2], {places})")
         done += width
-    return Contestant("ordernm", c_files(source), '#include "lengths.h"', f"({', '.join(calls)})", arrays)
+    return Contestant("ordernm", Functions.of(source).files, '#include "lengths.h"', f"({', '.join(calls)})", arrays)
 
 
 def lengths_dense(n: int, p: int) -> Contestant:
@@ -353,7 +354,7 @@ def lengths_dense(n: int, p: int) -> Contestant:
 
 
 def parameters_difference(mine: Contestant, foil: Contestant, n: int, p: int, level: str, cache: Path) -> float:
-    a, b = (compile_variant(c, level, cache) for c in (mine, foil))
+    a, b = (Workshop(cache).compiled(c, level) for c in (mine, foil))
     a.seconds(1)
     b.seconds(1)
     blocks, done = [], 0
@@ -380,7 +381,7 @@ def parameters(arguments: argparse.Namespace) -> tuple[list[str], list[list[Any]
         if worst > (AGREEMENT if n <= WELL_CONDITIONED else 1e-6):
             raise SystemExit(f"{p} parameters: the contestants differ by {worst:.1e}")
         contestants = [replace(c, levels=arguments.levels) for c in (mine, foil)]
-        times = alternate(contestants, arguments.cache, arguments.rounds, arguments.batches)
+        times = Workshop(arguments.cache).compete(contestants, arguments.rounds, arguments.batches)
         a, b = times["ordernm"], times["dense"]
         each = a.median / p
         ratio = f"{b.ratio(a):.2f}"
@@ -436,13 +437,12 @@ def main() -> None:
     if arguments.small:
         arguments.n, arguments.closed_form_to, arguments.parameters, arguments.rods = [1, 2, 4], 2, [1, 2, 3, 9], 9
         arguments.rounds, arguments.batches, arguments.levels = 1, 2, ["-O1"]
-    use_one_core()
-
-    fig3, lengths = kinetic_energy(arguments), parameters(arguments)
+    with one_core():
+        fig3, lengths = kinetic_energy(arguments), parameters(arguments)
     arguments.folder.mkdir(parents=True, exist_ok=True)
     text = [
-        "CPU time of one evaluation of T, dT/dL, udot and d udot/dL of CHAIN(n):\n", table(*fig3),
-        f"\nudot and its total derivatives with respect to p lengths, {arguments.rods} rods:\n", table(*lengths), "",
+        "CPU time of one evaluation of T, dT/dL, udot and d udot/dL of CHAIN(n):\n", markdown(*fig3),
+        f"\nudot and its total derivatives with respect to p lengths, {arguments.rods} rods:\n", markdown(*lengths), "",
     ]  # fmt: skip
     (arguments.folder / "paper_chain.md").write_text("\n".join(text))
     for name, (head, rows) in (("paper_chain", fig3), ("paper_chain_parameters", lengths)):

@@ -31,7 +31,6 @@ from __future__ import annotations
 import argparse
 import csv
 import functools
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,14 +38,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "benchmarks"))
-
-from chains import c_files
-from ctiming import LEVELS, Contestant, alternate, compile_variant, default_cache, table, use_one_core
-from ladders import TEXTS, Mechanism, mechanism, source_of
-from operations import total
 
 from ordernm.loops import complete_speeds, partition
+from ordernm.measure.clock import one_core
+from ordernm.measure.compiled import LEVELS, Contestant, Functions, Workshop, default_cache
+from ordernm.measure.models import Sized, sized, text_of
+from ordernm.measure.operations import total
+from ordernm.measure.tables import markdown
 from ordernm.model import Model, parse_model
 from ordernm.pipeline import Source, write_solver
 
@@ -68,13 +66,13 @@ WORKS = ("forward", "sensitivity")
 class Case(NamedTuple):
     """A mechanism with a consistent state and direction: q, u, L, dq, du, dL."""
 
-    mechanism: Mechanism
+    mechanism: Sized
     arguments: list[np.ndarray]
 
 
 def tree_text(name: str, size: int) -> str:
     """The model without its loops."""
-    text = TEXTS[name](size)
+    text = text_of(name, size)
     sections, kept = [], True
     for line in text.splitlines():
         if line[:1].isalpha():
@@ -126,7 +124,7 @@ def tables_h(model: Model, workspace: int) -> str:
     ])  # fmt: skip
 
 
-def constrained_files(m: Mechanism, tree: bool, count: bool) -> dict[str, str]:
+def constrained_files(m: Sized, tree: bool, count: bool) -> dict[str, str]:
     """constrained_chain.c, and for the recursion of the tree its generated code."""
     head = f"#define TREE {int(tree)}\n" + ("#define COUNT 1\n" if count else "")
     workspace = 1
@@ -135,7 +133,7 @@ def constrained_files(m: Mechanism, tree: bool, count: bool) -> dict[str, str]:
         source = tree_source(m.name, m.size)
         workspace = source.manifest["workspace"]
         files["tree_solves.c"] = (HERE / "tree_solves.c").read_text()
-        for name, text in c_files(source).items():
+        for name, text in Functions.of(source).files.items():
             files["tree.inc" if name.endswith(".c") else name] = text
     files["tables.h"] = tables_h(m.model, workspace)
     files["constrained_chain.c"] = head + (HERE / "constrained_chain.c").read_text()
@@ -144,8 +142,8 @@ def constrained_files(m: Mechanism, tree: bool, count: bool) -> dict[str, str]:
 
 def case(name: str, size: int, cache: Path) -> Case:
     """Speeds and a direction that keep the loops closed; all lengths grow together, so J dq = 0 and J du = -dJ u."""
-    m = mechanism(name, size)
-    q, u = m.state[0], complete_speeds(m.model, partition(m.model), *m.state)
+    m = sized(name, size)
+    q, u = m.q, complete_speeds(m.model, partition(m.model), m.q, m.u)
     n, rows = m.model.nu, len(m.model.closure_names)
     k = np.arange(1, n + 1)
     dq, du, length, zero = 0.1 * np.sin(2.0 * k), 0.1 * np.cos(3.0 * k), np.ones(1), np.zeros(n)
@@ -158,7 +156,7 @@ def case(name: str, size: int, cache: Path) -> Case:
         arrays = [x.copy() for x in (q, u, length, zero, zero, length, zero, np.zeros(rows))]
         call = f"times_rows(a[0], a[1], a[2], a[3], a[4], a[5], a[6], {tangent}, a[7])"
         files = constrained_files(m, False, False)
-        return compile_variant(Contestant("rows", files, declaration, call, arrays, ["-O1"]), "-O1", cache)
+        return Workshop(cache).compiled(Contestant("rows", files, declaration, call, arrays, ["-O1"]), "-O1")
 
     J, plain = np.zeros((rows, n)), variant(0)
     for i in range(n):
@@ -205,13 +203,13 @@ def generated(name: str, source: Source, c: Case) -> Method:
         f"{package}_sensitivities_1(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8])",
     )
     contestants = [
-        Contestant(f"{name} {work}", c_files(source), f'#include "{package}.h"', call, arrays)
+        Contestant(f"{name} {work}", Functions.of(source).files, f'#include "{package}.h"', call, arrays)
         for work, call in zip(WORKS, calls, strict=True)
     ]
     forward, both = (tuple(manifest["functions"][f]["sweeps"]) for f in ("accelerations", "sensitivities"))
     counts = (
-        plain(total(operations, forward, "per_call")),
-        plain(total(operations, both, "per_call")) + plain(total(operations, both, "per_direction")),
+        plain(total(operations, "per_call", forward)),
+        plain(total(operations, "per_call", both)) + plain(total(operations, "per_direction", both)),
     )
     return Method((contestants[0], contestants[1]), counts)
 
@@ -227,7 +225,7 @@ def constrained(name: str, c: Case, tree: bool, cache: Path) -> Method:
         files = constrained_files(m, tree, False)
         contestants.append(Contestant(f"{name} {work}", files, declaration, call, arrays))
         counting = Contestant("count", constrained_files(m, tree, True), declaration, call, arrays, ["-O1"])
-        variant = compile_variant(counting, "-O1", cache)
+        variant = Workshop(cache).compiled(counting, "-O1")
         variant.seconds(1)
         counted = float(variant.arrays[8][0])
         if tree:
@@ -240,10 +238,10 @@ def tree_operations(source: Source, rows: int, directions: int) -> int:
     """What tree_solves.c does: forward dynamics, solutions for all rows and some more, a tangent of the forces."""
     manifest = source.manifest
     operations = manifest["operations"]
-    forward = plain(total(operations, tuple(manifest["functions"]["accelerations"]["sweeps"]), "per_call"))
-    one = plain(total(operations, ("solve_in", "balance_back"), "per_direction"))
+    forward = plain(total(operations, "per_call", tuple(manifest["functions"]["accelerations"]["sweeps"])))
+    one = plain(total(operations, "per_direction", ("solve_in", "balance_back")))
     tangent = sum(
-        plain(total(operations, ("balance_out", "force_tangents"), part)) for part in ("per_call", "per_direction")
+        plain(total(operations, part, ("balance_out", "force_tangents"))) for part in ("per_call", "per_direction")
     )
     return forward + (rows + 1) * one + directions * (tangent + 2 * one)
 
@@ -251,7 +249,7 @@ def tree_operations(source: Source, rows: int, directions: int) -> int:
 def methods(c: Case, cache: Path) -> dict[str, Method]:
     m = c.mechanism
     return {
-        "embedded": generated("embedded", source_of(m, functions=COMPARED), c),
+        "embedded": generated("embedded", m.source(functions=COMPARED), c),
         "unconstrained": generated("unconstrained", tree_source(m.name, m.size), c),
         "multipliers": constrained("multipliers", c, True, cache),
         "dense": constrained("dense", c, False, cache),
@@ -262,7 +260,7 @@ def largest_difference(everyone: dict[str, Method], level: str, cache: Path) -> 
     """Of udot and its derivative, to the embedded loops'."""
     values = {}
     for name, method in everyone.items():
-        variant = compile_variant(method.contestants[1], level, cache)
+        variant = Workshop(cache).compiled(method.contestants[1], level)
         variant.seconds(1)
         values[name] = [variant.arrays[i].copy() for i in RESULTS]
     worst = 0.0
@@ -290,7 +288,7 @@ def measured(name: str, sizes: list[int], arguments: argparse.Namespace) -> Rows
         if not worst < AGREEMENT and (n <= WELL_CONDITIONED or np.isnan(worst)):
             raise SystemExit(f"{name}({size}): the methods differ by {worst:.1e}")
         contestants = [replace(x, levels=arguments.levels) for method in everyone.values() for x in method.contestants]
-        times = alternate(contestants, arguments.cache, arguments.rounds, arguments.batches, arguments.batch)
+        times = Workshop(arguments.cache).compete(contestants, arguments.rounds, arguments.batches, arguments.batch)
         counts = [f"{everyone[x].operations[w]:.0f}" for w in range(2) for x in METHODS]
         took = [f"{times[f'{x} {w}'].median * 1e6:.4g}" for w in WORKS for x in METHODS]
         rows.append([size, n, m, *counts, *took, f"{worst:.0e}"])
@@ -303,7 +301,7 @@ def measured(name: str, sizes: list[int], arguments: argparse.Namespace) -> Rows
 def narrow(rows: Rows, unit: str) -> str:
     """The columns of one unit as a table."""
     columns = [i for i, h in enumerate(HEAD) if i < 3 or h.endswith(unit) or i == len(HEAD) - 1]
-    return table([HEAD[i].removesuffix(unit) for i in columns], [[row[i] for i in columns] for row in rows])
+    return markdown([HEAD[i].removesuffix(unit) for i in columns], [[row[i] for i in columns] for row in rows])
 
 
 def exponents(rows: Rows, against: int) -> str:
@@ -367,9 +365,8 @@ def main() -> None:
     if arguments.small:
         arguments.n, arguments.loops = [8], [1, 2, 3]
         arguments.rounds, arguments.batches, arguments.levels = 1, 2, ["-O0"]
-    use_one_core()
-
-    chain, ladder = measured("CLOSED", arguments.n, arguments), measured("HOOKE", arguments.loops, arguments)
+    with one_core():
+        chain, ladder = measured("CLOSED", arguments.n, arguments), measured("HOOKE", arguments.loops, arguments)
     figures = [("closed chain of n rods (Fig. 5)", chain, 1), ("ladder with Hooke joints (Fig. 7)", ladder, 2)]
     arguments.folder.mkdir(parents=True, exist_ok=True)
     text = []

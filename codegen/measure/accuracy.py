@@ -24,7 +24,7 @@ def relative(x: Any, exact: Any, size: Any = None) -> float:
 
     Parameters
     ----------
-    x : array_like of float
+    x : array_like of float or of mpmath's numbers
     exact : array_like of float or of mpmath's numbers
     size : number, optional
         What errors are relative to, in place of the largest entry.
@@ -38,7 +38,7 @@ def relative(x: Any, exact: Any, size: Any = None) -> float:
     if exact.dtype != object:
         return float(largest(x - exact) / size)
     with mpmath.workdps(DIGITS):
-        return float(largest([mpmath.mpf(float(a)) - b for a, b in zip(x, exact, strict=True)]) / size)
+        return float(largest([mpmath.mpf(a) - b for a, b in zip(x, exact, strict=True)]) / size)
 
 
 def by_direction(x: Any, exact: Any) -> list[float]:

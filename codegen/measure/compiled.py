@@ -64,8 +64,8 @@ class Contestant:
         C declarations for the call, or an ``#include``.
     call : str
         The call, its arguments written ``a[0]``, ``a[1]``, ...
-    arrays : mapping of str to array
-        What these point at, by name: arguments, results and workspace, float64.
+    arrays : mapping of str to array, or sequence of arrays
+        What these point at, by name or by number: arguments, results and workspace, float64.
     levels : sequence of str
         Optimisation levels to compile at.
     libraries : sequence of Path
@@ -78,7 +78,7 @@ class Contestant:
     files: Mapping[str, str]
     declarations: str
     call: str
-    arrays: Mapping[str, Array]
+    arrays: Mapping[str, Array] | Sequence[Array]
     levels: Sequence[str] = LEVELS
     libraries: Sequence[Path] = ()
     instructions: str = "native"
@@ -89,7 +89,7 @@ class Variant:
     """A contestant compiled at one level; `compile_seconds` is zero where the library was in the cache."""
 
     level: str
-    arrays: dict[str, Array] = field(repr=False)
+    arrays: dict[Any, Array] = field(repr=False)
     run: Any = field(repr=False)
     compile_seconds: float = 0.0
 
@@ -157,10 +157,12 @@ class Workshop:
             (folder / "unfinished.so").rename(library)
         run = ctypes.CDLL(str(library)).seconds
         run.restype = ctypes.c_double
-        arrays = {name: np.array(x, dtype=np.float64, order="C") for name, x in contestant.arrays.items()}
+        given = contestant.arrays
+        named = given.items() if isinstance(given, Mapping) else enumerate(given)
+        arrays = {name: np.array(x, dtype=np.float64, order="C") for name, x in named}
         return Variant(level, arrays, run, took)
 
-    def evaluated(self, contestant: Contestant) -> dict[str, Array]:
+    def evaluated(self, contestant: Contestant) -> dict[Any, Array]:
         """Its arrays after one call, at its last level."""
         variant = self.compiled(contestant, contestant.levels[-1])
         variant.seconds()
@@ -187,8 +189,8 @@ class Workshop:
         found = {names[label]: x for label, x in in_rounds(timed, rounds, batches).items()}
         result = {}
         for c in contestants:
-            levels = {level: found[c.name, level].median for level in c.levels}
-            best = min(levels, key=levels.__getitem__)
+            levels = {level: found[c.name, level] for level in c.levels}
+            best = min(levels, key=lambda level: levels[level].median)
             result[c.name] = Timing(found[c.name, best].seconds, c.name, best, levels, variants[c.name, best])
         return result
 
@@ -217,12 +219,24 @@ class Workshop:
 
 @dataclass(frozen=True)
 class Timing(Rounds):
-    """What a contestant took at its best level, one figure a round; medians of all levels."""
+    """What a contestant took at its best level, and at all of them."""
 
     name: str
     level: str
-    levels: dict[str, float]
+    levels: dict[str, Rounds]
     variant: Variant = field(repr=False)
+
+    def nanoseconds(self, per: float = 1.0) -> str:
+        """The median in ns, of each of as many bodies or states, and its level."""
+        return f"{self.median / per * 1e9:.{0 if per == 1 else 1}f} ({self.level})"
+
+    def __str__(self) -> str:
+        return f"{self.name}: " + ", ".join(f"{level} {x.median * 1e9:.0f}" for level, x in self.levels.items())
+
+
+def default_cache() -> Path:
+    """Where compiled contestants are kept from run to run."""
+    return make_private(user_cache() / "benchmarks")
 
 
 def add_options(parser: argparse.ArgumentParser, rounds: int = 9, batches: int = 25) -> None:
@@ -230,13 +244,12 @@ def add_options(parser: argparse.ArgumentParser, rounds: int = 9, batches: int =
     parser.add_argument("--instructions", default="native", choices=tuple(INSTRUCTIONS), help="that everybody may use")
     parser.add_argument("--rounds", type=int, default=rounds)
     parser.add_argument("--batches", type=int, default=batches)
-    parser.add_argument("--cache", type=Path, help="where what is compiled is kept from run to run")
+    parser.add_argument("--cache", type=Path, default=default_cache(), help="folder of compiled contestants")
 
 
 def workshop(options: argparse.Namespace) -> Workshop:
     """As these options say."""
-    cache = make_private(user_cache() / "benchmarks") if options.cache is None else options.cache
-    return Workshop(cache, options.instructions)
+    return Workshop(options.cache, options.instructions)
 
 
 # -- functions of generated packages ---------------------------------------------------------------------------------------
@@ -277,7 +290,18 @@ class Functions:
         """Entries of each array of one state, along one direction."""
         m = self.manifest
         q, u, p, inputs = (len(m[f"{x}_names"]) for x in ("coordinate", "speed", "parameter", "input"))
-        of = {"q": q, "u": u, "p": p, "inputs": inputs, "t": 1, "udot": u, "b": u, "energy": 2, "M": u * u}
+        of = {
+            "q": q,
+            "u": u,
+            "p": p,
+            "inputs": inputs,
+            "t": 1,
+            "udot": u,
+            "b": u,
+            "energy": 2,
+            "M": u * u,
+            "inverse_M": u * u,
+        }
         of |= {"outputs": len(m["output_names"])}
         return of | {f"d{n}": x for n, x in of.items()} | {f"J_{n}": u * of[n] for n in ("q", "u", "p", "inputs", "t")}
 
@@ -321,4 +345,14 @@ class Functions:
         return Contestant(name or function, self.files, include, call, arrays, libraries=self.libraries, **more)
 
 
-__all__ = ["LEVELS", "Contestant", "Functions", "Timing", "Variant", "Workshop", "add_options", "workshop"]
+__all__ = [
+    "LEVELS",
+    "Contestant",
+    "Functions",
+    "Timing",
+    "Variant",
+    "Workshop",
+    "add_options",
+    "default_cache",
+    "workshop",
+]

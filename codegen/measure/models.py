@@ -1,8 +1,21 @@
-"""Model files that the benchmark shares with the examples: in ``examples/`` of a checkout, inside the package in a wheel."""
+"""Shipped models, at any size: in ``examples/`` of a checkout, inside the package in a wheel; with states and directions."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..loops import initial_configuration
+from ..model import Model, parse_model
+from ..pipeline import Source, write_solver
+
+Array = NDArray[np.float64]
 
 
 def example(name: str) -> str:
@@ -21,3 +34,86 @@ def changed(name: str, old: str, new: str) -> str:
     if text.count(old) != 1:
         raise ValueError(f"{name}.yaml does not say {old!r} once, as the benchmark expects")
     return text.replace(old, new)
+
+
+SIZES = {
+    "CHAIN": ("chain", "{n: 12,"), "LADDER": ("ladder", "{L: 3,"), "HOOKE": ("hooke_ladder", "{L: 3,"),
+    "PINNED": ("pinned_chain", "{n: 12,"), "CLOSED": ("closed_chain", "{n: 16,"),
+}  # fmt: skip
+"""Models of any size, and where their examples say which: rods of chains (a multiple of 8 of CLOSED), loops of ladders."""
+
+
+def text_of(name: str, size: int) -> str:
+    """One of `SIZES` at a size."""
+    file, old = SIZES[name]
+    text = changed(file, old, re.sub(r"\d+", str(size), old))
+    if name != "PINNED":
+        return text
+    x, y, z = map(float, chain_tip(chain_state(size)[0]))
+    return re.sub(r"x: -2\.14[^}]*", f"x: {x!r}, y: {y!r}, z: {z!r}", text)
+
+
+def chain_state(n: int) -> tuple[Array, Array]:
+    """q_k = 0.3 sin k and u_k = 0.2 cos k, k from 1."""
+    k = np.arange(1, n + 1)
+    return 0.3 * np.sin(k), 0.2 * np.cos(k)
+
+
+def chain_tip(q: Array, length: float = 1.0) -> Array:
+    """Where the end of CHAIN(n) is, m."""
+    R, place = np.eye(3), np.zeros(3)
+    for k, (c, s) in enumerate(zip(np.cos(q), np.sin(q), strict=True)):
+        R = R @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]] if k % 2 else [[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        place = place - length * R[:, 2]
+    return place
+
+
+def seeds(n: int, width: int = 8) -> tuple[Array, Array, Array]:
+    """dq, du (width, n) and the parameter's (width, 1), nothing in them zero."""
+    k, j = np.arange(1, n + 1), np.arange(width)[:, None]
+    dq: Array = 0.1 * np.sin(2.0 * k + 0.7 * j)
+    du: Array = 0.1 * np.cos(3.0 * k + 0.5 * j)
+    dp: Array = 1.0 + 0.1 * j.astype(float)
+    return dq, du, dp
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A model at a size, with a state that is closed to rounding; dependent speeds need not be, every function solves for them.
+
+    Attributes
+    ----------
+    name : str
+        Of `SIZES`.
+    size : int
+    model : Model
+    q, u : (nq,), (nu,)
+    """
+
+    name: str
+    size: int
+    model: Model
+    q: Array
+    u: Array
+
+    def __str__(self) -> str:
+        return f"{self.name}({self.size})"
+
+    @property
+    def bodies(self) -> int:
+        return len(self.model.bodies)
+
+    def given(self, width: int = 0) -> dict[str, Array]:
+        """State and parameters by name, and seeds of as many directions."""
+        found = {"q": self.q, "u": self.u, "p": np.array(list(self.model.defaults.values()), float)}
+        return found | dict(zip(("dq", "du", "dp"), seeds(self.model.nu, width), strict=True)) if width else found
+
+    def source(self, layout: str = "auto", functions: Collection[str] | None = None) -> Source:
+        """What is generated from it."""
+        return write_solver(self.model, layout, functions=functions)
+
+
+def sized(name: str, size: int) -> Sized:
+    """One of `SIZES` at a size, in its usual state."""
+    model: Any = parse_model(text_of(name, size), f"{name}({size})")
+    return Sized(name, size, model, *(chain_state(size) if name == "CHAIN" else initial_configuration(model)))

@@ -70,8 +70,19 @@ def robot(folder: Path, name: str) -> Any:
     return model
 
 
-REVOLUTE, PRISMATIC, FREE = range(3)
-TYPES = ("revolute", "prismatic", "free")
+def theirs_of(name: str, folder: Path | None = None) -> Any:
+    """Pinocchio's model of ``CHAIN(n)``, or of a robot in a folder, that of example-robot-data if none is given."""
+    size = name.removeprefix("CHAIN(").removesuffix(")")
+    if size.isdigit():
+        return chain(int(size))
+    folder = folder or robots_folder()
+    if not (folder / ROBOTS[name].file).is_file():
+        raise FileNotFoundError(2, "not there (pip install example-robot-data)", str(folder / ROBOTS[name].file))
+    return robot(folder, name)
+
+
+REVOLUTE, PRISMATIC, FREE, SPHERICAL = range(4)
+TYPES = ("revolute", "prismatic", "free", "spherical")
 
 
 def axis_of(joint: Any) -> tuple[int, Array]:
@@ -79,6 +90,8 @@ def axis_of(joint: Any) -> tuple[int, Array]:
     name = joint.shortname().removeprefix("JointModel")
     if name == "FreeFlyer":
         return FREE, np.zeros(3)
+    if name == "Spherical":
+        return SPHERICAL, np.zeros(3)
     if name in ("RX", "RY", "RZ", "PX", "PY", "PZ"):
         return (PRISMATIC if name[0] == "P" else REVOLUTE), np.eye(3)["XYZ".index(name[1])]
     data = joint.createData()
@@ -90,7 +103,7 @@ def axis_of(joint: Any) -> tuple[int, Array]:
 
 def ours(theirs: Any, name: str) -> Model:
     """The same model here, with a force along every freedom as an input."""
-    builder = ModelBuilder(name, gravity=[0, 0, -9.81])
+    builder = ModelBuilder(name.lower().replace("(", "").replace(")", ""), gravity=[0, 0, -9.81])
     entries = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
     for i in range(1, theirs.njoints):
         type_, axis = axis_of(theirs.joints[i])
@@ -98,12 +111,12 @@ def ours(theirs: Any, name: str) -> Model:
         turned = not np.array_equal(at.rotation, np.eye(3))
         builder.body(
             f"b{i}", "ground" if theirs.parents[i] == 0 else f"b{theirs.parents[i]}", TYPES[type_],
-            **({} if type_ == FREE else {"axis": axis.tolist()}), at=at.translation.tolist(),
+            **({"axis": axis.tolist()} if type_ in (REVOLUTE, PRISMATIC) else {}), at=at.translation.tolist(),
             rpy=Placement(rotation=at.rotation).rpy if turned else None,
             mass=float(body.mass), com=body.lever.tolist(),
             inertia={n: float(body.inertia[place]) for n, place in entries.items()},
         )  # fmt: skip
-        inputs = [builder.input(f"tau{i}_{k}") for k in range(6 if type_ == FREE else 1)]
+        inputs = [builder.input(f"tau{i}_{k}") for k in range(theirs.joints[i].nv)]
         builder.joint_force(f"drive{i}", f"b{i}", inputs if len(inputs) > 1 else inputs[0])
     return builder.build()
 
@@ -126,11 +139,12 @@ class State(NamedTuple):
     rates: Array
 
 
-def usual_state(theirs: Any) -> State:
-    """q_k = 0.3 sin k, u_k = 0.2 cos k, quaternions of length one."""
+def usual_state(theirs: Any, q: Array | None = None, u: Array | None = None) -> State:
+    """q_k = 0.3 sin k, u_k = 0.2 cos k where none are given, quaternions of length one."""
     import pinocchio as pin
 
-    q, u = 0.3 * np.sin(np.arange(1, theirs.nq + 1)), 0.2 * np.cos(np.arange(1, theirs.nv + 1))
+    q = 0.3 * np.sin(np.arange(1, theirs.nq + 1)) if q is None else q.copy()
+    u = 0.2 * np.cos(np.arange(1, theirs.nv + 1)) if u is None else u
     of_q, of_u = np.arange(theirs.nq), np.arange(theirs.nv)
     rates = np.zeros((theirs.nq, theirs.nv))
     for joint in list(theirs.joints)[1:]:
@@ -138,12 +152,14 @@ def usual_state(theirs: Any) -> State:
         if joint.nv == 1:
             rates[i, v] = 1.0
             continue
-        e = q[i + 3 : i + 7] + [0, 0, 0, 1]
-        x, y, z, w = q[i + 3 : i + 7] = e / np.linalg.norm(e)
-        of_q[i : i + 7] = i + np.array([0, 1, 2, 4, 5, 6, 3])
-        of_u[v : v + 6] = v + np.array([3, 4, 5, 0, 1, 2])
-        rates[i + 3 : i + 7, v : v + 3] = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
-        rates[i : i + 3, v + 3 : v + 6] = pin.Quaternion(w, x, y, z).matrix()
+        at = i + joint.nq - 4  # of the quaternion
+        e = q[at : at + 4] + [0, 0, 0, 1]
+        x, y, z, w = q[at : at + 4] = e / np.linalg.norm(e)
+        of_q[at : at + 4] = at + np.array([1, 2, 3, 0])
+        rates[at : at + 4, v : v + 3] = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
+        if joint.nq == 7:
+            of_u[v : v + 6] = v + np.array([3, 4, 5, 0, 1, 2])
+            rates[i : i + 3, v + 3 : v + 6] = pin.Quaternion(w, x, y, z).matrix()
     here = np.empty_like(q), np.empty_like(u)
     here[0][of_q], here[1][of_u] = q, u
     return State((q, u), here, of_u, rates)

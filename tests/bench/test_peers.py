@@ -7,8 +7,8 @@ from codegen.bench.peers import casadi_cvodes, comparing, mujoco_steps, pinocchi
 from codegen.bench.problem import Motion
 from codegen.bench.problems.cart_pole import CART_POLE
 from codegen.bench.problems.chain_motion import ANGLES, BY_LENGTH, CHAIN_MOTION, RODS
-from codegen.bench.problems.families import chain_state
 from codegen.measure import articulated_chain
+from codegen.measure.models import chain_state
 
 
 def test_pinocchio_has_the_same_chain():

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ...measure.clock import alternate, elapsed
+from ...measure.models import chain_state
 from ..measuring import generated
 from ..problem import Motion, Problem, Setting, tolerances
 from ..problems.chain_motion import CHAIN_MOTION, RODS
-from ..problems.families import chain_state
 from ..problems.flyball import FLYBALL
 from ..work_precision import integrate
 from .contestant import Contestant, Ends

@@ -46,14 +46,12 @@ def measure_robots(
 
 
 def _robot(name: str, robots: Path, folder: Path, progress: Callable[[str], None], budget: float) -> dict[str, Any]:
-    size = name.removeprefix("CHAIN(").removesuffix(")")
-    theirs = pinocchio_models.chain(int(size)) if size.isdigit() else pinocchio_models.robot(robots, name)
-    called = name.lower().replace("(", "").replace(")", "")
     progress(f"robots, {name}: generating")
-    model = pinocchio_models.ours(theirs, called)
+    theirs = pinocchio_models.theirs_of(name, robots)
+    model = pinocchio_models.ours(theirs, name)
     start = time.perf_counter()
-    generation.generate(model, folder / called, functions=FUNCTIONS)
-    solver, seconds = load(folder / called), time.perf_counter() - start
+    generation.generate(model, folder / model.name, functions=FUNCTIONS)
+    solver, seconds = load(folder / model.name), time.perf_counter() - start
     state = pinocchio_models.usual_state(theirs)
     ours, peers = _ours(solver, state), _theirs(theirs, state)
     progress(f"robots, {name}: timing")

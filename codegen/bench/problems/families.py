@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 
 from ...measure import articulated_chain
-from ...measure.models import changed
+from ...measure.models import chain_state, seeds, text_of
 from ..dual import Dual, cosine, sine
 from ..problem import Array, Evaluation, Family, Reference
 
@@ -37,37 +37,24 @@ def along(function: Callable[[Sequence[Any], Sequence[Any], Any], Sequence[Any]]
         return Reference([x.value for x in found[0]], [[x.slope for x in row] for row in found])
 
 
-def seeds(n: int, width: int = 8) -> tuple[Array, Array, Array]:
-    """dq, du (width, n) and the parameter's (width, 1), nothing in them zero."""
-    k, j = np.arange(1, n + 1), np.arange(width)[:, None]
-    dq: Array = 0.1 * np.sin(2.0 * k + 0.7 * j)
-    du: Array = 0.1 * np.cos(3.0 * k + 0.5 * j)
-    dp: Array = 1.0 + 0.1 * j.astype(float)
-    return dq, du, dp
-
-
 # -- the chain -------------------------------------------------------------------------------------------------------------
 
 
-def chain_state(n: int) -> tuple[Array, Array]:
-    """q_k = 0.3 sin k and u_k = 0.2 cos k, k from 1."""
-    k = np.arange(1, n + 1)
-    return 0.3 * np.sin(k), 0.2 * np.cos(k)
+def chain_rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
+    """udot by an algorithm that shares nothing with the generator."""
+    constants = [mpmath.mpf(x) for x in (1.0, 0.05, 9.81)]
+    return articulated_chain.accelerations(list(q), list(u), length, sine, cosine, *constants)
 
 
 def chain(n: int) -> Evaluation:
     q, u = chain_state(n)
     directions = seeds(n)
 
-    def rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
-        constants = [mpmath.mpf(x) for x in (1.0, 0.05, 9.81)]
-        return articulated_chain.accelerations(list(q), list(u), length, sine, cosine, *constants)
-
     def reference() -> Reference:
         count = 8 if n <= ALL_DIRECTIONS_TO else 1
-        return along(rates, q, u, 1.0, *(x[:count] for x in directions))
+        return along(chain_rates, q, u, 1.0, *(x[:count] for x in directions))
 
-    text = changed("chain", "{n: 12,", f"{{n: {n},")
+    text = text_of("CHAIN", n)
     return Evaluation(text, q, u, *directions, reference if n <= ONE_DIRECTION_TO else None)
 
 
@@ -77,7 +64,7 @@ def chain(n: int) -> Evaluation:
 def ladder(loops: int) -> Evaluation:
     """One angle: that of the rungs, which lean by 30 degrees."""
     n = 2 * loops + 1
-    text, directions = changed("ladder", "{L: 3,", f"{{L: {loops},"), seeds(2 * loops + 1)
+    text, directions = text_of("LADDER", loops), seeds(2 * loops + 1)
 
     def rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
         foot = length * length / 3 + mpmath.mpf(0.05) ** 2 / 4
@@ -94,9 +81,9 @@ def ladder(loops: int) -> Evaluation:
     return Evaluation(text, None, None, *directions, reference)
 
 
-def by_the_engine(name: str, old: str, new: str, speeds: int, bodies: int) -> Evaluation:
+def by_the_engine(name: str, size: int, speeds: int, bodies: int) -> Evaluation:
     """An example at its initial state against the generic recursive engine in 40 digits."""
-    text, directions = changed(name, old, new), seeds(speeds)
+    text, directions = text_of(name, size), seeds(speeds)
 
     def reference() -> Reference:
         from ...loops import initial_configuration
@@ -114,11 +101,11 @@ def by_the_engine(name: str, old: str, new: str, speeds: int, bodies: int) -> Ev
 
 
 def closed_chain(n: int) -> Evaluation:
-    return by_the_engine("closed_chain", "{n: 16,", f"{{n: {n},", n, n)
+    return by_the_engine("CLOSED", n, n, n)
 
 
 def hooke_ladder(loops: int) -> Evaluation:
-    return by_the_engine("hooke_ladder", "{L: 3,", f"{{L: {loops},", 4 * loops + 2, 2 * loops + 1)
+    return by_the_engine("HOOKE", loops, 4 * loops + 2, 2 * loops + 1)
 
 
 ENGINE = f"the generic recursive engine in {DIGITS} digits, up to {ENGINE_TO} bodies; larger ones have no reference"
