@@ -528,15 +528,12 @@ def _main(arguments: Sequence[str] | None) -> int:
     _tolerate_terminal()
     if arguments is None:
         _be_short_lived()
-    return _run(parser_of_commands().parse_args(arguments))
+    given = sys.argv[1:] if arguments is None else arguments
+    return _run(parser_of_commands(given[0] if given else "").parse_args(arguments))
 
 
-def parser_of_commands() -> argparse.ArgumentParser:
-    """All commands of ``ordernm`` with their options."""
-    from .bench.command import add_arguments as add_bench_arguments
-    from .importing.command import add_arguments as add_import_arguments
-    from .simulating import add_arguments as add_simulate_arguments
-
+def parser_of_commands(command: str | None = None) -> argparse.ArgumentParser:
+    """All commands of ``ordernm`` with their options; with a command, modules are imported for the options of that one only."""
     parser = argparse.ArgumentParser(prog="ordernm", description="Multibody solvers with exact design sensitivities.")
     parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -544,10 +541,16 @@ def parser_of_commands() -> argparse.ArgumentParser:
     _generate_arguments(generate)
     generate.set_defaults(run=run_generate)
     simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
-    add_simulate_arguments(simulated)
+    if command in (None, "simulate"):
+        from .simulating import add_arguments as add_simulate_arguments
+
+        add_simulate_arguments(simulated)
     simulated.set_defaults(run=run_simulate)
     imports = commands.add_parser("import", help="make a model file of a robot's: URDF, MJCF, SDF")
-    add_import_arguments(imports)
+    if command in (None, "import"):
+        from .importing.command import add_arguments as add_import_arguments
+
+        add_import_arguments(imports)
     imports.set_defaults(run=run_import)
     reported = commands.add_parser(
         "report", help="measure a model's speed and errors: a page with figures, and its numbers"
@@ -565,7 +568,10 @@ def parser_of_commands() -> argparse.ArgumentParser:
     add_force(reported)
     reported.set_defaults(run=run_report)
     benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
-    add_bench_arguments(benched)
+    if command in (None, "bench"):
+        from .bench.command import add_arguments as add_bench_arguments
+
+        add_bench_arguments(benched)
     benched.set_defaults(run=run_bench)
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),

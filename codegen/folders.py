@@ -16,7 +16,6 @@ import functools
 import json
 import os
 import re
-import secrets
 import shutil
 import sys
 import time
@@ -238,7 +237,7 @@ def _workshop(folder: Path) -> Iterator[Path]:
 
 
 def _beside(folder: Path, what: str) -> Path:
-    return folder.with_name(f".{folder.name}-{what}-{os.getpid()}-{secrets.token_hex(4)}")
+    return folder.with_name(f".{folder.name}-{what}-{os.getpid()}-{os.urandom(4).hex()}")
 
 
 def _take_place(new: Path, folder: Path) -> None:

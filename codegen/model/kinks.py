@@ -36,7 +36,7 @@ NEAR_BY: Final = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 1
 MOST_TIMES: Final = 8
 """As many zeros of a switching function that is not linear are looked at."""
 
-TIMES: Final = np.unique(np.concatenate([[0.0], np.logspace(-6, 6, 1201), np.linspace(0.0, 100.0, 2001)]))
+TIMES: Final = np.array(sorted({*np.logspace(-6, 6, 1201).tolist(), *np.linspace(0.0, 100.0, 2001).tolist()}))
 """Where switching functions are looked at for changes of sign, s; linear ones are solved."""
 
 

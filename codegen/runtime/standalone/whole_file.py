@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ def write_whole(path: Path, write: Callable[[Any], object]) -> None:
         with open(path, "wb") as file:
             write(file)
         return
-    beside = path.with_name(f".{path.name[:100]}-{secrets.token_hex(4)}.part")
+    beside = path.with_name(f".{path.name[:100]}-{os.urandom(4).hex()}.part")
     try:
         with open(beside, "xb") as file:
             write(file)
