@@ -532,8 +532,8 @@ def _main(arguments: Sequence[str] | None) -> int:
     return _run(parser_of_commands(given[0] if given else "").parse_args(arguments))
 
 
-def parser_of_commands(command: str | None = None) -> argparse.ArgumentParser:
-    """All commands of ``ordernm`` with their options; with a command, modules are imported for the options of that one only."""
+def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
+    """All commands of ``ordernm`` with their options; of a `wanted` one only modules for its options are imported."""
     parser = argparse.ArgumentParser(prog="ordernm", description="Multibody solvers with exact design sensitivities.")
     parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -541,13 +541,13 @@ def parser_of_commands(command: str | None = None) -> argparse.ArgumentParser:
     _generate_arguments(generate)
     generate.set_defaults(run=run_generate)
     simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
-    if command in (None, "simulate"):
+    if wanted in (None, "simulate"):
         from .simulating import add_arguments as add_simulate_arguments
 
         add_simulate_arguments(simulated)
     simulated.set_defaults(run=run_simulate)
     imports = commands.add_parser("import", help="make a model file of a robot's: URDF, MJCF, SDF")
-    if command in (None, "import"):
+    if wanted in (None, "import"):
         from .importing.command import add_arguments as add_import_arguments
 
         add_import_arguments(imports)
@@ -568,7 +568,7 @@ def parser_of_commands(command: str | None = None) -> argparse.ArgumentParser:
     add_force(reported)
     reported.set_defaults(run=run_report)
     benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
-    if command in (None, "bench"):
+    if wanted in (None, "bench"):
         from .bench.command import add_arguments as add_bench_arguments
 
         add_bench_arguments(benched)

@@ -208,7 +208,7 @@ class Language(ABC):
 
     def called_by(self, block: Block, place: Place) -> dict[str, str]:
         """What a function calls what a block loads, where the model has a name for it."""
-        taken = {str(s) for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | self.reserved
+        taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | self.reserved
         found: dict[str, str] = {}
         for symbol, (store, component) in block.loads.items():
             name = next(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 from ..mechanics.fields import identifier
 from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, NUMBER, PARAMETER, SHAPE
@@ -19,7 +20,7 @@ def notes(block: Block) -> list[str]:
         for store, name in components:
             names = by_store.setdefault(CALLED.get(store, store.label.replace("#", "")), {})
             if store.memory in LAID_OUT or store.memory is CONSTANT or store.memory in KEPT.values():
-                names[_COMPONENT.sub("", identifier(name))] = None
+                names[_vector(name)] = None
         listed = (f"{store}: {', '.join(names)}" if names else store for store, names in by_store.items())
         found.append(f"{word}: {'; '.join(listed)}")
     once, each = count(block, False), count(block, True)
@@ -31,5 +32,12 @@ def notes(block: Block) -> list[str]:
 
 CALLED = {SHAPE: "c", NUMBER: "numbers", PARAMETER: "p", CE_PARAMETER: "p"}
 """What stores are called in lists of what is read and written, where their names say less."""
+
+
+@cache
+def _vector(component: str) -> str:
+    """What a component is one of, as generated code calls it."""
+    return _COMPONENT.sub("", identifier(component))
+
 
 _COMPONENT = re.compile(r"(_[xyz]{1,2})?(_d\d+)?$")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Self
 
@@ -24,6 +25,21 @@ HELD = {
 
 OWN = ("Floor", "Choice", "Vanishing", "Along")
 """Functions that generated files define themselves, where they call them."""
+
+
+def _is_negative(term: Expr) -> bool:
+    """Whether a term begins with a negative number."""
+    first = term.args[0] if term.is_Mul else term
+    return isinstance(first, Number) and first.value < 0
+
+
+def _without_sign(product: Expr) -> Sequence[Expr]:
+    """The factors of minus a product that begins with a negative number."""
+    first, *others = product.args
+    return others if first is MINUS_ONE else (-first, *others)
+
+
+_sign: Callable[[tuple[bool, Expr]], bool] = itemgetter(0)
 
 
 class Printer(ABC):
@@ -67,7 +83,7 @@ class Printer(ABC):
     def _print(self, e: Expr, level: int) -> str:
         if e.is_Symbol:
             return self.names.get(e.name, e.name)
-        if isinstance(e, Number):
+        if e.is_Number:
             text = self.number(e)
             return f"({text})" if level > SUM and text.startswith("-") else text
         if e.is_Add:
@@ -86,41 +102,42 @@ class Printer(ABC):
         return self.target.function(function)
 
     def _sum(self, e: Expr, level: int) -> str:
-        terms = [(self._is_negative(t), t) for t in e.args]
-        terms.sort(key=lambda item: item[0])  # a positive term first; stable, so the others stay in their order
+        terms = [(_is_negative(t), t) for t in e.args]
+        terms.sort(key=_sign)  # a positive term first; stable, so the others stay in their order
         text = ""
         for negative, t in terms:
-            printed = self._print(-t if negative else t, PRODUCT)
+            printed = self._unsigned(t) if negative else self._print(t, PRODUCT)
             if not text:
                 text = f"-{printed}" if negative else printed
             else:
                 text += f" - {printed}" if negative else f" + {printed}"
         return f"({text})" if level > SUM else text
 
-    @staticmethod
-    def _is_negative(t: Expr) -> bool:
-        first = t.args[0] if t.is_Mul else t
-        return isinstance(first, Number) and first < 0
-
     def _product(self, e: Expr, level: int) -> str:
-        factors = list(e.args)
-        sign = ""
-        first = factors[0]
-        if isinstance(first, Number) and first < 0:
-            sign = "-"
-            factors = ([] if first is MINUS_ONE else [-first]) + factors[1:]
-        above = [f for f in factors if not self._is_reciprocal(f)]
-        below = [1 / f for f in factors if self._is_reciprocal(f)]
-        text = "*".join(self._print(f, ATOM) for f in above) or self.scalar.literal("1.0")
-        if below:
-            denominator = "*".join(self._print(f, ATOM) for f in below)
-            text = f"{text}/{denominator}" if len(below) == 1 else f"{text}/({denominator})"
-        text = sign + text
-        return f"({text})" if level == ATOM or (sign and level > SUM) else text
+        negative = _is_negative(e)
+        text = f"-{self._factors(_without_sign(e))}" if negative else self._factors(e.args)
+        return f"({text})" if level == ATOM or (negative and level > SUM) else text
 
-    @staticmethod
-    def _is_reciprocal(f: Expr) -> bool:
-        return isinstance(f, Pow) and f.exp < 0
+    def _unsigned(self, term: Expr) -> str:
+        """A negative term without its sign, as a term."""
+        factors = _without_sign(term) if term.is_Mul else (-term,)
+        return self._factors(factors) if len(factors) > 1 else self._print(factors[0], PRODUCT)
+
+    def _factors(self, factors: Sequence[Expr]) -> str:
+        """A product."""
+        names, above, below = self.names, [], []
+        for f in factors:
+            if f.is_Symbol:
+                above.append(names.get(f.name, f.name))
+            elif isinstance(f, Pow) and f.exp < 0:
+                below.append(self._print(1 / f, ATOM))
+            else:
+                above.append(self._print(f, ATOM))
+        text = "*".join(above) or self.scalar.literal("1.0")
+        if below:
+            denominator = "*".join(below)
+            text = f"{text}/{denominator}" if len(below) == 1 else f"{text}/({denominator})"
+        return text
 
     def _power(self, e: Expr, level: int) -> str:
         assert isinstance(e, Pow)

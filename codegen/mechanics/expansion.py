@@ -147,6 +147,16 @@ class Reach:
         return self._of_links[key]
 
 
+@dataclass(slots=True)
+class _Run:
+    """A block that was run on patterns: when, what it reads, and where it stores zeros."""
+
+    block: StructuralExpansion
+    at: int
+    reads: set[tuple[MemoryKey, KindKey]]
+    zeros: list[Place] = field(default_factory=list)
+
+
 class Patterns:
     """Which fields of which memory can differ from zero, and which are 1 or -1 in every state, by kind."""
 
@@ -159,6 +169,9 @@ class Patterns:
         """Whether a sweep has stored something else where an earlier one had stored 1 or -1."""
         self._known_from: dict[Place, str] = {}
         self._written: set[Place] = set()
+        self._runs: dict[UnitKind, _Run] = {}
+        self._changes: dict[tuple[MemoryKey, KindKey], int] = {}
+        self._clock = 0
         self._ground()
 
     def _ground(self) -> None:
@@ -219,43 +232,72 @@ class Patterns:
         FieldError
             Something is loaded that neither this sweep nor one before it stores.
         """
+        self._runs.clear()
+        kinds = sweep.kinds(self.system)
+        order = [*reversed(kinds)] if sweep.direction == INWARD else kinds  # what is found climbs in one pass
         changed = True
         while changed:
             changed = False
-            asked: list[tuple[UnitKind, Scope]] = []
-            zeros: list[Place] = []
-            kinds = sweep.kinds(self.system)
-            for kind in reversed(kinds) if sweep.direction == INWARD else kinds:  # what is found climbs in one pass
-                x = StructuralExpansion(
-                    sweep.title,
-                    partial(self.is_nonzero, kind, sweep),
-                    sweep.tangents,
-                    partial(self.known, kind, sweep),
-                    sweep.units,
-                )
-                _write(sweep, x, kind)
-                asked.append((kind, x))
-                for (store, name), value in x.stored.items():
-                    found = self.reach.of(kind, sweep, store)
-                    if found is None:
-                        continue
-                    for k in found[1]:
-                        self._written.add((found[0], k, name))
-                        known = self.of(found[0], k)
-                        if value == 0:
-                            zeros.append((found[0], k, name))
-                        elif name not in known:
-                            known[name] = value
-                            self._known_from[found[0], k, name] = sweep.name
-                            changed = True
-                        elif known[name] is not None and known[name] != value:
-                            changed = self._forget(sweep, found[0], k, name)
+            for kind in order:
+                changed |= self._settle(sweep, kind)
             if not changed:  # only now is a zero sure to stay one: then the field is not 1 for all
-                for memory, k, name in zeros:
-                    if self.of(memory, k).get(name) is not None:
-                        changed = self._forget(sweep, memory, k, name)
-        for kind, block in asked:
-            self.check_loads(sweep, kind, block)
+                for kind in kinds:
+                    for memory, k, name in self._runs[kind].zeros:
+                        if self.of(memory, k).get(name) is not None:
+                            changed = self._forget(sweep, memory, k, name)
+        for kind in kinds:
+            self.check_loads(sweep, kind, self._runs[kind].block)
+
+    def _settle(self, sweep: Sweep, kind: UnitKind) -> bool:
+        """Run the code of a block on patterns, if some that it reads have changed since; whether others change by it."""
+        run = self._runs.get(kind)
+        if run is not None and all(self._changes.get(place, 0) <= run.at for place in run.reads):
+            return False
+        before = self._clock
+        form = kind.form if isinstance(kind, EarKind) else None
+        run = self._run(sweep, kind)
+        if isinstance(kind, EarKind) and kind.form != form:  # blocks of others are written by it, too
+            self._runs.clear()
+            self._clock += 1
+        self._runs[kind] = run
+        for (store, name), value in run.block.stored.items():
+            found = self.reach.of(kind, sweep, store)
+            if found is None:
+                continue
+            for k in found[1]:
+                self._written.add((found[0], k, name))
+                known = self.of(found[0], k)
+                if value == 0:
+                    run.zeros.append((found[0], k, name))
+                elif name not in known:
+                    known[name] = value
+                    self._known_from[found[0], k, name] = sweep.name
+                    self._note(found[0], k)
+                elif known[name] is not None and known[name] != value:
+                    self._forget(sweep, found[0], k, name)
+        return self._clock > before
+
+    def _run(self, sweep: Sweep, kind: UnitKind) -> _Run:
+        x = StructuralExpansion(
+            sweep.title,
+            partial(self.is_nonzero, kind, sweep),
+            sweep.tangents,
+            partial(self.known, kind, sweep),
+            sweep.units,
+        )
+        at = self._clock
+        _write(sweep, x, kind)
+        reads: set[tuple[MemoryKey, KindKey]] = set()
+        for store in {store for store, _ in x.asked}:
+            found = self.reach.of(kind, sweep, store)
+            if found is not None:
+                reads.update((found[0], k) for k in found[1])
+        return _Run(x, at, reads)
+
+    def _note(self, memory: MemoryKey, kind: KindKey) -> None:
+        """What some blocks read has changed."""
+        self._clock += 1
+        self._changes[memory, kind] = self._clock
 
     def check_loads(self, sweep: Sweep, kind: UnitKind, x: Scope) -> None:
         """What a block loads must be stored by some block, zeros too, unless others hand it on and there may be none.
@@ -276,6 +318,7 @@ class Patterns:
     def _forget(self, sweep: Sweep, memory: MemoryKey, kind: KindKey, name: str) -> bool:
         """A field is not the same number in every state."""
         self.of(memory, kind)[name] = None
+        self._note(memory, kind)
         self.overruled |= self._known_from.get((memory, kind, name), sweep.name) != sweep.name
         return True
 
@@ -452,7 +495,9 @@ def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
     while before != len(needed):
         before = len(needed)
         for n, of in reversed([*enumerate(blocks)]):  # most is read by later ones
-            stored = frozenset(i for i, target in enumerate(of.targets) if target is None or target & needed)
+            stored = frozenset(
+                i for i, target in enumerate(of.targets) if target is None or not target.isdisjoint(needed)
+            )
             if read.get(n) == stored:
                 continue
             read[n] = stored
@@ -501,7 +546,7 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
         of.block.stores = [
             store
             for store, places in zip(of.block.stores, of.targets, strict=True)
-            if places is None or places & needed
+            if places is None or not places.isdisjoint(needed)
         ]
     for blocks in program.blocks.values():
         for k, block in blocks.items():

@@ -438,6 +438,7 @@ def _found(component: str) -> tuple[str, AnyField | None]:
     return component.replace(".", "_"), None
 
 
+@functools.cache
 def identifier(component: str) -> str:
     """What generated code calls a component in memory: ``w.y`` is ``omega_y``, ``Z3.w.x`` is ``per_source_3_omega_x``, and
     ``h.x/1``, a constant's derivative with respect to one of its parameters, ``first_moment_x_d1``."""

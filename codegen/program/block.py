@@ -179,7 +179,9 @@ class Scope(ABC):
     def load(self, store: Store, field: Readable[V_co]) -> V_co:
         """The value of a field."""
         self._check(store, field)
-        self.asked |= {(store, name): field for name in field.components}
+        asked = self.asked
+        for name in field.components:
+            asked[store, name] = field
         return field.read(partial(self.component, store))
 
     def store(self, store: Store, field: Field[V], value: V) -> None:

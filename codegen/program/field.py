@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import Generic, Self, TypeVar
 
 from .scalar import Matrix, Value, Vector
@@ -131,7 +132,7 @@ class ScalarField(Field[Value]):
 
     shape = "scalar"
 
-    @property
+    @cached_property
     def components(self) -> tuple[str, ...]:
         return (self.name + self.suffix,)
 
@@ -147,7 +148,7 @@ class VectorField(Field[Vector]):
 
     shape = "vector"
 
-    @property
+    @cached_property
     def components(self) -> tuple[str, ...]:
         return tuple(f"{self.name}.{i}{self.suffix}" for i in XYZ)
 
@@ -163,7 +164,7 @@ class MatrixField(Field[Matrix]):
 
     shape = "3x3 matrix"
 
-    @property
+    @cached_property
     def components(self) -> tuple[str, ...]:
         return tuple(f"{self.name}.{ij}{self.suffix}" for ij in NINE)
 
@@ -180,7 +181,7 @@ class SymmetricField(Field[Matrix]):
 
     shape = "symmetric 3x3 matrix"
 
-    @property
+    @cached_property
     def components(self) -> tuple[str, ...]:
         return tuple(f"{self.name}.{ij}{self.suffix}" for ij in PAIRS)
 
@@ -226,7 +227,7 @@ class SixField(Field[Vector]):
 
     _halves: tuple[VectorField, VectorField] | None = None
 
-    @property
+    @cached_property
     def components(self) -> tuple[str, ...]:
         return tuple(f"{self.name}{half}.{i}" for half in self.halves for i in XYZ)
 
@@ -279,7 +280,7 @@ class BlockField(Field[Matrix]):
     def shown(self) -> tuple[str, ...]:
         return (f"{self.name}{{}}{{}}",)
 
-    @property
+    @cached_property
     def components(self) -> tuple[str, ...]:
         return tuple(f"{self.name}{i}{k}" for i in range(6) for k in range(6))
 

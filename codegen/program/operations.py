@@ -66,13 +66,21 @@ def count_expression(e: Expr) -> Operations:
     elif isinstance(e, Function):
         is_product = e.name in ("Vanishing", "Along")
         multiplications, functions = int(is_product), int(not is_product)
-    return sum(map(count_expression, e.args), Operations(additions, multiplications, divisions, functions))
+    found = Operations(additions, multiplications, divisions, functions)
+    for a in e.args:
+        if not (a.is_Symbol or a.is_Number):
+            found = found + count_expression(a)
+    return found
 
 
 def count(block: Block, lanes: bool) -> Operations:
     """Operations of a block's statements of one class: once per call, or once per direction."""
-    counts = [count_expression(s.expression) for s in block.statements if s.lanes == lanes]
-    return Operations(
-        sum(c.additions for c in counts), sum(c.multiplications for c in counts), sum(c.divisions for c in counts),
-        sum(c.functions for c in counts),
-    )  # fmt: skip
+    additions = multiplications = divisions = functions = 0
+    for s in block.statements:
+        if s.lanes == lanes:
+            c = count_expression(s.expression)
+            additions += c.additions
+            multiplications += c.multiplications
+            divisions += c.divisions
+            functions += c.functions
+    return Operations(additions, multiplications, divisions, functions)
