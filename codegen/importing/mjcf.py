@@ -376,6 +376,20 @@ class _Reader:
             self.robot.notes.append(f"Begins in the {called}.")
             for j in range(int(model.njnt)):
                 self.begin_joint(j, model.key_qpos[k], model.key_qvel[k])
+            self.leave_out_of_key(k, self.place("keyframe", names[k], k))
+
+    def leave_out_of_key(self, k: int, place: Place) -> None:
+        """List what a keyframe says of actuators and of mocap bodies, which have no state here."""
+        model, leave_out = self.model, self.robot.leave_out
+        if model.key_act[k].any():
+            leave_out("act of the <key>", place, Effect.DIFFERS, "activations of actuators are none here")
+        if model.key_ctrl[k].any():
+            leave_out("ctrl of the <key>", place, Effect.DRIVEN, "controls are none here")
+        for body in range(int(model.nbody)):
+            i = int(model.body_mocapid[body])
+            own = [*model.body_pos[body], *model.body_quat[body]]
+            if i >= 0 and [*model.key_mpos[k][3 * i : 3 * i + 3], *model.key_mquat[k][4 * i : 4 * i + 4]] != own:
+                leave_out("mpos, mquat of the <key>", place, Effect.DIFFERS, "mocap bodies stand where <body> says")
 
     def begin_joint(self, j: int, qpos: Any, qvel: Any) -> None:
         model, joint = self.model, self.robot.joints[self.joint_names[j]]

@@ -145,6 +145,23 @@ def test_the_model_begins_in_a_keyframe(tmp_path):
         codegen.import_model(path, key="hme")
 
 
+def test_what_a_keyframe_says_of_actuators_and_mocap_bodies_is_listed(tmp_path):
+    """An activation keeps pushing without control; a mocap body is what others may be welded to."""
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        """<mujoco><worldbody><body name="m" mocap="true" pos="1 0 0"/><body><joint name="a"/><geom size=".1"/></body></worldbody>
+        <actuator><intvelocity joint="a" kp="4" actrange="-1 1"/></actuator><keyframe><key qpos="0.1" act="0.5" ctrl="1"/>
+        <key name="moved" mpos="2 0 0"/></keyframe></mujoco>"""
+    )
+    found = codegen.import_model(path)
+    assert any(line.startswith("act of the <key> (line 2)") for line in found.differences)
+    assert any(line.startswith("ctrl of the <key>") and line.endswith("driven only") for line in found.left_out)
+    assert not any("mpos" in line for line in found.left_out)
+    assert any(
+        line.startswith("mpos, mquat of the <key>") for line in codegen.import_model(path, key="moved").differences
+    )
+
+
 def test_the_keyframe_of_a_free_body(tmp_path):
     path = tmp_path / "drone.xml"
     key = '<key qpos="1 2 3 0 2 0 0 1 0 0 0" qvel="1 2 3 4 5 6 7 8 9"/>'
