@@ -131,6 +131,7 @@ class Reader:
         self._repaired: set[int] = set()  # ids of specs with placeholders
         self._keep: list[Entry] = []  # keeps those ids valid
         self._checked: set[tuple[Expression, str]] = set()
+        self._regular: set[Tree] = set()  # trees that `regular` leaves as they are: long models repeat them
         self._values: dict[Expression, float | str] = {}
 
     def added(self, part: Part) -> Part:
@@ -209,8 +210,12 @@ class Reader:
             return expression
         try:
             result = at.part.bound(expression, at.indices)
-            tree = regular(result.tree)
-            result = result if tree is result.tree else Expression(tree)
+            if result.tree not in self._regular:
+                tree = regular(result.tree)
+                if tree is result.tree:
+                    self._regular.add(tree)
+                else:
+                    result = Expression(tree)
         except ExpressionError as error:
             text = str(expression)
             prefix = "" if error.message.startswith((text, repr(text))) else f"{text}: "
