@@ -211,7 +211,7 @@ def write_apart(
         if "state_rate_sensitivities" in made["functions"]:
             files[f"{name}_four.c"] = write_four(made, procedures)
         if system.model.loops:
-            files[f"{name}_precise.c"] = write_precise(system, made, procedures)
+            files[f"{name}_precise.c"] = write_precise(system, made, procedures, context["called"])
     return files
 
 

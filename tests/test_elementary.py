@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import sympy
 
+import codegen
 from codegen.elementary import ALWAYS, EVEN, LIKE_ITS_ARGUMENT, ODD, ON_ARRAYS, TABLE, tree_of
 from codegen.model.expressions import COMBINED, FUNCTIONS, Expression, ExpressionError, bind, functions_for, parse
 from codegen.program.algebra import Number, Symbol, derivative
 from codegen.program.functions import SYMBOLIC
+from codegen.reference import RecursiveEngine
 from codegen.runtime.standalone.jets import ELEMENTARY, Jet
 
 EVERY = pytest.mark.parametrize("e", TABLE.values(), ids=TABLE.keys())
@@ -112,3 +114,38 @@ def test_a_value_outside_of_the_domain_is_an_error_that_says_what_is_allowed(e):
 def test_a_remainder_of_division_by_zero_is_refused():
     with pytest.raises(ExpressionError, match=r"mod\(x, 0\) divides by zero"):
         bind(parse("mod(x, n - 1)"), {"n": 1})
+
+
+def model_of_every_function():
+    """A pendulum with every function in its force and in an output."""
+    calls = [f"{name}({', '.join(['0.375 + w*q.bar', '0.25 + w*u.bar'][: e.arity])})" for name, e in TABLE.items()]
+    outputs = "".join(f"  of_{name}: {{value: '{call}'}}\n" for name, call in zip(TABLE, calls, strict=True))
+    return codegen.parse_model(
+        "model: every_function\nparameters: {w: 0.3125}\ngravity: [0, -9.81, 0]\n"
+        "bodies:\n  bar: {parent: ground, joint: {type: revolute, axis: z}, mass: 1, com: [0, -1, 0]}\n"
+        f"forces:\n  push: {{type: joint, joint: bar, value: '0.1*({' + '.join(calls)})'}}\noutputs:\n{outputs}"
+    )
+
+
+@pytest.fixture(scope="module")
+def every_function():
+    return model_of_every_function()
+
+
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_every_function_is_generated_with_its_derivatives(target, every_function, tmp_path):
+    functions = ("sensitivities", "output_sensitivities", "gradients")
+    codegen.generate(every_function, tmp_path, target=target, functions=functions, compile="all")
+    solver = codegen.load(tmp_path)
+    q, u = np.linspace(-0.5, 0.8, 9)[:, None], np.linspace(0.9, -0.4, 9)[:, None]
+    seeds = {"dq": [[1.0], [0.0], [0.0]], "du": [[0.0], [1.0], [0.0]], "dp": [[0.0], [0.0], [1.0]]}
+    with mpmath.workdps(30):
+        engine, exact = RecursiveEngine(every_function, numbers="mpmath"), solver.in_precision(30)
+        for member in ("sensitivities", "output_sensitivities"):
+            batch, alone = getattr(solver, member)(q, u, **seeds), getattr(solver, member)(q[2], u[2], **seeds)
+            more, reference = (getattr(x, member)(q[2], u[2], **seeds) for x in (exact, engine))
+            for of_batch, of_one, digits, expected in zip(batch, alone, more, reference, strict=True):
+                at = (2,) if of_batch.ndim == of_one.ndim + 1 and len(of_batch) == 9 else (slice(None), 2)
+                assert np.allclose(of_batch[at], of_one, rtol=1e-14, atol=1e-14)
+                assert np.allclose(of_one, np.asarray(expected, float), rtol=1e-13, atol=1e-13)
+                assert np.abs(digits - expected).max() < 1e-27

@@ -58,12 +58,15 @@ class Printer(ABC):
     ----------
     own : set of str
         Those of `OWN` that have been printed.
+    called : set of str
+        Functions that have been printed.
     """
 
     def __init__(self, target: Target, scalar: Scalar, names: Mapping[str, str] = MappingProxyType({})):
         self.target, self.scalar = target, scalar
         self.names = names
         self.own: set[str] = set()
+        self.called: set[str] = set()
 
     @property
     def words(self) -> list[str]:
@@ -98,7 +101,8 @@ class Printer(ABC):
         return self.scalar.literal(text_of(e))
 
     def spelled(self, function: str) -> str:
-        """What an elementary function is called."""
+        """What an elementary function is called; it is noted that it is."""
+        self.called.add(function)
         return self.target.function(function)
 
     def _sum(self, e: Expr, level: int) -> str:

@@ -10,7 +10,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ..elementary import TABLE
 from ..program.limits import Limits
+
+
+def spelled(where: str, prefix: str = "") -> dict[str, str]:
+    """Spelling of the elementary functions by their names in statements; see `codegen.elementary`."""
+    names = {e.spelled("symbol"): e.spelled(where) for e in TABLE.values()}
+    return {symbol: f"{prefix}{name}" for symbol, name in names.items() if symbol and name}
 
 
 class TargetError(ValueError):
@@ -143,4 +150,4 @@ class Target:
         return self.functions[name]
 
 
-__all__ = ["InstructionSet", "Scalar", "Target", "TargetError", "UnwritableError"]
+__all__ = ["InstructionSet", "Scalar", "Target", "TargetError", "UnwritableError", "spelled"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...program.limits import DOUBLE, Limits
-from ..target import InstructionSet, Scalar, Target
+from ..target import InstructionSet, Scalar, Target, spelled
 
 FLOAT64 = Scalar("float64", "double", "doubles", 8, DOUBLE, 2.0**1023 * (2 - 2.0**-52))
 FLOAT32 = Scalar(
@@ -14,9 +14,7 @@ C = Target(
     "c",
     (FLOAT64, FLOAT32),
     {
-        "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
-        "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "exp": "exp", "log": "log", "sqrt": "sqrt",
-        "Absolute": "fabs", "Maximum": "fmax", "Minimum": "fmin", "pow": "pow", "Power": "pow",
+        **spelled("c"), "pow": "pow", "Power": "pow",
         "Floor": "FLOOR", "Choice": "CHOICE", "Vanishing": "VANISHING", "Along": "DIRECTIONS(ALONG)",
     },
     frozenset(

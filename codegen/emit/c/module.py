@@ -102,7 +102,6 @@ class CWriter(CPrepared):
             "ends": ["#endif"] if apart or states else [],
             "before_one_state": ["#ifndef ORDERNM_STATES"] if states else [],
             "after_one_state": ["#endif"] if states else [],
-            **states_context(lines, states, self.workspace, self.scalar),
             "sweep_files": [
                 *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
                 *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),
@@ -128,6 +127,8 @@ class CWriter(CPrepared):
                 )
                 for f, w in of_width
             ],
+            "called": (library := self.printer.library()),
+            **states_context(lines, states, self.workspace, self.scalar, library),
             "own_words": [f"c/{w}.c.jinja" for w in self.printer.words],
             "own_words_of_states": [f"c/{w}_of_states.c.jinja" for w in self.printer.words],
             "along_words": ["c/along.c.jinja"] if "Along" in self.printer.own else [],

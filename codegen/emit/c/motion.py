@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ...loops.redundancy import ALLOWED
@@ -13,7 +13,6 @@ from ...program.procedure import Procedure
 from ...version import __version__
 from ..function import called_with
 from ..templates import render
-from . import OF_THE_LIBRARY
 from .functions import in_modes
 from .libraries import FOUR, number_of
 
@@ -132,7 +131,9 @@ OWN = ("sin", "cos")
 """Those that ``NAME_precise.c`` has of its own."""
 
 
-def write_precise(system: System, manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> str:
+def write_precise(
+    system: System, manifest: Mapping[str, Any], procedures: Iterable[Procedure], library: Sequence[str]
+) -> str:
     """The C of closure, rates and outputs, their derivatives and transposes, in long double, of a model with loops."""
     name, functions, model = manifest["name"], by_name(procedures), system.model
     sizes = {
@@ -173,7 +174,7 @@ def write_precise(system: System, manifest: Mapping[str, Any], procedures: Itera
             "NAME": name.upper(),
             "version": __version__,
             "library": " || ".join(f"(library) == {number_of(x)}" for x in ("motion", "gradients")),
-            "renamed": [*(f for f in OF_THE_LIBRARY if f not in OWN), "floor"],
+            "renamed": [*(f for f in library if f not in OWN), "floor"],
             "nq": model.nq,
             "given": [(a, sizes[a]) for a in ("q", "u", "p", "inputs")],
             "modes": [sizes["switches"]] if "switches" in functions else [],

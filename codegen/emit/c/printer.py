@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..printer import Printer
-from . import library_function
+from . import OF_THE_LIBRARY, library_function
 
 
 class CPrinter(Printer):
@@ -11,6 +11,11 @@ class CPrinter(Printer):
 
     def spelled(self, function: str) -> str:
         return library_function(super().spelled(function), self.scalar)
+
+    def library(self) -> list[str]:
+        """Functions of the C library in what has been printed, in double precision; sines are taken by other words as well."""
+        printed = {self.target.function(f) for f in self.called} | {"sin", "cos"}
+        return [f for f in OF_THE_LIBRARY if f in printed]
 
     def sign(self, x: str) -> str:
         zero = self.scalar.literal("0.0")

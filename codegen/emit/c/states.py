@@ -11,11 +11,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from ...elementary import named
 from ...program.procedure import Array, Check, Procedure, Step
 from ..function import Function, called_with
 from ..target import Scalar
 from ..templates import render
-from . import OF_THE_LIBRARY, library_function
+from . import library_function
 from .functions import CFunctions, Lines, parameters
 from .vectors import most_lanes
 
@@ -25,7 +26,7 @@ OVER_STATES = ("accelerations", "sensitivities")
 DIRECTIONS = 8
 """So many directions are worked on together, one after the other in each statement."""
 
-OF_TWO = ("atan2", "fmax", "fmin", "pow")
+OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
 """Functions of the C library with two arguments."""
 
 
@@ -70,7 +71,9 @@ class StateArray:
     at: int
 
 
-def states_context(lines: CFunctions, procedures: list[Procedure], workspace: int, scalar: Scalar) -> dict[str, Any]:
+def states_context(
+    lines: CFunctions, procedures: list[Procedure], workspace: int, scalar: Scalar, library: list[str]
+) -> dict[str, Any]:
     """What ``NAME_states.c`` and its part of the header are rendered with; nothing where no function is over states."""
     found = []
     room = 0
@@ -118,8 +121,8 @@ def states_context(lines: CFunctions, procedures: list[Procedure], workspace: in
         ]
         if procedures
         else [],
-        "of_one": [library_function(f, scalar) for f in OF_THE_LIBRARY if f not in OF_TWO],
-        "of_two": [library_function(f, scalar) for f in OF_TWO],
+        "of_one": [library_function(f, scalar) for f in library if f not in OF_TWO],
+        "of_two": [library_function(f, scalar) for f in library if f in OF_TWO],
         "directions": DIRECTIONS,
         "states_of_values": [f for f in found if not f["seeds"]],
         "states_along": [f for f in found if f["seeds"]],

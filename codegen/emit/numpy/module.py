@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
+from ...elementary import ELEMENTWISE
 from ...mechanics import procedures
 from ...mechanics.expansion import Program
 from ...mechanics.fields import identifier
@@ -294,6 +295,8 @@ class NumpyWriter(Writer):
             "functions": [*context["functions"], *(f for _, functions in context["lane_functions"] for f in functions)],
             "routines": [lines.routine(r) for r in routines(self.procedures)],
             "public": [lines.function(f) for f in self.procedures],
+            "elementwise": (elementwise := [f for f in ELEMENTWISE if f in self.printer.called]),
+            "imports": ["math"] if elementwise else [],
             "own_words": [f"numpy/{w}.py.jinja" for w in self.printer.words if w != "floor"],
         }
 
