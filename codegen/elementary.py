@@ -146,6 +146,8 @@ TABLE: Final = {e.name: e for e in (
     _smooth("tanh", lambda f, y, x: 1/f.cosh(x)**2, parity=ODD),  # 1 - y**2 loses all digits where y is near 1
     _smooth("exp", lambda f, y, x: y, positive=ALWAYS),
     _smooth("log", lambda f, y, x: 1/x, domain=ABOVE_ZERO, elsewhere=("ln",)),
+    _smooth("erf", lambda f, y, x: f.exp(-x*x)/f.sqrt(f.atan(1)), parity=ODD, numpy=""),
+    _smooth("erfc", lambda f, y, x: -f.exp(-x*x)/f.sqrt(f.atan(1)), positive=ALWAYS, numpy=""),
     Elementary("sqrt", (lambda f, y, x: 1/(2*y),), domain=FROM_ZERO, switching=_first, touches=True,
                positive=LIKE_ITS_ARGUMENT, elsewhere=("sqr",)),
     Elementary("abs", (lambda f, y, x: f.sign(x),), switching=_first, branches=True, positive=LIKE_ITS_ARGUMENT,

@@ -140,7 +140,7 @@ def test_every_function_is_generated_with_its_derivatives(target, every_function
     q, u = np.linspace(-0.5, 0.8, 9)[:, None], np.linspace(0.9, -0.4, 9)[:, None]
     seeds = {"dq": [[1.0], [0.0], [0.0]], "du": [[0.0], [1.0], [0.0]], "dp": [[0.0], [0.0], [1.0]]}
     with mpmath.workdps(30):
-        engine, exact = RecursiveEngine(every_function, numbers="mpmath"), solver.in_precision(30)
+        engine, exact = RecursiveEngine(every_function, numbers="mpmath"), solver.in_precision(30, every_function)
         for member in ("sensitivities", "output_sensitivities"):
             batch, alone = getattr(solver, member)(q, u, **seeds), getattr(solver, member)(q[2], u[2], **seeds)
             more, reference = (getattr(x, member)(q[2], u[2], **seeds) for x in (exact, engine))
