@@ -159,18 +159,7 @@ def errors(
             Skipped("errors against the generic engine in extended precision", "the model is too large", seconds)
         )
         return [], {}
-    affordable = int(budget / alone) - 1
-    if affordable < len(names):
-        left = max(affordable, 1)
-        why = f"one state with all {len(names)} would take longer than {budget:g} s"
-        skipped.append(
-            Skipped(
-                f"errors of derivatives along more than {left} direction{'s' * (left > 1)}",
-                why,
-                alone * (1 + len(names)),
-            )
-        )
-        names, seeds = names[:left], {name: x[:left] for name, x in seeds.items()}
+    names, seeds = _affordable(names, seeds, alone, budget, skipped)
     engine = RecursiveEngine(model, numbers=NUMBERS)
     found: list[dict[str, Any]] = []
     derivatives: dict[str, Exact] = {}
@@ -181,26 +170,9 @@ def errors(
                 Skipped(f"errors at state {state.name!r}", f"the reference has had its {budget:g} s", expected)
             )
             continue
-        at = state.q, state.u, None, state.inputs, state.t
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            udot, dudot = solver.sensitivities(*at, **seeds)
-        start = time.process_time()
-        with _extended():
-            exact, dexact = map(_as_mpf, engine.sensitivities(*at, **seeds))
-            natural = natural_sizes(exact, _values(model, solver, names))
-            found.append({
-                "state": state.name,
-                "udot": relative(udot, exact),
-                "derivatives": {
-                    n: relative(a, b, size) for n, a, b, size in zip(names, dudot, dexact, natural, strict=True)
-                },
-                "vanish": [n for n, b, size in zip(names, dexact, natural, strict=True) if vanishes(b, size)],
-            })  # fmt: skip
-            sizes = [float(_size(b, size)) for b, size in zip(dexact, natural, strict=True)]
-        expected = time.process_time() - start
+        record, dexact, expected = _at_state(engine, solver, state, names, seeds, _values(model, solver, names))
+        found.append(record)
         spent += expected
-        found[-1] |= _estimates(solver, at, seeds, names, _float_size(exact), sizes)
         derivatives = derivatives or dict(zip(names, dexact, strict=True))
     columns = model.nq + model.nu + len(model.parameters) + len(model.inputs) + 1
     cost = expected * columns / len(names)
@@ -211,6 +183,43 @@ def errors(
     else:
         skipped.append(Skipped("errors of Jacobians and of a gradient", f"they have {columns} columns", cost))
     return found, derivatives
+
+
+def _affordable(
+    names: list[str], seeds: dict[str, Any], alone: float, budget: float, skipped: list[Skipped]
+) -> tuple[list[str], dict[str, Any]]:
+    """As many directions as the reference has time for at one state, by the seconds of its accelerations alone."""
+    affordable = int(budget / alone) - 1
+    if affordable >= len(names):
+        return names, seeds
+    left = max(affordable, 1)
+    what = f"errors of derivatives along more than {left} direction{'s' * (left > 1)}"
+    why = f"one state with all {len(names)} would take longer than {budget:g} s"
+    skipped.append(Skipped(what, why, alone * (1 + len(names))))
+    return names[:left], {name: x[:left] for name, x in seeds.items()}
+
+
+def _at_state(
+    engine: RecursiveEngine, solver: Solver, state: State, names: Sequence[str], seeds: dict[str, Any], values: Array
+) -> tuple[dict[str, Any], Exact, float]:
+    """A record of `errors`, the exact derivatives, and CPU seconds of the reference."""
+    at = state.q, state.u, None, state.inputs, state.t
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        udot, dudot = solver.sensitivities(*at, **seeds)
+    start = time.process_time()
+    with _extended():
+        exact, dexact = map(_as_mpf, engine.sensitivities(*at, **seeds))
+        natural = natural_sizes(exact, values)
+        record = {
+            "state": state.name,
+            "udot": relative(udot, exact),
+            "derivatives": {n: relative(a, b, x) for n, a, b, x in zip(names, dudot, dexact, natural, strict=True)},
+            "vanish": [n for n, b, size in zip(names, dexact, natural, strict=True) if vanishes(b, size)],
+        }
+        sizes = [float(_size(b, size)) for b, size in zip(dexact, natural, strict=True)]
+    seconds = time.process_time() - start
+    return record | _estimates(solver, at, seeds, names, _float_size(exact), sizes), dexact, seconds
 
 
 def _values(model: Model, solver: Solver, names: Sequence[str]) -> Array:

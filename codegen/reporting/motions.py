@@ -113,16 +113,7 @@ def motions(
     stiff = implicit and _cost(solver, probe, names) > LONGEST
     if stiff:  # an explicit method needs too many steps: the implicit one is the reference
         probe = motion(solver, Setting(end, names, "radau", 1e-6))
-    cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
-    if cost > LONGEST:
-        share = max(LONGEST / cost, 1e-4)
-        shorter = float(f"{end * share:.2g}")
-        seconds = None if isinstance(probe, str) else float(probe.stats["seconds"]) * ROUNDS * MOTIONS
-        why = "has no end" if isinstance(probe, str) else f"takes {cost:.1g} operations"
-        skipped.append(
-            Skipped(f"motions beyond {shorter:g} s", f"one of {end:g} s {why}, of {LONGEST:.1g} allowed", seconds)
-        )
-        end = shorter
+    end = _affordable_end(solver, probe, names, end, skipped)
     method = "radau" if stiff else "dop853"
     while True:
         reference, best, beside = _reference(solver, end, names, method)
@@ -142,11 +133,7 @@ def motions(
     found["methods"] = {"rk4": _fixed(solver, end, names, best, core)}
     for name, exponents in ADAPTIVE.items():
         if name == "radau" and not implicit:
-            rate = _cost(solver, best, names) / max(float(best.stats["seconds"]), 1e-9)
-            seconds = FACTORS * _factoring(solver) / rate * ROUNDS * len(exponents)
-            skipped.append(
-                Skipped("motions by an implicit method", f"it factors matrices of {solver.nu} columns", seconds)
-            )
+            skipped.append(_without_factors(solver, best, names, len(exponents)))
             continue
         looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
         found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped, core)
@@ -156,6 +143,29 @@ def motions(
         found["methods"] = {}
     found["conditions"] = conditions(solver, end, method, skipped)
     return found
+
+
+def _affordable_end(
+    solver: Solver, probe: Trajectory | str, names: Sequence[str], end: float, skipped: list[Skipped]
+) -> float:
+    """How far motions may go, by the operations of a probe to the end, s."""
+    cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
+    if cost <= LONGEST:
+        return end
+    shorter = float(f"{end * max(LONGEST / cost, 1e-4):.2g}")
+    seconds = None if isinstance(probe, str) else float(probe.stats["seconds"]) * ROUNDS * MOTIONS
+    why = "has no end" if isinstance(probe, str) else f"takes {cost:.1g} operations"
+    skipped.append(
+        Skipped(f"motions beyond {shorter:g} s", f"one of {end:g} s {why}, of {LONGEST:.1g} allowed", seconds)
+    )
+    return shorter
+
+
+def _without_factors(solver: Solver, best: Trajectory, names: Sequence[str], settings: int) -> Skipped:
+    """The implicit method, which is left out for a matrix that is too large."""
+    rate = _cost(solver, best, names) / max(float(best.stats["seconds"]), 1e-9)
+    seconds = FACTORS * _factoring(solver) / rate * ROUNDS * settings
+    return Skipped("motions by an implicit method", f"it factors matrices of {solver.nu} columns", seconds)
 
 
 def _is_rounding(methods: dict[str, list[dict[str, Any]]]) -> bool:

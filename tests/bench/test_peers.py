@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from codegen.bench.peers import casadi_cvodes, comparing, mujoco_steps, pinocchio_aba, scipy_ivp
+from codegen.bench.peers import comparing, programs
 from codegen.bench.problem import Motion
 from codegen.bench.problems.cart_pole import CART_POLE
 from codegen.bench.problems.chain_motion import ANGLES, BY_LENGTH, CHAIN_MOTION, RODS
@@ -13,14 +13,14 @@ from codegen.measure.models import chain_state
 
 def test_pinocchio_has_the_same_chain():
     pytest.importorskip("pinocchio")
-    (loose, *_) = pinocchio_aba.contestants(CHAIN_MOTION, RODS, *chain_state(RODS))
+    (loose, *_) = programs.pinocchio(CHAIN_MOTION, RODS, *chain_state(RODS))
     values, derivatives = loose.run()
     assert values == pytest.approx(ANGLES, abs=1e-5) and derivatives is None
 
 
 def test_mujoco_has_the_same_chain():
     pytest.importorskip("mujoco")
-    (coarse, *_) = mujoco_steps.contestants(CHAIN_MOTION, RODS, *chain_state(RODS))
+    (coarse, *_) = programs.mujoco(CHAIN_MOTION, RODS, *chain_state(RODS))
     values, derivatives = coarse.run()
     assert values == pytest.approx(ANGLES, abs=1e-7) and derivatives is None
 
@@ -28,7 +28,7 @@ def test_mujoco_has_the_same_chain():
 def test_casadi_has_the_same_chain_and_its_derivative():
     casadi = pytest.importorskip("casadi")
     q, u = chain_state(RODS)
-    z, L, rate = casadi_cvodes.system(RODS)
+    z, L, rate = programs.casadi_rates(RODS)
     function = casadi.Function("rate", [z, L], [rate])
     dq, du = 0.1 * np.sin(np.arange(4)), 0.2 * np.cos(np.arange(4))
 
@@ -46,7 +46,7 @@ def test_casadi_has_the_same_chain_and_its_derivative():
 @pytest.mark.campaign
 def test_cvodes_solves_the_chain_with_its_derivatives():
     pytest.importorskip("casadi")
-    *_, tight = casadi_cvodes.contestants(CHAIN_MOTION, RODS, *chain_state(RODS))
+    *_, tight = programs.casadi(CHAIN_MOTION, RODS, *chain_state(RODS))
     values, (by_length,) = tight.run()
     assert values == pytest.approx(ANGLES, abs=1e-10)
     assert by_length == pytest.approx(BY_LENGTH, abs=1e-9)
@@ -55,7 +55,7 @@ def test_cvodes_solves_the_chain_with_its_derivatives():
 def test_without_others_scipy_and_ours_are_compared_and_the_rest_is_told(tmp_path, monkeypatch):
     monkeypatch.setenv("ORDERNM_CFLAGS", "-O0")
     monkeypatch.setattr(comparing.importlib.util, "find_spec", lambda name: object() if name == "scipy" else None)
-    monkeypatch.setattr(scipy_ivp, "METHODS", (("DOP853", (1e-4,)), ("Radau", ())))
+    monkeypatch.setattr(programs, "SCIPY", (("DOP853", (1e-4,)), ("Radau", ())))
     monkeypatch.setattr(comparing, "TREES", ("cart_pole",))
     short = Motion(**{**vars(CART_POLE), "end": 0.1, "exact": lambda: SHORT})
     found = comparing.compare_with_peers([short], tmp_path, True, lambda *a: None)

@@ -15,7 +15,8 @@ from ..problem import Motion, Problem, Setting, tolerances
 from ..problems.chain_motion import CHAIN_MOTION, RODS
 from ..problems.flyball import FLYBALL
 from ..work_precision import integrate
-from .contestant import Contestant, Ends
+from . import programs
+from .programs import Contestant, Ends
 
 NEEDED = {"CasADi": "casadi", "Pinocchio": "pinocchio", "MuJoCo": "mujoco", "SciPy": "scipy"}
 """Programs and their modules."""
@@ -71,23 +72,16 @@ def contestants(problem: Motion, folder: Path, there: set[str]) -> list[Contesta
     )
     everyone = [ours(setting) for setting in settings]
     if "SciPy" in there:
-        from .scipy_ivp import contestants as scipy_contestants
-
-        everyone += scipy_contestants(problem, solver, stiff)
+        everyone += programs.scipy(problem, solver, stiff)
     if problem is CHAIN_MOTION:
         state = chain_state(RODS)
-        if "CasADi" in there:
-            from .casadi_cvodes import contestants as casadi_contestants
-
-            everyone += casadi_contestants(problem, RODS, *state)
-        if "Pinocchio" in there:
-            from .pinocchio_aba import contestants as pinocchio_contestants
-
-            everyone += pinocchio_contestants(problem, RODS, *state)
-        if "MuJoCo" in there:
-            from .mujoco_steps import contestants as mujoco_contestants
-
-            everyone += mujoco_contestants(problem, RODS, *state)
+        for who, program in (
+            ("CasADi", programs.casadi),
+            ("Pinocchio", programs.pinocchio),
+            ("MuJoCo", programs.mujoco),
+        ):
+            if who in there:
+                everyone += program(problem, RODS, *state)
     return everyone
 
 
