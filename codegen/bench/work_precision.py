@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..measure.clock import Timed, alternate
+from ..measure.motions import simulated, timed
 from ..runtime.standalone.trajectory import INTERRUPTED
 from .problem import Setting
 
@@ -53,13 +52,10 @@ def integrate(solver: Solver, end: float, setting: Setting, start: dict[str, flo
               sensitivities: Sequence[str] = ()) -> Trajectory:  # fmt: skip
     """The motion from 0 to `end`, s; what cannot go on is returned as far as it came."""
     q = solver.assemble(start)[0] if start else None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # an end that is not reached, stability, huge derivatives: all in the figures
-        found = solver.simulate(
-            [0.0, end], q=q, sensitivities=sensitivities, rtol=setting.rtol, atol=setting.atol,
-            atol_sensitivities=setting.atol if sensitivities else None, method=setting.method, most_steps=MOST_STEPS,
-            on_failure="return",
-        )  # fmt: skip
+    found = simulated(
+        solver, [0.0, end], q=q, sensitivities=sensitivities, rtol=setting.rtol, atol=setting.atol,
+        atol_sensitivities=setting.atol if sensitivities else None, method=setting.method, most_steps=MOST_STEPS,
+    )  # fmt: skip
     if found.stats["reason"] == INTERRUPTED:  # which a simulation ends with what it has
         raise KeyboardInterrupt
     return found
@@ -97,18 +93,16 @@ def diagram(
     contestants: dict[str, Timed] = {}
     for i, setting in enumerate(settings):
 
-        def timed(setting: Setting = setting) -> float:
-            began = time.thread_time()
-            wall = float(integrate(solver, end, setting, start, sensitivities).stats["seconds"])
-            return min(wall, time.thread_time() - began)  # neither is less than what the integrator took
+        def again(setting: Setting = setting) -> float:
+            return timed(lambda: integrate(solver, end, setting, start, sensitivities))[1]
 
         x = integrate(solver, end, setting, start, sensitivities)
         stats, found = x.stats, error(x)
         seconds = float(stats["seconds"])
         if math.isfinite(found):
-            seconds = min(seconds, timed())  # the first may have compiled what it needs near singular poses
+            seconds = min(seconds, again())  # the first may have compiled what it needs near singular poses
             if seconds < budget * LONG:
-                contestants[str(i)] = timed
+                contestants[str(i)] = again
         points.append(
             Point(setting, found, stats["evaluations"], stats["steps"], stats["rejected"], seconds, stats["reason"])
         )

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
-from .objective import Objective
+from .objective import Objective, OfVariables
 from .outcome import Outcome
 from .variables import Variables
 
 
-class LoadCases:
+class LoadCases(OfVariables):
     """``f(x)``, ``f.gradient(x)`` and ``f.value_and_gradient(x)`` of a sum of objectives; made by `load_cases`.
 
     A constraint is one of a case, ``f.cases[0].constraint(...)``: it takes the same x, and no motion of its own.
@@ -34,6 +33,8 @@ class LoadCases:
         for i, case in enumerate(self.cases):
             if not isinstance(case, Objective):
                 raise ValueError(f"load_cases: case {i} is {case!r}, expected what ordernm.objective returns")
+        self.variables = self.cases[0].variables
+        for i, case in enumerate(self.cases):
             if difference := _difference(self.variables, case.variables):
                 raise ValueError(
                     f"load_cases: {difference} of the variables of case {i} are not those of case 0; give all cases the same "
@@ -50,18 +51,6 @@ class LoadCases:
             raise ValueError(f"threads is {threads!r}, expected a number of threads")
         self._threads = int(threads)
 
-    @property
-    def variables(self) -> Variables:
-        return self.cases[0].variables
-
-    def __call__(self, x: ArrayLike) -> float:
-        """The sum at x (n,); infinite where a motion fails."""
-        return self.value_and_gradient(x)[0]
-
-    def gradient(self, x: ArrayLike) -> Array:
-        """Its gradient by x, (n,); NaN where a motion fails."""
-        return self.value_and_gradient(x)[1]
-
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
         """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``; every case remembers its motion at x."""
         x = np.array(x, float)
@@ -74,16 +63,6 @@ class LoadCases:
         if not np.isfinite(values).all():
             return float("inf"), np.full(len(self.variables), np.nan)
         return float(self.weights @ values), self.weights @ gradients
-
-    @property
-    def x0(self) -> Array:
-        """Where to begin, (n,)."""
-        return self.cases[0].x0
-
-    @property
-    def bounds(self) -> Any:
-        """Of x, as `scipy.optimize.Bounds`."""
-        return self.cases[0].bounds
 
     def error(self, x: ArrayLike) -> Exception:
         """Why a motion at x fails, that of the first case that does.
@@ -102,10 +81,6 @@ class LoadCases:
     def motions(self) -> int:
         """How many motions were run."""
         return sum(case.motions for case in self.cases)
-
-    def values(self, x: ArrayLike) -> dict[str, float]:
-        """Variables by name, in the model's units."""
-        return self.cases[0].values(x)
 
     def result(self, x: ArrayLike) -> Outcome:
         """Named values at x, with the sum and its derivatives by them, and the functionals of all cases one after the other."""

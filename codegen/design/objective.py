@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,11 +18,50 @@ from .outcome import Outcome
 from .variables import Variables, Wanted
 
 
-class Objective:
+class OfVariables(ABC):
+    """A function of an optimiser's x (n,), numbers of order one, with its exact gradient.
+
+    Attributes
+    ----------
+    variables : Variables
+        `Variables.values` says what x are in the model's units.
+    """
+
+    variables: Variables
+
+    @abstractmethod
+    def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
+        """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``."""
+
+    def __call__(self, x: ArrayLike) -> float:
+        """The value at x (n,); infinite where a motion fails."""
+        return self.value_and_gradient(x)[0]
+
+    def gradient(self, x: ArrayLike) -> Array:
+        """The gradient by x, (n,); NaN where a motion fails."""
+        return self.value_and_gradient(x)[1]
+
+    @property
+    def x0(self) -> Array:
+        """Where to begin, (n,)."""
+        return self.variables.x0
+
+    @property
+    def bounds(self) -> Any:
+        """Of x, as `scipy.optimize.Bounds`."""
+        from scipy.optimize import Bounds
+
+        return Bounds(*self.variables.x_bounds, keep_feasible=True)
+
+    def values(self, x: ArrayLike) -> dict[str, float]:
+        """Variables by name, in the model's units."""
+        return dict(zip(self.variables.names, self.variables.values(x).tolist(), strict=True))
+
+
+class Objective(OfVariables):
     """``f(x)``, ``f.gradient(x)`` and ``f.value_and_gradient(x)``; made by `objective`.
 
-    Value and gradient at one x take one motion, and so do constraints, which are judged along with it. An optimiser's x are
-    numbers of order one; `Variables.values` says what they are in the model's units.
+    Value and gradient at one x take one motion, and so do constraints, which are evaluated along with it.
 
     Attributes
     ----------
@@ -57,30 +97,10 @@ class Objective:
 
     # -- what an optimiser asks ----------------------------------------------------------------------------------------
 
-    def __call__(self, x: ArrayLike) -> float:
-        """The objective at x (n,)."""
-        return self._points.at(x).value
-
-    def gradient(self, x: ArrayLike) -> Array:
-        """Its gradient by x, (n,); NaN where the motion fails."""
-        return self._points.at(x).gradient.copy()
-
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
         """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``."""
         point = self._points.at(x)
         return point.value, point.gradient.copy()
-
-    @property
-    def x0(self) -> Array:
-        """Where to begin, (n,)."""
-        return self.variables.x0
-
-    @property
-    def bounds(self) -> Any:
-        """Of x, as `scipy.optimize.Bounds`."""
-        from scipy.optimize import Bounds
-
-        return Bounds(*self.variables.x_bounds, keep_feasible=True)
 
     def constraint(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
@@ -135,10 +155,6 @@ class Objective:
         if error is None:
             raise ValueError("the motion at this x does not fail")
         return error
-
-    def values(self, x: ArrayLike) -> dict[str, float]:
-        """Variables by name, in the model's units."""
-        return dict(zip(self.variables.names, self.variables.values(x).tolist(), strict=True))
 
     def result(self, x: ArrayLike | None = None) -> Outcome:
         """Named values at x, or at the best that was seen, with the objective and its derivatives by them."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
-import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..measure import motions as measured
 from ..measure.core import Core, Turn
+from ..measure.motions import simulated
 from ..measure.operations import operations
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
 
@@ -64,14 +64,12 @@ def motion(solver: Solver, s: Setting, times: Array | None = None, allowed: floa
     """A motion as far as it comes, or why there is none."""
     tolerance = s.tolerance
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return solver.simulate(
-                [0.0, s.end] if times is None else times, sensitivities=s.names, method=s.method, rtol=tolerance,
-                atol=tolerance, step=None if s.steps is None else s.end / s.steps,
-                atol_sensitivities=tolerance if s.names and s.steps is None else None,
-                most_steps=_most_steps(solver, s.names, allowed), on_failure="return",
-            )  # fmt: skip
+        return simulated(
+            solver, [0.0, s.end] if times is None else times, sensitivities=s.names, method=s.method, rtol=tolerance,
+            atol=tolerance, step=None if s.steps is None else s.end / s.steps,
+            atol_sensitivities=tolerance if s.names and s.steps is None else None,
+            most_steps=_most_steps(solver, s.names, allowed),
+        )  # fmt: skip
     except (SimulationError, AssemblyError, SingularLoopError, SingularJointError, ValueError) as error:
         return str(error)
 
@@ -81,11 +79,9 @@ def timed(solver: Solver, setting: Setting, core: Core) -> tuple[Trajectory | st
     found: list[Trajectory | str] = []
 
     def run() -> float:
-        began = time.thread_time()
-        x = motion(solver, setting)
-        spent = time.thread_time() - began
+        x, seconds = measured.timed(lambda: motion(solver, setting))
         found.append(x)
-        return spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
+        return seconds
 
     turn = core.turn(run)
     return found[0], turn
