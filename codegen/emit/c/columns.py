@@ -104,8 +104,9 @@ class ColumnsInC:
                 for a in step.seeds:
                     places[a] = at
                     at += a.size
-                ones = [f"[{places[a] + i}][{j}] = {self.scalar.literal('1.0')}" for j, (a, i) in enumerate(step.units)]
-                found[f"static const number {name}_units[{at}][{step.width}]"] = in_lines(ones, 6)
+                ones = {places[a] + i: ["0"] * j + [self.scalar.literal("1.0")] for j, (a, i) in enumerate(step.units)}
+                rows = [f"{{{', '.join(ones.get(row, '0'))}}}" for row in range(at)]
+                found[f"static const number {name}_units[{at}][{step.width}]"] = in_lines(rows, 4)
                 if in_blocks(step):
                     known = known_rows(step)
                     head = f"static const unsigned char {known_of(step)}[{len(known)}]"

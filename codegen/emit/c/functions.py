@@ -337,6 +337,8 @@ class Lines:
         values = {**self.bound(p.arguments), **self.bound_results(False)}
         if p.modes is not None:
             values[p.modes.name] = p.modes.name
+        declared = {name: i for i, name in enumerate((*self.memory.fields, *self.memory.numbers))}
+        values = dict(sorted(values.items(), key=lambda item: declared[item[0]]))  # C++ wants them in this order
         head = called_with("call c = {", [f".{name} = {value}" for name, value in values.items()] or ["0"], "};").split(
             "\n"
         )

@@ -1,0 +1,80 @@
+"""Packages in single precision against the same ones in double: differences at random states, times of a batch of 4096.
+
+    python benchmarks/single_precision.py [chain arm four_bar] [--turns N]
+
+Both solvers are called from Python by turns, on one thread, with arrays and results in their own scalar type; the least time of
+all turns counts. Differences are of the largest entry of each state's result.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import codegen
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+STATES, DIRECTIONS = 4096, 8
+SCALARS = ("float32", "float64")
+
+
+def least_times(calls: dict[str, Any], turns: int) -> dict[str, float]:
+    """The least time of each call, s; all are called by turns."""
+    found = dict.fromkeys(calls, np.inf)
+    for _ in range(turns):
+        for name, call in calls.items():
+            start = time.perf_counter()
+            call()
+            found[name] = min(found[name], time.perf_counter() - start)
+    return found
+
+
+def off(found: Any, expected: Any) -> float:
+    """The largest difference of any state, of its largest entry."""
+    axes = tuple(i for i in range(found.ndim) if i != found.ndim - 2)
+    return float(np.max(np.abs(found - expected).max(axis=axes) / np.abs(expected).max(axis=axes)))
+
+
+def measure(name: str, turns: int) -> None:
+    """Print a model's lines of the table."""
+    with tempfile.TemporaryDirectory() as folder:
+        solvers = {}
+        for scalar in SCALARS:
+            codegen.generate(
+                EXAMPLES / f"{name}.yaml", Path(folder) / scalar, scalar=scalar, functions="dynamics", compile=True
+            )
+            solvers[scalar] = codegen.load(Path(folder) / scalar)
+            solvers[scalar].prepare("accelerations", "sensitivities", "batches")
+        double = solvers["float64"]
+        rng = np.random.default_rng(0)
+        q, u = double.initial
+        q = q + (0.1 if double.closure_names else 0.5) * rng.normal(size=(STATES, double.nq))
+        u = u + rng.normal(size=(STATES, double.nu))
+        q, u = double.assemble(q, u)
+        seeds = {f"d{n}": rng.normal(size=(DIRECTIONS, STATES, getattr(double, f"n{n}"))) for n in "qu"}
+        seeds["dp"] = rng.normal(size=(DIRECTIONS, double.np))
+        given = {s: (q.astype("f4").astype(s), u.astype("f4").astype(s)) for s in SCALARS}
+        along = {s: {n: x.astype("f4").astype(s) for n, x in seeds.items()} for s in SCALARS}
+        out = {s: (np.empty((STATES, double.nu), s), np.empty((DIRECTIONS, STATES, double.nu), s)) for s in SCALARS}
+        values = {s: lambda s=s: solvers[s].accelerations(*given[s], out=out[s][0]) for s in SCALARS}
+        tangents = {s: lambda s=s: solvers[s].sensitivities(*given[s], **along[s], out=out[s]) for s in SCALARS}
+        for what, calls in ((f"{STATES} states", values), (f"the same, {DIRECTIONS} directions", tangents)):
+            t = least_times(calls, turns)
+            times = ", ".join(f"{s} {1e6 * x:.0f} us" for s, x in t.items())
+            print(f"{name}: {what}: {times}, ratio {t['float32'] / t['float64']:.2f}")
+        (udot, dudot), (exact, exact_dudot) = out["float32"], out["float64"]
+        print(f"{name}: udot within {off(udot, exact):.1e}, derivatives within {off(dudot, exact_dudot):.1e}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("models", nargs="*", default=["chain", "arm", "four_bar"])
+    parser.add_argument("--turns", type=int, default=40)
+    options = parser.parse_args()
+    for model in options.models:
+        measure(model, options.turns)
