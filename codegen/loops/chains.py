@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from ..model.motions import Ball, Displacement, Motion, Slide, Turn
 from .vectors import Array, U, axis_rotation, cross, quaternion_rotation, skew, turn
 
 
-class Step(Protocol):
+@dataclass(slots=True, kw_only=True)
+class Step:
     """An elementary motion of m joints.
 
     Attributes
@@ -32,33 +33,31 @@ class Step(Protocol):
 
     speeds: slice
     place: Array
-    w: Array | None
-    v: Array | None
+    w: Array | None = None
+    v: Array | None = None
 
-    def of(self, rows: Array) -> Step:
+    def of(self, rows: Array) -> Self:
         """That of some of the joints."""
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "speeds"}
+        return replace(self, **{name: x[rows] for name, x in arrays.items() if x is not None})
 
     def rotation(self, q: Array) -> Array | None:
         """Components behind it into components before it, ``(S, m, 3, 3)``."""
+        return None
 
     def back(self, q: Array) -> Array | None:
         """The inverse of `rotation`."""
+        return None
 
     def shift(self, q: Array) -> Array | None:
         """The origin behind it in components before it, ``(S, m, 3)``, m."""
+        return None
 
 
-@dataclass(slots=True)
-class _Turn:
-    speeds: slice
-    place: Array
-    w: Array | None
+@dataclass(slots=True, kw_only=True)
+class _Turn(Step):
     K: Array
     KK: Array
-    v: Array | None = None
-
-    def of(self, rows: Array) -> _Turn:
-        return _Turn(self.speeds, self.place[rows], some(self.w, rows), self.K[rows], self.KK[rows])
 
     def rotation(self, q: Array) -> Array:
         return axis_rotation(self.K, self.KK, q[:, self.place])
@@ -66,76 +65,30 @@ class _Turn:
     def back(self, q: Array) -> Array:
         return axis_rotation(self.K, self.KK, -q[:, self.place])
 
-    def shift(self, q: Array) -> None:
-        return None
 
-
-@dataclass(slots=True)
-class _Slide:
-    speeds: slice
-    place: Array
+@dataclass(slots=True, kw_only=True)
+class _Slide(Step):
     along: Array
-    v: Array | None
-    w: Array | None = None
-
-    def of(self, rows: Array) -> _Slide:
-        return _Slide(self.speeds, self.place[rows], self.along[rows], some(self.v, rows))
-
-    def rotation(self, q: Array) -> None:
-        return None
-
-    def back(self, q: Array) -> None:
-        return None
 
     def shift(self, q: Array) -> Array:
         return q[:, self.place, None] * self.along
 
 
-@dataclass(slots=True)
-class _Ball:
-    speeds: slice
-    place: Array
-    w: Array | None
-    v: Array | None = None
-
-    def of(self, rows: Array) -> _Ball:
-        return _Ball(self.speeds, self.place[rows], some(self.w, rows))
-
+@dataclass(slots=True, kw_only=True)
+class _Ball(Step):
     def rotation(self, q: Array) -> Array:
         return quaternion_rotation(q[:, self.place])
 
     def back(self, q: Array) -> Array:
         return np.swapaxes(self.rotation(q), -1, -2)
 
-    def shift(self, q: Array) -> None:
-        return None
 
-
-@dataclass(slots=True)
-class _Displacement:
+@dataclass(slots=True, kw_only=True)
+class _Displacement(Step):
     """Its velocities `v` are in components of the chain's end."""
-
-    speeds: slice
-    place: Array
-    v: Array | None
-    w: Array | None = None
-
-    def of(self, rows: Array) -> _Displacement:
-        return _Displacement(self.speeds, self.place[rows], some(self.v, rows))
-
-    def rotation(self, q: Array) -> None:
-        return None
-
-    def back(self, q: Array) -> None:
-        return None
 
     def shift(self, q: Array) -> Array:
         return q[:, self.place]
-
-
-def some(x: Array | None, rows: Array) -> Array | None:
-    """Rows of an array that may be none."""
-    return None if x is None else x[rows]
 
 
 def step(motion: Motion, start: Array, axes: Array, factors: Array) -> Step:
@@ -153,14 +106,14 @@ def step(motion: Motion, start: Array, axes: Array, factors: Array) -> Step:
     match motion:
         case Turn(axis, i):
             K = skew(axes[:, axis])
-            return _Turn(speeds, start + i, axes[:, axis, None], K, K @ K)
+            return _Turn(speeds=speeds, place=start + i, w=axes[:, axis, None], K=K, KK=K @ K)
         case Slide(axis, i, factor):
             along = axes[:, axis] if factor is None else axes[:, axis] * factors[:, factor, None]
-            return _Slide(speeds, start + i, along, along[:, None])
+            return _Slide(speeds=speeds, place=start + i, v=along[:, None], along=along)
         case Ball(i, _):
-            return _Ball(speeds, start[:, None] + (i + np.arange(4)), units)
+            return _Ball(speeds=speeds, place=start[:, None] + (i + np.arange(4)), w=units)
         case Displacement(i, _):
-            return _Displacement(speeds, start[:, None] + (i + np.arange(3)), units)
+            return _Displacement(speeds=speeds, place=start[:, None] + (i + np.arange(3)), v=units)
 
 
 class Chain:

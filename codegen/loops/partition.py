@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..model.errors import nearest
 from ..model.model import Model
 from .assembling import (
     assembled,
@@ -20,7 +19,9 @@ from .assembling import (
     settled_together,
 )
 from .components import components
+from .demands import check_couplings, check_cycles, hinted
 from .dependents import condition
+from .doubts import POOR_CONDITION, doubts_of, ignored_speeds, moved_far
 from .ears import Ear, Partition
 from .errors import AssemblyError, PartitionError
 from .geometry import Geometry, advance, padded
@@ -28,7 +29,7 @@ from .locking import nearly_locked, stopped
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
 from .vectors import Array
-from .velocities import Motion, complete_speeds
+from .velocities import Motion
 from .weighing import Weighed, weighed
 from .wording import listed, loops_named
 
@@ -39,12 +40,6 @@ NEARBY = 2
 
 DISTANCE = 0.08
 """rad and characteristic lengths: how far off they start."""
-
-POOR_CONDITION = 1e4
-"""Of a closure matrix: beyond this another choice is sought, and the user is told."""
-
-LARGE_CLUSTER = 5
-"""Loops; the user is told of larger clusters."""
 
 FEW = 100
 """Ears; with more of them redundant conditions are looked at in one configuration only."""
@@ -57,10 +52,6 @@ PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
 
 SEED = 20030617
 """Of the random numbers: the same model has the same partition."""
-
-
-FAR_ANGLE = 1.6
-"""rad: initial values that closing changes by more than about a quarter turn are reported."""
 
 
 class _NotNearlyClosed(PartitionError):
@@ -128,7 +119,7 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
                 raise of_open from None
             raise
     check_couplings(model, chosen.drafts)
-    warnings += [text for d in chosen.drafts for text in _doubts(model, geometry, d, held)]
+    warnings += [text for d in chosen.drafts for text in doubts_of(model, geometry, d, held)]
     warnings += _locked(geometry, chosen.drafts, q, random)
     found = replace(
         _partition(geometry, chosen.drafts, q, [*warnings, *chosen.warnings], redundancy),
@@ -136,18 +127,8 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
         uncompared=chosen.uncompared,
         growth=chosen.growth_of_uncompared,
     )
-    ignored = [*_moved_far(model, guess, q), *_ignored_speeds(model, found)]
+    ignored = [*moved_far(model, guess, q), *ignored_speeds(model, found)]
     return replace(found, warnings=(*found.warnings, *ignored)) if ignored else found
-
-
-def _moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
-    """What to say of angles that the model gives and closing has changed by more than a quarter turn."""
-    for i, (name, unit) in enumerate(zip(model.coordinate_names, model.coordinate_units, strict=True)):
-        if unit == "rad" and name in model.initial_q and abs(q[0, i] - guess[0, i]) > FAR_ANGLE:
-            yield (
-                f"closing the loops has moved {name} from its initial value {guess[0, i]:.4g} to {q[0, i]:.4g} rad, more than a "
-                f"quarter turn: another branch may be meant; give nearer values under `initial`"
-            )
 
 
 def _chosen(
@@ -265,39 +246,6 @@ def _others(
     return found
 
 
-def _ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
-    """Initial values of dependent speeds that closure replaces by others."""
-    named = [s for s in found.dependent if model.speed_names[s] in model.initial_u]
-    if not named:
-        return
-    given = initial_configuration(model)[1]
-    u = complete_speeds(model, found, found.q, given)
-    ignored = [s for s in named if abs(u[s] - given[s]) > 1e-6 * max(1.0, float(np.abs(u).max()))]
-    if ignored:
-        text = listed([f"{model.speed_names[s]} from {given[s]:.4g} to {u[s]:.4g}" for s in ignored])
-        yield f"initial u of dependent speeds do not close the loops; they are changed, {text}"
-
-
-def _doubts(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> Iterator[str]:
-    """What a user should know about an ear."""
-    loops = loops_named(model, draft.loops)
-    spare = draft.rows > len(draft.dependent)
-    if draft.condition > POOR_CONDITION:
-        yield (
-            f"{loops}: the closure matrix of the dependent speeds has condition {draft.condition:.1e} at the initial "
-            f"configuration, which is at or near a singular one; start from another configuration"
-            + (", or give a larger loop_tolerance where loops should not hold these speeds" if spare else "")
-        )
-    if len(draft.loops) > LARGE_CLUSTER:
-        asked = any(
-            s in held for i in draft.loops for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]
-        )
-        yield (
-            f"{loops} close only all together, in one dense system of rank {len(draft.dependent)}; other coordinates "
-            f"under `independent`{', or none,' * asked} may do better"
-        )
-
-
 def _choose(
     geometry: Geometry,
     order: list[int],
@@ -326,19 +274,7 @@ def _choose(
         doubtful = [i for d in drafts if not d.certain for i in d.loops]
     except PartitionError:
         pass  # the pose may be a special one
-    configurations = [q]
-    speeds = np.arange(geometry.nu)
-    size = np.where(geometry.turning, 1.0, np.median(geometry.lengths))
-    for _ in range(NEARBY):
-        start = advance(geometry, q, speeds, random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size)
-        try:
-            still_open = None if open_ is None else set[int]()
-            found = first_assembly(geometry, order, start, set(), random, still_open)[0]
-        except AssemblyError:
-            continue
-        settled = _settled(geometry, found, shared, still_open, set())
-        if settled is not None:
-            configurations.append(settled)
+    configurations = [q, *_nearby(geometry, order, q, random, shared, open_ is not None)]
     still = {i for i in doubtful if not _moves(geometry, i, configurations)}
     stuck = [i for loops in shared if still.intersection(loops) for i in loose_loops(geometry, q, loops) if i in still]
     if open_ and open_.intersection(stuck):
@@ -371,6 +307,27 @@ def _choose(
         ranks = [f"{len(d.dependent)} of {d.rows} conditions" for d in drafts if {*d.loops} & {*stuck}]
         warnings.append(f"{advice} (rank {listed(ranks)})")
     return drafts, sweep.growth(), stuck
+
+
+def _nearby(
+    geometry: Geometry,
+    order: list[int],
+    q: Array,
+    random: np.random.Generator,
+    shared: list[list[int]],
+    may_be_open: bool,
+) -> Iterator[Array]:
+    """Assembled configurations near one, wherever that leads."""
+    speeds = np.arange(geometry.nu)
+    size = np.where(geometry.turning, 1.0, np.median(geometry.lengths))
+    for _ in range(NEARBY):
+        start = advance(geometry, q, speeds, random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size)
+        still_open = set[int]() if may_be_open else None
+        with suppress(AssemblyError):
+            found = first_assembly(geometry, order, start, set(), random, still_open)[0]
+            settled = _settled(geometry, found, shared, still_open, set())
+            if settled is not None:
+                yield settled
 
 
 def _settled(
@@ -464,57 +421,6 @@ def _partition(
         opening=tuple(sorted(known.opening)),
         turned=tuple(i for i, x in enumerate(geometry.model.loops) if x.turned),
     )
-
-
-def check_cycles(geometry: Geometry) -> None:
-    """Every loop needs a joint that moves."""
-    sums = geometry.ancestry.sums([len(speeds) for speeds in geometry.speeds], geometry.model.outward)
-    for i, loop in enumerate(geometry.model.loops):
-        if loop.is_coupling:
-            continue
-        start, end = geometry.starts[i], geometry.ends[i]
-        if sums[start] + sums[end] == 2 * sums[geometry.ancestry.meeting(start, end)]:
-            names = [
-                geometry.model.bodies[k].name if k < geometry.ground else "ground"
-                for k in (geometry.starts[i], geometry.ends[i])
-            ]
-            raise PartitionError(
-                f"loop {loop.name} joins {names[0]} and {names[1]}, which cannot move to each other (rank 0): "
-                f"no joint on the way between them has a freedom; remove the loop"
-            )
-
-
-def check_couplings(model: Model, drafts: list[Draft]) -> None:
-    """Every coupling has to determine a coordinate: ratios that are to agree do so for a moment only.
-
-    Of an ear with loops a condition may follow from the others; which one does, nobody can say.
-    """
-    for draft in drafts:
-        if draft.rows > len(draft.dependent) and all(model.loops[i].is_coupling for i in draft.loops):
-            others = [i for d in drafts for i in d.loops if d is not draft]
-            what = "what they relate is determined by fewer of them"
-            if len(draft.loops) == 1:
-                what = f"its coordinates are determined already, by {loops_named(model, others)}"
-            raise PartitionError(
-                f"{loops_named(model, draft.loops)}: {what}; take one of them away, or let one relate a coordinate that is "
-                f"free"
-            )
-
-
-def hinted(geometry: Geometry) -> set[int]:
-    """Speeds that the model asks to be independent; of a quaternion joint all, whichever is named."""
-    model, held = geometry.model, set[int]()
-    place = {name: i for i, name in enumerate(model.coordinate_names)}
-    body = {i: k for k, (q, _) in enumerate(model.coordinate_slices) for i in range(q.start, q.stop)}
-    for name in model.independent:
-        if name not in place:
-            raise PartitionError(
-                f"independent: {name!r} is no coordinate of the model{nearest(name, model.coordinate_names)}"
-            )
-        k = body[place[name]]
-        q, speeds = geometry.slices[k][0], geometry.speeds[k]
-        held |= set(speeds) if geometry.whole[k] else {speeds[place[name] - q.start]}
-    return held
 
 
 def _ear(geometry: Geometry, draft: Draft, redundancy: Redundancy) -> Ear:
