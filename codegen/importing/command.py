@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 from .bodies import BASES
-from .importer import Imported, import_model
+from .importer import Imported, Options, import_model
 from .parameters import WORDS
 
 
@@ -61,22 +61,7 @@ def run(options: argparse.Namespace) -> tuple[Imported, Path | None]:
     ModelError
     ExistsError
     """
-    chosen: dict[str, Any] = {
-        key: getattr(options, key)
-        for key in (
-            "name",
-            "model",
-            "key",
-            "base",
-            "keep_fixed",
-            "loops",
-            "motors",
-            "parameterize",
-            "repair",
-            "free_mimic",
-            "exact_angles",
-        )
-    }
+    chosen = {f.name: getattr(options, f.name) for f in fields(Options) if f.name != "package_paths"}
     if options.output == "-" and options.force:
         raise ExistsError("--force is for a file that -o replaces, and -o - prints; leave it out")
     found = import_model(options.file, package_paths=options.package_path, **chosen)

@@ -11,6 +11,7 @@ import math
 from ..model.positions import shortened
 from .placement import Placement
 from .robot import WORLD
+from .robot_reader import RobotReader
 from .sdf_scopes import Item, Scope
 from .xml_reading import Element
 from .xml_values import Values, is_true
@@ -186,3 +187,17 @@ class Frames:
             asked, f"model {shortened(model.name)} has no link, of which its frame could be part; name a link"
         )
         return None
+
+
+class PartReader:
+    """Reads some elements of an SDF.
+
+    Parameters
+    ----------
+    reader : RobotReader
+    frames : Frames
+    """
+
+    def __init__(self, reader: RobotReader, frames: Frames) -> None:
+        self.reader = reader
+        self.frames = frames

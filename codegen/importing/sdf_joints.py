@@ -9,8 +9,7 @@ from typing import Final
 from ..model.errors import nearest
 from ..model.positions import shortened
 from .robot import WORLD, Coupling, Effect
-from .robot_reader import RobotReader
-from .sdf_frames import Frames
+from .sdf_frames import PartReader
 from .sdf_scopes import Item, Scope
 from .xml_reading import Element
 from .xml_values import place_of
@@ -75,18 +74,8 @@ class SdfJoint:
         return self.item.element
 
 
-class JointReader:
-    """Reads joints.
-
-    Parameters
-    ----------
-    reader : RobotReader
-    frames : Frames
-    """
-
-    def __init__(self, reader: RobotReader, frames: Frames) -> None:
-        self.reader = reader
-        self.frames = frames
+class JointReader(PartReader):
+    """Reads joints."""
 
     def read(self, scope: Scope, item: Item, path: str, cut: str) -> SdfJoint | None:
         """The joint of an item; None after a problem.

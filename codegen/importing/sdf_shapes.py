@@ -9,7 +9,7 @@ from ..model.positions import shortened
 from .placement import Placement
 from .robot import Inertia, Place, Solid
 from .robot_reader import RobotReader
-from .sdf_frames import Frames
+from .sdf_frames import PartReader
 from .sdf_scopes import Item, Scope
 from .solids import of_density
 from .xml_reading import Element
@@ -19,18 +19,8 @@ _WATER: Final = 1000.0
 """The density that SDF takes where none is said, kg/m^3."""
 
 
-class ShapeReader:
-    """Reads <visual> and <collision>.
-
-    Parameters
-    ----------
-    reader : RobotReader
-    frames : Frames
-    """
-
-    def __init__(self, reader: RobotReader, frames: Frames) -> None:
-        self.reader = reader
-        self.frames = frames
+class ShapeReader(PartReader):
+    """Reads <visual> and <collision>."""
 
     def solid(self, scope: Scope, item: Item, element: Element) -> Solid | None:
         """The primitive of an element, in the frame of its link; what is none is listed."""
