@@ -254,6 +254,7 @@ static int accept(ordernm_motion *m, const trial *step)
     if (p->method == ORDERNM_DOP853 && step->event < 0) ordernm_watch_stability(m, step->h); /* while the last stage is there */
     if (p->ntimes && (reason = ordernm_sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
+    ordernm_note_coarse(m, step->h);
     if (m->flat[0] > m->t && m->flat[0] <= step->end && r->flat_count < r->flat_capacity)
         memcpy(r->flat + r->flat_count++*(1 + 2L*m->system->nq), m->flat, (1 + 2L*m->system->nq)*sizeof(double));
     if (r->steps) ordernm_keep_step(m, step->h);

@@ -3,6 +3,10 @@
 
 #include <math.h>
 
+/* What two rates in the middle of a step of constant size must differ by, times the step and relative to the state, for its error to
+ * be looked at: it is far less. */
+static const double LOOKED_AT = 1e-6;
+
 /* How many entries of the state have errors that count: those that are integrated; where nothing is independent, predictions too,
  * by which dependent coordinates are followed. */
 int ordernm_counted(const ordernm_motion *m)
@@ -65,4 +69,27 @@ int ordernm_worst_entry(const ordernm_motion *m)
         if (of != of) break;
     }
     return worst;
+}
+
+/* The classical method has no error estimate of its own. In models with loops, which come near poses where all is fast, its steps are
+ * compared with Simpson's rule on the interpolant, where they may be too long: both are of order 4. What they differ by, relative to
+ * the state, adds up in the results. */
+void ordernm_note_coarse(ordernm_motion *m, double h)
+{
+    ordernm_results *const r = m->results;
+    double *const middle = m->error[0], *const *const k = m->rate;
+    if (m->problem->method != ORDERNM_RK4 || !m->nd) return;
+    double apart = 0.0, largest = 0.0;
+    for (int i = 0; i < m->ny; ++i) apart = fmax(apart, fabs(k[1][i] - k[2][i])/(1.0 + fabs(m->z[i])));
+    if (h*apart < LOOKED_AT) return;
+    const double condition = r->condition, here = r->condition_here;
+    m->method->interpolate(m, h, 0.5, m->trial);
+    if (!ordernm_rates_of(m, m->t + 0.5*h, m->trial, middle, 0, 0, RATES))
+        for (int i = 0; i < m->ny; ++i) {
+            const double error = h/6.0*fabs(2.0*(k[1][i] + k[2][i]) + k[3][i] - 4.0*middle[i] - k[4][i]);
+            largest = fmax(largest, error/(1.0 + fabs(m->z[i])));
+        }
+    r->coarse += largest;
+    if (largest > r->coarsest) r->coarsest = largest, r->coarse_at = m->t;
+    r->condition = condition, r->condition_here = here;
 }

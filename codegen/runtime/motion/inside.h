@@ -7,8 +7,8 @@
  *     steps, step_sizes, events, results, transposes       between steps; how long; events in them; what is kept; a state backwards
  *     explicit, radau, passing                             one step; over a switch
  *     radau_sensitivities, switches, poses, dead_points    its derivatives; modes; where loops lose rank
- *     radau_equations, report                              its equations; a row of results
- *     state, linear, errors, extremes                      one state with its loops closed; factors; norms; where outputs turn
+ *     radau_equations, report, errors                      its equations; a row of results; errors of steps
+ *     state, linear, extremes                              one state with its loops closed; factors; where outputs turn
  *     inputs, sizes, sums                                  splines; how long rows are; sums of rates
  *
  * What is integrated is one array z of `size` doubles: the independent coordinates and speeds, integrals of outputs, predictions
@@ -255,6 +255,7 @@ int ordernm_report_rates(ordernm_motion *m, double t, const double *z, double *r
 /* errors.c */
 int ordernm_counted(const ordernm_motion *m);
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
+void ordernm_note_coarse(ordernm_motion *m, double h);
 int ordernm_worst_entry(const ordernm_motion *m);
 
 /* explicit.c, radau.c */

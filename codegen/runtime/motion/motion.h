@@ -186,6 +186,8 @@ typedef struct {
     double condition;         /* the largest met, of the dependent coordinates by conditions */
     double condition_here;    /* at the last step's end */
     double next_step;         /* that would be tried there, s */
+    double coarse, coarsest, coarse_at; /* of ORDERNM_RK4 in models with loops: errors of steps, relative to the state, in all; the
+                               * largest, and in the step from when on */
     double stiffness;         /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
 

@@ -156,6 +156,8 @@ class Segment:
         1 and the number of an event that came at the same time as the second of these switches, if one did; else 0.
     event_ordered : bool
         Derivatives of an event depend on which comes first.
+    coarse : tuple of three floats
+        Of method "rk4" in models with loops: the sum of errors of steps, relative to the state, the largest, and its time, s.
     flat : array (n, 1 + 2 nq)
         Poses at which a loop has lost rank, of a motion with derivatives: time, and coordinates beside it, near and farther away.
     """
@@ -179,6 +181,7 @@ class Segment:
     ordered: bool
     event_together: int
     event_ordered: bool
+    coarse: tuple[float, float, float]
     flat: Array
 
 

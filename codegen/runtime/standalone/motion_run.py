@@ -37,6 +37,9 @@ POOR_OF_CONSTANT_STEPS = 10.0
 BETTER = 4.0
 """They are taken if their condition is less by this factor."""
 
+COARSE = 3e-6
+"""The sum of errors of constant steps, relative to the state, from which on there is a warning."""
+
 SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
 """Counts of segments that add up."""
 
@@ -98,6 +101,12 @@ class MotionRun(States, Partitions):
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
+        total, (_, t) = sum(s.coarse[0] for s in segments), max(s.coarse[1:] for s in segments)
+        if total > COARSE:
+            warn(
+                f"steps of {problem.step:g} s do not resolve the motion, least at t = {t:.9g} s, where loops may come near "
+                f"a loss of rank: errors of steps add up to about {total:.1g} of the state; take smaller ones, or method='dop853'"
+            )
         waited = seconds_waited() - waited
         times = {"seconds": time.perf_counter() - began - waited} | ({"compiling": waited} if waited else {})
         counts = segment.counts | {"partitions_changed": len(segments) - 1} | times
@@ -344,6 +353,7 @@ class MotionRun(States, Partitions):
             bool(r.ordered),
             r.event_together,
             bool(r.event_ordered),
+            (r.coarse, r.coarsest, r.coarse_at),
             flat[: r.flat_count].copy() if flat.size else flat,
         )
         return segment, found, last
