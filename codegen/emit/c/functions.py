@@ -42,7 +42,7 @@ from ...program.procedure import (
 from ..function import Function, called_with
 from ..target import Scalar
 from .columns import all_columns, primitives
-from .libraries import guard
+from .libraries import guard, guard_of_width
 
 
 def symbol(procedure: Procedure, width: int | None = None) -> str:
@@ -96,12 +96,19 @@ def batch_signature(procedure: Procedure, model: str, width: int | None = None) 
     return f"int {model}_{symbol(procedure, width)}_batch({model}_batch *b)"
 
 
-def batch_lines(procedure: Procedure, model: str, width: int | None) -> list[str]:
-    """Body of the loop over a batch."""
+def batch_line(procedure: Procedure, width: int | None) -> str:
+    """The loop over a batch; ``BATCH`` stands for all that is the same of these."""
     arrays = (*procedure.arguments, *procedure.seeds, *procedure.results)
     passed = [f"AT({a.name})" if a.shape or a.lanes else f"*AT({a.name})" for a in arrays]
-    call = called_with(f"EACH_STATE({model}_{symbol(procedure, width)}(", [*passed, "b->work"], "));")
-    return call.split("\n")
+    return called_with(f"BATCH({symbol(procedure, width)}, ", [*passed, "b->work"])
+
+
+def batch_lines(procedures: Iterable[tuple[Procedure, int | None]]) -> dict[str, list[str]]:
+    """Those of functions, each with a width, by the condition under which they are compiled."""
+    found: dict[str, list[str]] = {}
+    for procedure, width in procedures:
+        found.setdefault(guard_of_width(procedure.name, width), []).append(batch_line(procedure, width))
+    return found
 
 
 def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]:

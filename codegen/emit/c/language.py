@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from ...mechanics.expansion import Program
@@ -36,6 +36,31 @@ def stored_once(block: Block) -> set[Symbol]:
         if s.target in wanted:
             wanted |= symbols_of(s.expression)
     return wanted
+
+
+def read_once(block: Block) -> set[Symbol]:
+    """Symbols that the text of a block has in one place: what is loaded into them needs no name."""
+    once: set[Symbol] = set()
+    more: set[Symbol] = set()
+    for e in (*(s.expression for s in block.statements), *(value for _, _, value in block.stores)):
+        for part in _parts(e):
+            if part.is_Symbol and part not in once:
+                once.add(part)
+            else:
+                more |= part.free_symbols
+    return once - more
+
+
+def _parts(e: Expr) -> Iterator[Expr]:
+    """The operands of sums and products in these: symbols, powers and calls."""
+    if not (e.is_Add or e.is_Mul):
+        yield e
+        return
+    for a in e.args:
+        if a.is_Symbol:
+            yield a
+        else:
+            yield from _parts(a)
 
 
 class CLanguage(Writer):
@@ -92,7 +117,6 @@ class CLanguage(Writer):
         stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
         written = {at.variable for at in stored}
         names = self.called_by(block, place)
-        printer = self.printer.calling(names)
         taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | set(names.values())
         pointers: dict[str, str] = {}
         body: list[str] = []
@@ -113,6 +137,8 @@ class CLanguage(Writer):
         overwritten = {(at.row, at.text) for at in stored}
         waiting: dict[Symbol, tuple[int, list[str], str]] = {}
         soon: list[Symbol] = []
+        once = read_once(block) - {Symbol(name) for name in names}
+        direct: dict[str, str] = {}
         for number, (symbol, (store, name)) in enumerate(block.loads.items()):
             at = place(store, name)
             lines = body if symbol in shared or (not store.lanes and at in stored) else passes
@@ -121,9 +147,14 @@ class CLanguage(Writer):
                 value = in_all(value)
             if store is MODES:
                 value = f"MODE({value.partition('[')[0]}, {value})"
+            if symbol in once and (at.row, at.text) not in overwritten:
+                direct[symbol.name] = value
+                continue
             type_ = "VECTOR" if store.lanes else self.scalar.word
             waiting[symbol] = number, lines, f"const {type_} {names.get(symbol.name, symbol.name)} = {value};"
             soon += [symbol] if (at.row, at.text) in overwritten else []
+
+        printer = self.printer.calling({**names, **direct})
 
         def load(symbols: Iterable[Symbol]) -> None:
             """Load what has not been loaded yet."""

@@ -17,7 +17,6 @@ from . import sines, vectors
 from .columns import GROUP
 from .functions import CFunctions
 from .legend import about_names, legend
-from .libraries import guard_of_width
 from .memory import lays_out
 from .prepared import CPrepared
 from .states import over_states, states_context
@@ -118,15 +117,8 @@ class CWriter(CPrepared):
                 for type_, names in zip(("given", "rows"), c_functions.batch_arrays(public), strict=True)
                 if names
             ],
-            "batches": [
-                Function(
-                    "",
-                    c_functions.batch_signature(f, model.name, w),
-                    c_functions.batch_lines(f, model.name, w),
-                    guard=guard_of_width(f.name, w),
-                )
-                for f, w in of_width
-            ],
+            "batches": c_functions.batch_lines(of_width),
+            "batch_signatures": [c_functions.batch_signature(f, model.name, w) for f, w in of_width],
             "called": (library := self.printer.library()),
             **states_context(lines, states, self.workspace, self.scalar, library),
             "own_words": [f"c/{w}.c.jinja" for w in self.printer.words],

@@ -227,15 +227,12 @@ static void constants_0(call *a)
     const number *restrict k = numbers_of_constants_0[0];
     const double *restrict p = a->p;
     constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
-    const double k_0 = ALL(k[0]);
-    const double k_1 = ALL(k[1]);
-    const double d = k_0*k_1; /* primitive */
+    const double d = ALL(k[0])*ALL(k[1]); /* primitive */
     const double length = p[0];
     const double m = d*length;
     c->mass = m;
-    const double k_4 = ALL(k[4]);
     const double k_5 = ALL(k[5]);
-    const double e = k_4 + (length*length)/k_5;
+    const double e = ALL(k[4]) + (length*length)/k_5;
     const double d_3 = -0.5*m; /* primitive */
     const double h_1 = d_3*length;
     const double d_2 = -0.5*length; /* primitive */
@@ -245,10 +242,7 @@ static void constants_0(call *a)
     const double J = d_2*h_1 + d_5*e;
     c->inertia_xx = J;
     c->first_moment_z = h_1;
-    const double k_6 = ALL(k[6]);
-    const double k_7 = ALL(k[7]);
-    const double k_8 = ALL(k[8]);
-    const double d_6 = k_6*k_7*k_8; /* primitive */
+    const double d_6 = ALL(k[6])*ALL(k[7])*ALL(k[8]); /* primitive */
     const double J_1 = d_6*length;
     c->inertia_zz = J_1;
     c->mass_d0 = d;
@@ -269,8 +263,7 @@ static void pose_0(call *a)
     const double *restrict trig = a->trig + 0;
     link_record *restrict me = &a->records[0];
     me->position_z = ALL(0.0);
-    const double trig_cos = trig[COSINE];
-    me->attitude_zz = trig_cos;
+    me->attitude_zz = trig[COSINE];
 }
 
 /* positions and attitudes in the ground frame */
@@ -290,11 +283,8 @@ static void kinematics_0(call *a)
     const double *restrict near_up = a->near + NEAR_SIZE*0;
     const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
     link_record *restrict me = &a->records[0];
-    const double trig_sin = trig[SINE];
-    const double up_a_z = near_up[KINEMATICS_ACCELERATION_Z];
-    const double ap_x = -trig_sin*up_a_z; /* Eq. 21 */
-    const double c_h_z = c->first_moment_z;
-    const double n_y = ap_x*c_h_z; /* Eq. 24 */
+    const double ap_x = -trig[SINE]*near_up[KINEMATICS_ACCELERATION_Z]; /* Eq. 21 */
+    const double n_y = ap_x*c->first_moment_z; /* Eq. 24 */
     me->moment_y = n_y;
 }
 
@@ -315,15 +305,13 @@ static void triangularize_0(call *a)
     link_record *restrict me = &a->records[0];
     const double *restrict tau = a->tau;
     const double c_J_xx = c->inertia_xx;
-    const double c_J_zz = c->inertia_zz;
-    const double scale = c_J_zz + 2.0*c_J_xx; /* zero pivot */
+    const double scale = c->inertia_zz + 2.0*c_J_xx; /* zero pivot */
     const double bound = 2e-15*scale;
     REQUIRE(c_J_xx > bound, 0 + 1);
     const double Dinv = 1.0/c_J_xx; /* Eq. 47 */
     me->inverse_pivot_0 = Dinv;
-    const double me_n_y = me->moment_y;
     const double tau_rod = tau[0];
-    const double r = tau_rod - me_n_y; /* Eq. 53 */
+    const double r = tau_rod - me->moment_y; /* Eq. 53 */
     const double rD = Dinv*r;
     me->right_side_0 = rD;
 }
@@ -340,8 +328,7 @@ static void back_substitute_0(call *a)
 {
     const link_record *restrict me = &a->records[0];
     double *restrict udot = a->udot;
-    const double me_rD_0 = me->right_side_0;
-    udot[0] = me_rD_0;
+    udot[0] = me->right_side_0;
 }
 
 /* back substitution (Eqs. 53-56) */
@@ -377,10 +364,8 @@ static void outputs_of_link_0(call *a)
     const link_record *restrict me = &a->records[0];
     double *restrict outputs = a->outputs;
     const double length = p[0];
-    const double me_W_zz = me->attitude_zz;
-    const double x_2 = -me_W_zz*length;
-    const double me_pos_z = me->position_z;
-    const double value = me_pos_z + x_2;
+    const double x_2 = -me->attitude_zz*length;
+    const double value = me->position_z + x_2;
     outputs[0] = value;
 }
 
@@ -485,64 +470,44 @@ int pendulum_outputs(const double *q, const double *u, const double *p, double *
 
 /* Calls a function for every state, up to one that fails. */
 #define AT(array) (b->array.at + i*b->array.step)
-#define EACH_STATE(...) \
-    for (long i = 0; i < b->count; ++i) { \
-        const int singular = __VA_ARGS__; \
-        if (singular) { \
-            b->failed = i; \
-            return singular; \
+#define BATCH(function, ...) \
+    int pendulum_##function##_batch(pendulum_batch *b) \
+    { \
+        for (long i = 0; i < b->count; ++i) { \
+            const int singular = pendulum_##function(__VA_ARGS__); \
+            if (singular) { \
+                b->failed = i; \
+                return singular; \
+            } \
         } \
-    } \
-    return 0
+        return 0; \
+    }
 
 #if ORDERNM_HAS(1, 1)
-int pendulum_accelerations_batch(pendulum_batch *b)
-{
-    EACH_STATE(pendulum_accelerations(AT(q), AT(u), AT(p), AT(udot), b->work));
-}
+BATCH(accelerations, AT(q), AT(u), AT(p), AT(udot), b->work)
 #endif
 
 #if ORDERNM_HAS(1, 2)
-int pendulum_sensitivities_8_batch(pendulum_batch *b)
-{
-    EACH_STATE(pendulum_sensitivities_8(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
-}
+BATCH(sensitivities_8, AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work)
 #endif
 
 #if ORDERNM_HAS(11, 2)
-int pendulum_sensitivities_2_batch(pendulum_batch *b)
-{
-    EACH_STATE(pendulum_sensitivities_2(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
-}
+BATCH(sensitivities_2, AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work)
 #endif
 
 #if ORDERNM_HAS(11, 1)
-int pendulum_sensitivities_1_batch(pendulum_batch *b)
-{
-    EACH_STATE(pendulum_sensitivities_1(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
-}
+BATCH(sensitivities_1, AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work)
 #endif
 
 #if ORDERNM_HAS(5, 1) || ORDERNM_HAS(8, 1)
-int pendulum_outputs_batch(pendulum_batch *b)
-{
-    EACH_STATE(pendulum_outputs(AT(q), AT(u), AT(p), AT(outputs), b->work));
-}
+BATCH(outputs, AT(q), AT(u), AT(p), AT(outputs), b->work)
 #endif
 
 #if ORDERNM_HAS(7, 2)
-int pendulum_sensitivities_transposed_8_batch(pendulum_batch *b)
-{
-    EACH_STATE(pendulum_sensitivities_transposed_8(AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp),
-        b->work));
-}
+BATCH(sensitivities_transposed_8, AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp), b->work)
 #endif
 
 #if ORDERNM_HAS(7, 1)
-int pendulum_sensitivities_transposed_1_batch(pendulum_batch *b)
-{
-    EACH_STATE(pendulum_sensitivities_transposed_1(AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp),
-        b->work));
-}
+BATCH(sensitivities_transposed_1, AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp), b->work)
 #endif
 #endif

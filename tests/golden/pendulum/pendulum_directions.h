@@ -45,20 +45,15 @@ static void DIRECTIONS(balance_out_0)(DIRECTIONS(call) *a)
     const LANES *restrict dp = a->dp;
     DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
     EACH_VECTOR {
-        const double trig_cos = trig[COSINE];
         const double up_ta_z = near_up[BALANCE_OUT_TOTAL_ACCELERATION_Z];
-        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
-        const double trig_sin = trig[SINE];
-        const double ap_x = -trig_sin*up_ta_z;
+        const double ap_z = trig[COSINE]*up_ta_z; /* Eq. 21 */
+        const double ap_x = -trig[SINE]*up_ta_z;
         const VECTOR dq_rod = dq[0].at[h];
         const VECTOR d_ap_x = -ap_z*dq_rod; /* d Eq. 21 */
         const double udot_rod = udot[0];
-        const double c_h_z_d0 = c->first_moment_z_d0;
-        const double c_J_xx_d0 = c->inertia_xx_d0;
-        const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
-        const double c_h_z = c->first_moment_z;
+        const double d_4 = ap_x*c->first_moment_z_d0 + c->inertia_xx_d0*udot_rod; /* primitive */
         const VECTOR dp_length = dp[0].at[h];
-        const VECTOR d_n_y = c_h_z*d_ap_x + d_4*dp_length; /* d Eq. 24 */
+        const VECTOR d_n_y = c->first_moment_z*d_ap_x + d_4*dp_length; /* d Eq. 24 */
         lane->moment_y.at[h] = d_n_y;
     }
 }
@@ -80,11 +75,9 @@ static void DIRECTIONS(balance_in_0)(DIRECTIONS(call) *a)
     const LANES *restrict dtau = a->dtau;
     const link_record *restrict me = &a->records[0];
     EACH_VECTOR {
-        const VECTOR lane_n_y = lane->moment_y.at[h];
         const VECTOR dtau_rod = dtau[0].at[h];
-        const VECTOR r = dtau_rod - lane_n_y; /* d Eq. 53 */
-        const double me_Dinv_0 = me->inverse_pivot_0;
-        const VECTOR rD = me_Dinv_0*r;
+        const VECTOR r = dtau_rod - lane->moment_y.at[h]; /* d Eq. 53 */
+        const VECTOR rD = me->inverse_pivot_0*r;
         lane->right_side_0.at[h] = rD;
     }
 }
@@ -102,8 +95,7 @@ static void DIRECTIONS(balance_back_0)(DIRECTIONS(call) *a)
     const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
     LANES *restrict dudot = a->dudot;
     EACH_VECTOR {
-        const VECTOR lane_rD_0 = lane->right_side_0.at[h];
-        dudot[0].at[h] = lane_rD_0;
+        dudot[0].at[h] = lane->right_side_0.at[h];
     }
 }
 
@@ -161,9 +153,7 @@ static void DIRECTIONS(gradient_out_0)(DIRECTIONS(call) *a)
     DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
     LANES *restrict dtau = a->dtau;
     EACH_VECTOR {
-        const double me_Dinv_0 = me->inverse_pivot_0;
-        const VECTOR lane_rD_0 = lane->right_side_0.at[h];
-        const VECTOR r_bar = lane_rD_0*me_Dinv_0; /* T d Eq. 53 */
+        const VECTOR r_bar = lane->right_side_0.at[h]*me->inverse_pivot_0; /* T d Eq. 53 */
         lane->moment_y.at[h] = -r_bar;
         dtau[0].at[h] += r_bar;
     }
@@ -190,19 +180,14 @@ static void DIRECTIONS(gradient_in_0)(DIRECTIONS(call) *a)
     LANES *restrict dp = a->dp;
     LANES *restrict du = a->du;
     EACH_VECTOR {
-        const double trig_cos = trig[COSINE];
         const double up_ta_z = up->total_acceleration_z;
-        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
-        const double c_h_z = c->first_moment_z;
+        const double ap_z = trig[COSINE]*up_ta_z; /* Eq. 21 */
         const VECTOR lane_n_y = lane->moment_y.at[h];
-        const VECTOR d_ap_x_bar = c_h_z*lane_n_y; /* T d Eq. 21 */
+        const VECTOR d_ap_x_bar = c->first_moment_z*lane_n_y; /* T d Eq. 21 */
         const VECTOR dq_0_bar = -ap_z*d_ap_x_bar;
-        const double trig_sin = trig[SINE];
-        const double ap_x = -trig_sin*up_ta_z; /* Eq. 21 */
+        const double ap_x = -trig[SINE]*up_ta_z; /* Eq. 21 */
         const double udot_rod = udot[0];
-        const double c_h_z_d0 = c->first_moment_z_d0;
-        const double c_J_xx_d0 = c->inertia_xx_d0;
-        const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
+        const double d_4 = ap_x*c->first_moment_z_d0 + c->inertia_xx_d0*udot_rod; /* primitive */
         const VECTOR dp_0_bar = d_4*lane_n_y;
         dq[0].at[h] = dq_0_bar;
         dp[0].at[h] += dp_0_bar;
