@@ -179,7 +179,7 @@ TOGETHER = {
     "generate swing.yaml --compile-all --no-compile": "not allowed with",
     "import robot.urdf -o - --force": "--force is for a file",
     "bench --list --quick -o x.json": "leave out --quick, --output",
-    "bench pendulum --plots pictures": "only families and robots have pictures",
+    "bench pendulum --plots pictures": "only families at several sizes (not with --quick) and robots",
     "bench --results x.json --peers": "--peers are of a new one",
     "bench pendulum --force": "--force is for what",
 }

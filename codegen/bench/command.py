@@ -14,6 +14,7 @@ from ..own_files import add_force, refuse_foreign_file
 
 if TYPE_CHECKING:
     from ..terminal import StatusLine
+    from .problem import Problem
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,20 +61,16 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     from .catalogue import chosen
     from .lines import compare_lines, failures, list_lines, machine_line, peer_lines, problem_lines
     from .page import page_of
-    from .problem import Family, Robots
     from .results import ResultsError, joined, read_results, write_results
 
     problems = chosen(options.names)
     if options.list:
         _refuse_beside_list(options)
         return list_lines(problems), []
-    if (
-        options.plots is not None
-        and options.results is None
-        and not any(isinstance(p, Family | Robots) for p in problems)
-    ):
+    if options.plots is not None and options.results is None and not any(_is_drawn(p, options.quick) for p in problems):
         raise ResultsError(
-            "--plots: only families and robots have pictures, and none of them is measured; name one, or leave it out"
+            "--plots: only families at several sizes (not with --quick) and robots have pictures, and none of them is measured; "
+            "name one, or leave it out"
         )
     old = None if options.compare is None else read_results(Path(options.compare))
     _refuse_places(options)
@@ -108,6 +105,15 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     if old is not None:
         lines += ["", *compare_lines(results, old, columns)]
     return lines, failures(results["problems"])
+
+
+def _is_drawn(problem: Problem, quick: bool) -> bool:
+    """Whether what is measured of a problem has a picture."""
+    from .problem import Family, Robots
+
+    if isinstance(problem, Family):
+        return len(problem.quick if quick else problem.sizes) > 1
+    return isinstance(problem, Robots)
 
 
 def _refuse_beside_list(options: argparse.Namespace) -> None:

@@ -24,10 +24,10 @@ def refuse_foreign(folder: Path, force: bool) -> None:
 
 
 def write_plots(results: dict[str, Any], folder: Path) -> list[Path]:
-    """Write pictures of what there are figures for into a folder, which is made where it is not there; and which they are."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write pictures of what there are figures for into a folder, which is made if there are any; and return which they are."""
     written = []
     for name, svg in plots(results).items():
+        folder.mkdir(parents=True, exist_ok=True)
         written.append(folder / f"{name}.svg")
         written[-1].write_text(svg, encoding="utf-8")
     return written

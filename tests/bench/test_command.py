@@ -235,3 +235,16 @@ def test_exponents_of_growth():
 def test_relative_errors_are_by_direction():
     found = accuracy.by_direction([[1.0, 2.0 + 2e-10], [10.0, 1e-9], [1e-12, 0.0]], [[1, 2], [10, 0], [0, 0]])
     assert found == pytest.approx([1e-10, 1e-10, 1e-12], rel=1e-5)
+
+
+@pytest.mark.parametrize("names", [["pendulum"], ["--quick", "chain"]])
+def test_pictures_of_nothing_are_refused_before_the_work(names, monkeypatch, capsys, tmp_path):
+    """A family has a picture at several sizes only, and one is measured with --quick."""
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(command, "run", lambda *a: pytest.fail("nothing is to be measured"))
+    assert main(["bench", *names, "--plots", "pictures"]) == 2
+    assert capsys.readouterr().err.startswith(
+        "bench: --plots: only families at several sizes (not with --quick) and robots"
+    )
+    assert not list(tmp_path.iterdir())
