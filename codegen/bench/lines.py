@@ -53,7 +53,8 @@ def setting(p: dict[str, Any]) -> str:
 
 def error_of(p: dict[str, Any]) -> str:
     """The error of a point; of a motion that ended before its end, that it did."""
-    return error(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended']}"
+    # what a motion says of its end is long; the place is before the first colon
+    return error(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended'].partition(':')[0]}"
 
 
 def point_row(p: dict[str, Any]) -> list[str]:
