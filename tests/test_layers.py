@@ -211,7 +211,7 @@ def test_statements_are_of_one_algebra():
         ]
         if any(name.split(".")[0] == "sympy" for name in names):
             found[path.relative_to(PACKAGE).as_posix()] = len(names)
-    assert set(found) == {"mechanics/elements/along_line.py", "program/expressions.py"}
+    assert set(found) == {"mechanics/elements/along_line.py"}
 
 
 DECLARED_AS = {"pydantic_core": "pydantic", "yaml": "PyYAML", "pinocchio": "pin"}

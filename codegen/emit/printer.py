@@ -9,10 +9,9 @@ from operator import itemgetter
 from types import MappingProxyType
 from typing import Self
 
-from ..program.algebra import HALF, MINUS_ONE
+from ..program.algebra import HALF, MINUS_ONE, Expr, Function, Number, Pow, Symbol
 from ..program.algebra import function as _function
 from ..program.digits import text_of
-from ..program.expressions import Expr, Function, Number, Pow
 from .target import Scalar, Target
 
 SUM, PRODUCT, ATOM = 0, 1, 2
@@ -84,7 +83,7 @@ class Printer(ABC):
         return self._print(e, SUM)
 
     def _print(self, e: Expr, level: int) -> str:
-        if e.is_Symbol:
+        if isinstance(e, Symbol):
             return self.names.get(e.name, e.name)
         if e.is_Number:
             text = self.number(e)
@@ -131,7 +130,7 @@ class Printer(ABC):
         """A product."""
         names, above, below = self.names, [], []
         for f in factors:
-            if f.is_Symbol:
+            if isinstance(f, Symbol):
                 above.append(names.get(f.name, f.name))
             elif isinstance(f, Pow) and f.exp < 0:
                 below.append(self._print(1 / f, ATOM))

@@ -15,6 +15,7 @@ from functools import partial
 
 from ..model.model import GROUND
 from ..program import algebra
+from ..program.algebra import Expr, Number, Symbol
 from ..program.block import (
     Block,
     Component,
@@ -25,7 +26,6 @@ from ..program.block import (
     StructuralExpansion,
     symbols_of,
 )
-from ..program.expressions import Number, Symbol
 from ..program.field import AnyField
 from ..program.operations import Operations, count, count_expression
 from ..program.passes import PASSES, drop_dead, propagate_copies
@@ -196,7 +196,7 @@ class Patterns:
     def is_nonzero(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> bool:
         if store.memory is CONSTANT:
             number = kind.number_of(store, name)
-            return number is None or number != 0
+            return number is not algebra.ZERO
         found = self._meant(kind, sweep, store)
         return found is None or any(name in of for of in found)
 
@@ -204,7 +204,7 @@ class Patterns:
         """The number 1 or -1 that a field is in every state."""
         if store.memory is CONSTANT:
             number = kind.number_of(store, name)
-            return int(number) if number in (1, -1) else None
+            return int(number) if isinstance(number, Number) and number.value in (1, -1) else None
         values = {of.get(name) for of in self._meant(kind, sweep, store) or ({},)}
         return values.pop() if len(values) == 1 else None
 
@@ -216,7 +216,7 @@ class Patterns:
             self._fields[key] = None if found is None else [self.of(found[0], k) for k in found[1]]
         return self._fields[key]
 
-    def number(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> Number | None:
+    def number(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> Expr | None:
         """A value that is known: a constant of the whole kind, or a field that is 1 or -1."""
         value = kind.number_of(store, name)
         if value is not None:
@@ -343,7 +343,7 @@ class Traffic:
         self._families.update(asked.family for asked in x.asked.values())
         for store, name, value in x.block.stores:
             told = x.told.get((store, name))
-            if told is not None and value != 0 and store.memory in LAID_OUT and not told.family.unread:
+            if told is not None and value is not algebra.ZERO and store.memory in LAID_OUT and not told.family.unread:
                 self._written.setdefault(told.family, (sweep.title, {}))[1][store, name] = None
 
     def check(self) -> None:
@@ -440,11 +440,13 @@ def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Bloc
         if patterns.reach.of(kind, sweep, store) is None:
             continue
         known = patterns.known(kind, sweep, store, name)
-        if known is None and value == 0:
+        if known is None and value is algebra.ZERO:
             continue
         if isinstance(value, Number) and not math.isfinite(float(value)):
             raise OverflowError(f"{name} of {sweep.name} is {value}")
-        if not patterns.is_nonzero(kind, sweep, store, name) or (known is not None and value != known):
+        if not patterns.is_nonzero(kind, sweep, store, name) or (
+            known is not None and value is not algebra.Number(known)
+        ):
             raise AssertionError(
                 f"{sweep.name}, {kind.role} {kind.index}: {store}.{name} = {value} is not in its pattern"
             )

@@ -16,9 +16,9 @@ from ..model.rates import rate
 from ..model.slopes import has_quotient, is_singular, leaves, slope
 from ..model.switches import MODE
 from ..program import algebra
+from ..program.algebra import Expr
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
-from ..program.expressions import Expr
 from ..program.functions import Along
 from ..program.passes import simplify
 from ..program.store import Store

@@ -142,7 +142,9 @@ class _Unit:
         found = fused(name, title, parts, fresh)
         if handed is not None:
             found.stores = [
-                (a, n, e) for a, n, e in found.stores if not (a.memory is SLOT and e == 0 and n in handed.assigned)
+                (a, n, e)
+                for a, n, e in found.stores
+                if not (a.memory is SLOT and e is algebra.ZERO and n in handed.assigned)
             ]
         self.stored |= {(a.plain, n) for a, n, _ in found.stores if a.lanes}
         return found
@@ -191,7 +193,7 @@ class _Handed:
         for k, blocks in parts.items():
             for block in blocks:
                 for a, n, e in block.stores:
-                    if a.memory is SLOT and e != 0:
+                    if a.memory is SLOT and e is not algebra.ZERO:
                         gives.setdefault(n, []).append((k, a.plain, a.adds))
                 for a, n in block.loads.values():
                     if a.memory is SLOT:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..program.expressions import Number
+from ..program.algebra import Number
 from ..program.scalar import Matrix, Value, Vector
 
 Components = Sequence[Value]

@@ -624,6 +624,13 @@ def _power_of_number(base: Number, exponent: Number) -> Expr:
         return Number(math.inf)
 
 
+def ratio(a: Number, b: Number) -> Number:
+    """A quotient of numbers."""
+    found = multiply(a, power(b, MINUS_ONE))
+    assert isinstance(found, Number)
+    return found
+
+
 def numbers_of(e: Expr) -> Iterator[Number]:
     """The numbers that stand in an expression."""
     if isinstance(e, Number):

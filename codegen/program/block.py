@@ -18,8 +18,8 @@ from typing import TypeVar
 
 from ..elementary import named
 from . import algebra
+from .algebra import Expr, Number, Symbol
 from .digits import number
-from .expressions import Expr, Number, Symbol
 from .field import XYZ, AnyField, Field, Readable
 from .functions import SYMBOLIC
 from .scalar import Value, Vector
@@ -227,7 +227,7 @@ class Expansion(Scope):
         name: str,
         title: str,
         nonzero: Callable[[Store, str], bool],
-        number: Callable[[Store, str], Number | None] = lambda store, name: None,
+        number: Callable[[Store, str], Expr | None] = lambda store, name: None,
         alias: Callable[[Store, str], str] = lambda store, name: name,
         tangents: bool = False,
         units: bool = False,
@@ -265,6 +265,15 @@ class Expansion(Scope):
                 self.block.loads[value] = key
             self._loaded[key] = value
         return value
+
+    def entry(self, store: Store, index: int) -> Expr:
+        return self.component(store, str(index))
+
+    def symbol(self, store: Store, index: int) -> Symbol:
+        """The symbol of an entry that is no known number."""
+        found = self.entry(store, index)
+        assert isinstance(found, Symbol), f"{store}[{index}] is {found}"
+        return found
 
     def set_component(self, store: Store, name: str, value: Value) -> None:
         self.block.stores.append((store, name, algebra.expression(value)))
@@ -323,7 +332,7 @@ class Expansion(Scope):
         self.block.stores = [
             (store, name, value)
             for i, (store, name, value) in enumerate(self.block.stores)
-            if (value != 0 if store.adds else last[store, name] == i)
+            if (value is not algebra.ZERO if store.adds else last[store, name] == i)
         ]
         self.block.statements = [s for s in self.block.statements if s.target not in self._recalled]
         self.block.loads.update(self._recalled)

@@ -16,9 +16,10 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from . import algebra
+from .algebra import Expr, Function, Symbol
 from .block import Expansion, Statement
-from .expressions import Expr, Function, Symbol
 from .functions import Along, Choice, Vanishing
+from .scalar import Value
 
 
 def partials(expression: Expr) -> dict[Symbol, Expr]:
@@ -26,7 +27,7 @@ def partials(expression: Expr) -> dict[Symbol, Expr]:
     result: dict[Symbol, Expr] = {}
     terms = expression.args if expression.is_Add else (expression,)
     for term in terms:
-        if term.is_Symbol:
+        if isinstance(term, Symbol):
             _add(result, term, algebra.ONE)
             continue
         factors = term.args if term.is_Mul else (term,)
@@ -34,7 +35,7 @@ def partials(expression: Expr) -> dict[Symbol, Expr]:
             if factor.is_Number:
                 continue
             rest = factors[:i] + factors[i + 1 :]
-            if factor.is_Symbol:
+            if isinstance(factor, Symbol):
                 _add(result, factor, algebra.multiply(*rest))
             else:
                 for s in sorted(factor.free_symbols, key=str):
@@ -46,6 +47,19 @@ def _add(into: dict[Symbol, Expr], key: Symbol, value: Expr) -> None:
     into[key] = into[key] + value if key in into else value
 
 
+Primitives = Mapping[Value, Mapping[Value, Value]]
+"""Derivatives of values by values, of which those that are no symbols have none."""
+
+
+def of_symbols(primitives: Primitives) -> dict[Symbol, dict[Symbol, Expr]]:
+    """Those of symbols by symbols, see `Tangents`."""
+    return {
+        s: {root: algebra.expression(d) for root, d in inner.items() if isinstance(root, Symbol)}
+        for s, inner in primitives.items()
+        if isinstance(s, Symbol)
+    }
+
+
 class Tangents:
     """Writes tangent statements into an expansion.
 
@@ -53,7 +67,7 @@ class Tangents:
     ----------
     expansion : Expansion
         Receives the tangent statements, and the primitives as scalar statements.
-    seeds : dict of Symbol to Expr
+    seeds : mapping of Symbol to Expr
         Tangent of each symbol that has one (a symbol of one value per direction).
     transparent : dict of Symbol to dict of Symbol to Expr
         For each transparent symbol, its derivatives with respect to the symbols that it is a function of; those
@@ -67,14 +81,14 @@ class Tangents:
     def __init__(
         self,
         expansion: Expansion,
-        seeds: dict[Symbol, Expr],
+        seeds: Mapping[Symbol, Value],
         transparent: dict[Symbol, dict[Symbol, Expr]],
         lanes: bool = True,
         known: Mapping[Symbol, Sequence[tuple[Expr, Expr]]] = MappingProxyType({}),
     ):
         self.known = known
         self.expansion = expansion
-        self.of = dict(seeds)
+        self.of = {s: algebra.expression(v) for s, v in seeds.items()}
         self.transparent = transparent
         self.lanes = lanes
 
@@ -107,7 +121,7 @@ class Tangents:
             value = Vanishing(self.value(a), b) + Vanishing(a, self.value(b))
         else:
             value = self.expression(e)
-        if value != 0:
+        if value is not algebra.ZERO:
             tag = f"d {statement.tag}" if statement.tag else ""
             self.of[statement.target] = self.expansion.let(f"d_{statement.target.name}", value, tag, lanes=self.lanes)
 
@@ -118,10 +132,12 @@ class Tangents:
             along = self.value(operand)
             sign, symbol = (algebra.ONE, along) if along.is_Symbol else algebra.coefficient(along)
             terms.append(
-                Along(symbol, self.expansion.let("d", sign * slope, "primitive")) if along != 0 else algebra.ZERO
+                Along(symbol, self.expansion.let("d", sign * slope, "primitive"))
+                if along is not algebra.ZERO
+                else algebra.ZERO
             )
         return algebra.add(*terms)
 
-    def value(self, expression: Expr, name: str = "d") -> Expr:
+    def value(self, expression: Value, name: str = "d") -> Expr:
         """Tangent of an expression of named values, as a symbol or number."""
         return self.expansion.let(name, self.expression(algebra.expression(expression)), "", lanes=self.lanes)

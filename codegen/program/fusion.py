@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from . import algebra
+from .algebra import Expr, Symbol
 from .block import Block, Component, Statement, symbols_of
-from .expressions import Expr, Symbol
 from .store import Store
 
 
@@ -73,8 +73,8 @@ class _Fusion:
         if at not in self.known and at not in self.pending and self.zero(*at):
             self.known[at] = algebra.ZERO
         if at not in self.known:
-            loaded: Expr = self.fresh(symbol.name)
-            self.block.loads[loaded] = at
+            loaded: Expr = (read := self.fresh(symbol.name))
+            self.block.loads[read] = at
             if at in self.pending:
                 loaded = self.let(symbol.name, loaded + self.pending[at][0], at[0].lanes)
                 self.pending[at] = loaded, False

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from . import algebra
+from .algebra import Expr, Function, Pow
 from .block import Block
-from .expressions import Expr, Function
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +50,13 @@ def count_expression(e: Expr) -> Operations:
         additions = len(e.args) - 1
     elif e.is_Mul:
         factors = [a for a in e.args if a is not algebra.MINUS_ONE]
-        below = [a for a in factors if a.is_Pow and isinstance(a.exp.value, int) and a.exp < 0]
+        below = [a for a in factors if isinstance(a, Pow) and isinstance(a.exp.value, int) and a.exp < 0]
         if below:
             multiplications = max(0, len(factors) - len(below) - 1) + len(below) - 1
             divisions = 1 - len(below)  # their own are counted with them
         else:
             multiplications = len(factors) - 1
-    elif e.is_Pow:
+    elif isinstance(e, Pow):
         if isinstance(e.exp.value, int):
             n = abs(int(e.exp))
             multiplications = bin(n).count("1") + n.bit_length() - 2

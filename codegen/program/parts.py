@@ -6,8 +6,8 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from itertools import accumulate, pairwise
 
+from .algebra import Expr, Symbol
 from .block import Block, Component, Statement, symbols_of
-from .expressions import Expr, Symbol
 from .store import Store
 
 LONGEST = 3000

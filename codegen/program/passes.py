@@ -8,8 +8,8 @@ from collections.abc import Callable, Hashable, Mapping
 from itertools import combinations
 
 from . import algebra
+from .algebra import Expr, Symbol
 from .block import Block, Statement, symbols_of, up_to_sign
-from .expressions import Expr, Symbol
 from .operations import count_expression
 from .store import Store
 
@@ -23,7 +23,8 @@ def propagate_copies(block: Block) -> Block:
     statements = []
     for s in block.statements:
         e = _replace(s.expression, known)
-        if e.is_Symbol or e.is_Number or (e.is_Mul and len(e.args) == 2 and e.args[0] == -1 and e.args[1].is_Symbol):
+        is_negative = e.is_Mul and len(e.args) == 2 and e.args[0] is algebra.MINUS_ONE and e.args[1].is_Symbol
+        if e.is_Symbol or e.is_Number or is_negative:
             known[s.target] = e
         else:
             statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))

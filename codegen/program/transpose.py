@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from . import algebra
+from .algebra import Expr, Function, Symbol
 from .block import Block, Component, Expansion, symbols_of
-from .expressions import Expr, Function, Symbol
 from .functions import Along
 from .passes import drop_dead
 from .store import Store
@@ -51,7 +51,7 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
                 total[s] = _scaled(algebra.add, total[s], c) if s in total else c
         return total
     if not (symbols_of(e) & lanes):
-        if e == 0:
+        if e is algebra.ZERO:
             return {}
         raise ValueError(f"{e} is added to values per direction")
     if e.is_Mul:
@@ -183,7 +183,7 @@ def transposed(
         if (store, n) in incoming:  # stored again: what was there is added to
             if bar != incoming[store, n]:
                 stores.append((store, n, bar))
-        elif bar != 0:
+        elif bar is not algebra.ZERO:
             stores.append((store.sum, n, bar))
     for store, n, _ in block.stores:
         if store.lanes and not store.adds and (store, n) not in done and cleared(store, n):

@@ -13,8 +13,8 @@ from ...mechanics.stores import LANE, MARGIN, ME, MODES, SLOT
 from ...mechanics.structure.kinds import UnitKind
 from ...mechanics.sweeps import SWEEP
 from ...program import algebra
+from ...program.algebra import ZERO, Expr, Symbol
 from ...program.block import Block, symbols_of
-from ...program.expressions import Expr, Symbol
 from ...program.passes import by_results
 from ...program.procedure import Procedure
 from ...program.store import Store
@@ -44,7 +44,7 @@ def read_once(block: Block) -> set[Symbol]:
     more: set[Symbol] = set()
     for e in (*(s.expression for s in block.statements), *(value for _, _, value in block.stores)):
         for part in _parts(e):
-            if part.is_Symbol and part not in once:
+            if isinstance(part, Symbol) and part not in once:
                 once.add(part)
             else:
                 more |= part.free_symbols
@@ -142,16 +142,16 @@ class CLanguage(Writer):
         for number, (symbol, (store, name)) in enumerate(block.loads.items()):
             at = place(store, name)
             lines = body if symbol in shared or (not store.lanes and at in stored) else passes
-            value = access(store, name)
+            read = access(store, name)
             if at.type == NUMBER_TYPE:
-                value = in_all(value)
+                read = in_all(read)
             if store is MODES:
-                value = f"MODE({value.partition('[')[0]}, {value})"
+                read = f"MODE({read.partition('[')[0]}, {read})"
             if symbol in once and (at.row, at.text) not in overwritten:
-                direct[symbol.name] = value
+                direct[symbol.name] = read
                 continue
             type_ = "VECTOR" if store.lanes else self.scalar.word
-            waiting[symbol] = number, lines, f"const {type_} {names.get(symbol.name, symbol.name)} = {value};"
+            waiting[symbol] = number, lines, f"const {type_} {names.get(symbol.name, symbol.name)} = {read};"
             soon += [symbol] if (at.row, at.text) in overwritten else []
 
         printer = self.printer.calling({**names, **direct})
@@ -184,7 +184,7 @@ class CLanguage(Writer):
                     body.append(f"REQUIRE({is_positive(value, printer, self.zero)}, {culprit(name)} + 1);")
                     continue
                 if store.lanes and value.is_Number:
-                    text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
+                    text = "(VECTOR){0}" if value is ZERO else f"(VECTOR){{0}} + {text}"
                 elif _is_number(value):
                     text = in_all(text)
                 line = f"{access(store, name)} {'+=' if store.adds else '='} {text};"

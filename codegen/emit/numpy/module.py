@@ -17,6 +17,7 @@ from ...mechanics.formulas import FormulaKind
 from ...mechanics.outputs.outputs import RecordFormula
 from ...mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, MODES, RECORD, REGION_RECORD
 from ...mechanics.structure.kinds import UnitKind
+from ...program.algebra import ZERO
 from ...program.block import Block
 from ...program.digits import text_of
 from ...program.procedure import Procedure, routines
@@ -89,7 +90,7 @@ class NumpyWriter(Writer):
                 body.append(f"check_pivot(a, {text}, {culprit(name)})")
                 continue
             if store.memory in SCALARS and value.is_Number:
-                text = "ZERO" if value == 0 else f"np.float64({text})"
+                text = "ZERO" if value is ZERO else f"np.float64({text})"
             where = access(store, name)
             body.append(f"{where} = {where} + {text}" if store.adds else f"{where} = {text}")
         return [*variables.values(), *body]

@@ -6,8 +6,9 @@ characteristic length. A rotation is measured by 2 sin(t/2), which grows up to h
 
 from __future__ import annotations
 
+from ...program import algebra
+from ...program.algebra import Number
 from ...program.block import Scope
-from ...program.expressions import Number
 from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from ...program.store import Store
@@ -190,12 +191,12 @@ def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
         k, j = dependents[column]
         link = kind.links[k]
         turns = any(not is_zero(e) for e in link.joint(MemberView(x, k), link).all_columns[j].angular)
-        found.append(kind.per_length / kind.scale if turns else 1 / kind.scale)
+        found.append(algebra.ratio(kind.per_length if turns else algebra.ONE, kind.scale))
     return found
 
 
 def _divided(x: Scope, value: Value, unit: Number) -> Value:
-    return value if unit == 1 else value * x.number(1 / unit)
+    return value if unit is algebra.ONE else value * x.number(algebra.ratio(algebra.ONE, unit))
 
 
 def _inverse(x: Scope, R: dict[tuple[int, int], Value], diagonal: Vector) -> dict[tuple[int, int], Value]:

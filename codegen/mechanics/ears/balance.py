@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
+from ...program.algebra import Symbol
 from ...program.block import Scope
-from ...program.expressions import Symbol
 from ...program.field import SixField
 from ...program.scalar import Value, Vector
 from .. import fields

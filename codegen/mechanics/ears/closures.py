@@ -7,6 +7,7 @@ Gamma and Xi, applied to the sources at once. Accelerations obey the same maps, 
 
 from __future__ import annotations
 
+from ...program import algebra
 from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
@@ -43,7 +44,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
     dependents = ear.dependents()
     columns = [seen_by(ear, rows, ear.column(k, f), "E", tag) for k, f in dependents]
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
-    length = float(kind.scale / kind.per_length)  # of linear conditions; 1 where they are divided by it
+    length = float(algebra.ratio(kind.scale, kind.per_length))  # of linear conditions; 1 where they are divided by it
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35", length)
     checked = len(dependents)
     for row in rows:

@@ -6,8 +6,8 @@ same factored closure matrix. Links that ears start from hand on how a direction
 
 from __future__ import annotations
 
+from ...program.algebra import Symbol
 from ...program.block import Scope
-from ...program.expressions import Symbol
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...program.algebra import Number
 from ...program.block import Scope, V, V_co
-from ...program.expressions import Number
 from ...program.field import Field, Readable
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from ...program import algebra
+from ...program.algebra import Expr, Symbol
 from ...program.block import ANY, Expansion, Statement, symbols_of
-from ...program.derivatives import Tangents
-from ...program.expressions import Expr, Symbol
+from ...program.derivatives import Tangents, of_symbols
 from ...program.field import XYZ
 from ...program.scalar import Value, Vector
 from ...program.store import Store
@@ -41,8 +41,8 @@ def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
     for value, moved in zip(values, tangents, strict=True):
         if isinstance(value, Symbol):
             found[value] = moved
-        elif isinstance(value, Expr) and isinstance(-value, Symbol):
-            found[-value] = -moved
+        elif isinstance(value, Expr) and isinstance(opposite := -value, Symbol):
+            found[opposite] = -moved
         else:
             assert value is ANY or not algebra.expression(value).free_symbols, f"{value} has no name"
     return found
@@ -129,7 +129,7 @@ class WrittenTangents(EarTangents):
         self.primitives: dict[Symbol, Statement] = {}
         self.values: set[Symbol] = set()
         self.d = Tangents(x, {}, {})
-        self.d.of.update({s: v for s, v in roots.items() if not is_zero(v)})
+        self.d.of.update({s: algebra.expression(v) for s, v in roots.items() if not is_zero(v)})
         for place in [*range(len(ear.members)), *(-1 - t for t in range(len(ear.kind.roots)))]:
             self._attitude(place)
 
@@ -156,7 +156,7 @@ class WrittenTangents(EarTangents):
 
     def _seed(self, symbol: Symbol, value: Value) -> None:
         if not is_zero(value) and symbol not in self.known:
-            self.d.of[symbol] = value
+            self.d.of[symbol] = algebra.expression(value)
 
     def _transparent(self, symbol: Symbol, store: Store, place: int, name: str) -> None:
         of_link = store.owner is LINK
@@ -166,7 +166,7 @@ class WrittenTangents(EarTangents):
         for j in range(kinds[place].parameters):
             value = self.x.component(store, f"{name}/{j}")
             if not is_zero(value):
-                root = self.x.entry(parameters[place], j)
+                root = self.x.symbol(parameters[place], j)
                 inner[root] = value
                 self._seed(root, self.x.entry(seeds[place], j))
         if inner:
@@ -180,8 +180,8 @@ class WrittenTangents(EarTangents):
         for j in range(3):
             turned = cross(theta, [W[i][j] for i in range(3)])
             for i in range(3):
-                if isinstance(W[i][j], Symbol) and not is_zero(turned[i]):
-                    self.d.of[W[i][j]] = self.x.let("dW", turned[i], "d Eq. 22", lanes=True)
+                if isinstance(w := W[i][j], Symbol) and not is_zero(turned[i]):
+                    self.d.of[w] = self.x.let("dW", turned[i], "d Eq. 22", lanes=True)
 
     def fixed_vectors(self) -> None:
         """Tangents of the vectors fixed in links that have been written since the last call."""
@@ -249,8 +249,7 @@ class WrittenTangents(EarTangents):
     def of(self, value: Value, name: str = "d") -> Value:
         self._scan()
         self._as_values(symbols_of(algebra.expression(value)))
-        found: Value = self.d.value(value, name)
-        return found
+        return self.d.value(value, name)
 
     def correct(self, found: list[tuple[Vector, Vector]]) -> None:
         listed: set[Symbol] = set()
@@ -275,12 +274,12 @@ class WrittenTangents(EarTangents):
                 changed.add(statement.target)
 
     def give(self, v: Vector, tangents: Vector) -> None:
-        self.d.of.update({s: t for s, t in tangents_of(v, tangents).items() if not is_zero(t)})
+        self.d.of.update({s: algebra.expression(t) for s, t in tangents_of(v, tangents).items() if not is_zero(t)})
         self.hold(v)
 
     def turn_joints(self) -> None:
         for member in self.ear.members:
-            self.d.transparent.update(member.joint.transparent())
+            self.d.transparent.update(of_symbols(member.joint.transparent()))
 
     def hold(self, v: Vector) -> None:
         self.known.update(tangents_of(v, v))

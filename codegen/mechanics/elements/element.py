@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from ...model.expressions import Tree
 from ...program import algebra
+from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, FieldError, Scope
-from ...program.expressions import Expr, Symbol
 from ...program.limits import limits
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store

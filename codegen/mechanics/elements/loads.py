@@ -6,12 +6,14 @@ kinematic sweep takes off the force that the link's motion needs. What a type do
 
 from __future__ import annotations
 
+from ...program import algebra
+from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, Scope
 from ...program.derivatives import Tangents
-from ...program.expressions import Symbol
 from ...program.scalar import Value
 from .. import fields, handing_on
 from ..formulas import has_values
+from ..spatial import is_zero
 from ..stores import (
     CE_DP,
     CE_PARAMETER,
@@ -94,7 +96,7 @@ def _tangents(x: Scope, kind: ElementKind, e: Element) -> Tangents | None:
     if not isinstance(x, Expansion):
         return None
     seeds: dict[Symbol, Value] = {}
-    transparent: dict[Symbol, dict[Symbol, Value]] = {}
+    transparent: dict[Symbol, dict[Symbol, Expr]] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
         if store.owner is ELEMENT_END:
             assert store.place is not None
@@ -102,16 +104,16 @@ def _tangents(x: Scope, kind: ElementKind, e: Element) -> Tangents | None:
         elif store in TANGENT_OF:
             seeds[symbol] = x.component(TANGENT_OF[store], name)
         elif store is ELEMENT_CONSTANTS and "/" not in name:
-            inner = {}
+            inner: dict[Symbol, Expr] = {}
             for j in range(kind.parameters):
                 value = x.component(ELEMENT_CONSTANTS, f"{name}/{j}")
-                if value != 0:
-                    root = x.entry(CE_PARAMETER, j)
+                if value is not algebra.ZERO:
+                    root = x.symbol(CE_PARAMETER, j)
                     inner[root] = value
                     seeds[root] = x.entry(CE_DP, j)
             if inner:
                 transparent[symbol] = inner
-    d = Tangents(x, {s: v for s, v in seeds.items() if v != 0}, transparent, known=e.slopes)
+    d = Tangents(x, {s: v for s, v in seeds.items() if not is_zero(v)}, transparent, known=e.slopes)
     for statement in list(x.block.statements):
         d.statement(statement)
     return d

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, Scope
-from ...program.expressions import Expr, Symbol
 from .. import fields
 from ..stores import DUDOT, LME, ME, MY_LANE, UDOT
 from ..structure.kinds import LinkKind

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from ...program.algebra import Symbol
 from ...program.block import Expansion, Scope
-from ...program.expressions import Symbol
 from ...program.scalar import Value
 from .. import fields
 from ..handing_on import accumulate
 from ..rotors import rotor
-from ..spatial import add, cross, dot, matvec, scale
+from ..spatial import add, cross, dot, is_zero, matvec, scale
 from ..stores import CONSTANTS, DKINETIC, KINETIC, LME, LUP, ME, MY_LANE, UP
 from ..structure.kinds import LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
@@ -72,4 +72,4 @@ def _sums(x: Scope) -> dict[Symbol, Value]:
         for symbol, (store, name) in list(x.block.loads.items())
         if store is ME and name in OUTBOARD
     }
-    return {s: v for s, v in found.items() if v != 0}
+    return {s: v for s, v in found.items() if not is_zero(v)}

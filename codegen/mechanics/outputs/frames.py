@@ -68,7 +68,7 @@ class Body:
             return [*found, *[0] * 6]
         twist = fields.applied_twist
         w, v = (self.records.link_field(body, f) for f in (twist.angular, twist.linear))
-        moved = [x.let("v", e) for e in add(v, cross(w, self.origin()))]
+        moved: Vector = [x.let("v", e) for e in add(v, cross(w, self.origin()))]
         return [*found, *self.in_ground(w), *self.in_ground(moved)]
 
     def acceleration(self) -> list[Value]:
@@ -80,7 +80,7 @@ class Body:
         moving = fields.moving
         al, a = (self.records.link_field(body, f) for f in (moving.al, moving.a))
         B = self.records.link_matrix(body, moving.B)
-        moved = [x.let("a", e) for e in add(a, matvec(B, self.origin()))]
+        moved: Vector = [x.let("a", e) for e in add(a, matvec(B, self.origin()))]
         return [*self.in_ground(al), *self.in_ground(moved)]
 
     def origin(self) -> Vector:

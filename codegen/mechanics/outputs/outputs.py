@@ -12,9 +12,9 @@ from functools import cached_property
 from ...model.expressions import Expression, Tree
 from ...model.model import GROUND, Model, Output
 from ...program import algebra
+from ...program.algebra import Expr, Symbol
 from ...program.block import Block, Expansion
 from ...program.derivatives import Tangents
-from ...program.expressions import Expr, Symbol
 from ...program.functions import SYMBOLIC
 from ...program.passes import simplify
 from ...program.scalar import Value, Vector
@@ -128,8 +128,8 @@ def value_and_tangent(
         elif has_derivative(a):
             seeds[s] = y.component(TANGENT_OF.get(a) or seed_of(a), n)
     d = Tangents(y, seeds, {})
-    for s in list(y.block.statements):
-        d.statement(s)
+    for statement in list(y.block.statements):
+        d.statement(statement)
     for i, value in enumerate(values):
         y.set_entry(argument(f"d{target}", lanes=True), i, d.value(value))
     return simplify(x.finish()), simplify(y.finish())

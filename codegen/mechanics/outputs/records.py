@@ -14,8 +14,8 @@ from ...model.model import GROUND
 from ...model.outputs import Output
 from ...model.places import Point
 from ...program import algebra
+from ...program.algebra import Expr
 from ...program.block import Expansion
-from ...program.expressions import Expr
 from ...program.field import MatrixField, VectorField
 from ...program.functions import SYMBOLIC
 from ...program.limits import limits
@@ -190,7 +190,7 @@ class Records:
 
     def momenta(self) -> tuple[Vector, Vector]:
         """Momentum of all links, and its moment about the ground's origin."""
-        six = [self.x.entry(MOMENTA, i) for i in range(6)]
+        six: Vector = [self.x.entry(MOMENTA, i) for i in range(6)]
         return six[:3], six[3:]
 
 

@@ -26,7 +26,7 @@ def rotation(records: Records, output: Output) -> Value:
     if entry not in COMPONENTS:
         i, j = ("xyz".index(letter) for letter in entry)
         return dot([row[i] for row in V], [row[j] for row in W])
-    R = [[records.x.let("R", e) for e in row] for row in matmul(transpose(V), W)]
+    R: Matrix = [[records.x.let("R", e) for e in row] for row in matmul(transpose(V), W)]
     return quaternion(records, R, COMPONENTS.index(entry))
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, Scope
-from ...program.expressions import Expr, Symbol
 from ...program.scalar import Vector
 from ...program.store import Store
 from .. import fields

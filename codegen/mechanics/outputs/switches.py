@@ -6,8 +6,8 @@ from ...model.expressions import Expression, Tree
 from ...model.outputs import Output
 from ...model.places import Face
 from ...model.switches import MODE, Switch
+from ...program.algebra import Expr
 from ...program.block import Expansion
-from ...program.expressions import Expr
 from ...program.field import XYZ
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value, Vector

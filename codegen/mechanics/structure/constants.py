@@ -13,10 +13,10 @@ import mpmath
 
 from ...model.expressions import CHOICE, FLOAT_FUNCTIONS, VANISHING, Expression, Tree, functions_for
 from ...program import algebra
+from ...program.algebra import Expr, Number, Symbol
 from ...program.block import Block, Expansion, Scope
 from ...program.derivatives import Tangents
 from ...program.digits import are_long, number, value_of
-from ...program.expressions import Expr, Number, Symbol
 from ...program.functions import SYMBOLIC, Power, computed
 from ...program.passes import simplify
 from ...program.scalar import Value
@@ -89,7 +89,8 @@ class Statements:
             return self.leaf(tree)
         if kind == "call":
             arguments = [self.named(a) for a in tree[2:]]
-            if all(a.is_Number for a in arguments) and not all(-_LARGE < float(a) < _LARGE for a in arguments):
+            numbers = [a for a in arguments if isinstance(a, Number)]
+            if len(numbers) == len(arguments) and not all(-_LARGE < float(a) < _LARGE for a in numbers):
                 functions = functions_for(mpmath) if are_long() else FLOAT_FUNCTIONS
                 return computed(lambda: functions[tree[1]](*map(value_of, arguments)))
             if tree[1] in (CHOICE, VANISHING):
@@ -196,7 +197,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict
         return x.entry(NUMBER if tree[0] == "slot" else PARAMETER, tree[1])
 
     fields = {name: algebra.expression(value) for name, value in write(x, leaf).items()}
-    parameters = [x.entry(PARAMETER, j) for j in range(len(slots.parameters))]
+    parameters = [x.symbol(PARAMETER, j) for j in range(len(slots.parameters))]
     # which symbols depend on a parameter
     depends: set[Symbol] = set(parameters)
     statements = list(x.block.statements)

@@ -17,8 +17,8 @@ from ...model.expressions import Expression, Tree
 from ...model.forces import ForceElement
 from ...model.model import Model
 from ...model.places import GROUND, Face, Point
+from ...program.algebra import Expr
 from ...program.block import Expansion
-from ...program.expressions import Expr
 from ...program.field import XYZ
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import mpmath
 
 from ...program import algebra
+from ...program.algebra import Expr
 from ...program.block import Expansion
 from ...program.digits import number
-from ...program.expressions import Expr
 from ...program.scalar import Value
 from .constants import Constants, Leaf, Shape, Slots, make_shape
 
@@ -82,7 +82,7 @@ def make_constants(
         shape = shapes[key] = make_shape(len(shapes), slots, lambda x, leaf: write(x, leaf, slots))
     numeric: dict[str, float] = {}
     for name, v in values().items():
-        if name not in shape.varying and shape.fields[name] != 0:
+        if name not in shape.varying and shape.fields[name] is not algebra.ZERO:
             assert isinstance(v, (int, float, mpmath.mpf))
             numeric[name] = float(v) if isinstance(v, int) else v
     return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)

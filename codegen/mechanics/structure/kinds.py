@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ...model.joints import Closure
-from ...program.expressions import Expr, Number
+from ...program.algebra import Expr, Number
 from ...program.store import Store
 from ..joints import LinkJoint
 from ..stores import CONSTANT, CONSTANTS, LINK

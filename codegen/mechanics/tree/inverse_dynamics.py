@@ -6,8 +6,8 @@ side is minus the tangent of the inverse dynamics at the acceleration just found
 
 from __future__ import annotations
 
+from ...program.algebra import Symbol
 from ...program.block import Scope
-from ...program.expressions import Symbol
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
@@ -127,7 +127,7 @@ def transfer(
             moved = force_to_parent(x, joint, r, d_phi[:3], d_phi[3:], "")
             tn, tf = ([pattern(a) + b for a, b in zip(v, w, strict=True)] for v, w in zip((n, f), moved, strict=True))
         else:
-            extra = dict(zip(named, d_phi, strict=True))
+            extra = {s: v for s, v in zip(named, d_phi, strict=True) if isinstance(s, Symbol)}
             d = differentiate(x, kind, joint, extra)
             assert d is not None
             tn, tf = [d.value(v) for v in n], [d.value(v) for v in f]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from ...program import algebra
+from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, Scope
-from ...program.derivatives import Tangents
-from ...program.expressions import Expr, Symbol
+from ...program.derivatives import Tangents, of_symbols
 from ...program.field import VectorField
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..joints import LinkJoint
+from ..spatial import is_zero
 from ..stores import CONSTANTS, COORDINATES, DP, LUP, MY_COLUMNS, MY_LANE, PARAMETER, SPEEDS, TANGENT_OF, TURNS, UP
 from ..structure.kinds import LinkKind
 
@@ -64,10 +66,10 @@ def seeds(x: Expansion, kind: LinkKind, own: bool = False) -> dict[Symbol, Expr]
         elif store in TANGENT_OF:
             result[symbol] = x.component(TANGENT_OF[store], name)
         elif store is TURNS:
-            result[symbol] = kind.joint.turn_seed(x, name, MY_COLUMNS if own else MY_LANE)
+            result[symbol] = algebra.expression(kind.joint.turn_seed(x, name, MY_COLUMNS if own else MY_LANE))
     for j in range(0 if own else kind.parameters):
-        result[x.entry(PARAMETER, j)] = x.entry(DP, j)
-    return {s: v for s, v in result.items() if v != 0}
+        result[x.symbol(PARAMETER, j)] = x.entry(DP, j)
+    return {s: v for s, v in result.items() if v is not algebra.ZERO}
 
 
 def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Symbol, Expr]]:
@@ -76,16 +78,16 @@ def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Sym
     for symbol, (store, name) in list(x.block.loads.items()):
         if store is CONSTANTS and "/" not in name:
             result[symbol] = {
-                x.entry(PARAMETER, j): x.component(CONSTANTS, f"{name}/{j}") for j in range(kind.parameters)
+                x.symbol(PARAMETER, j): x.component(CONSTANTS, f"{name}/{j}") for j in range(kind.parameters)
             }
-    return {s: {r: v for r, v in inner.items() if v != 0} for s, inner in result.items()}
+    return {s: {r: v for r, v in inner.items() if v is not algebra.ZERO} for s, inner in result.items()}
 
 
 def differentiate(
     x: Scope,
     kind: LinkKind,
     joint: LinkJoint | None,
-    extra: dict[Symbol, Expr] | None = None,
+    extra: Mapping[Symbol, Value] | None = None,
     same: Mapping[Symbol, Value] | None = None,
     own: bool = False,
 ) -> Tangents | None:
@@ -97,10 +99,10 @@ def differentiate(
     if not isinstance(x, Expansion):
         return None
     statements = list(x.block.statements)
-    transparent = joint.transparent() if joint else {}
+    transparent = of_symbols(joint.transparent()) if joint else {}
     transparent |= constants_transparent(x, kind)
     extra, same = extra or {}, same or {}
-    given = {s: v for s, v in extra.items() if v != 0}
+    given = {s: algebra.expression(v) for s, v in extra.items() if not is_zero(v)}
     d = Tangents(x, seeds(x, kind, own) | given, transparent)
     for statement in statements:
         if statement.target in same:
