@@ -47,6 +47,8 @@ class Scalar:
     largest : float
     suffix : str
         Ends literals.
+    integer : str
+        Integers of the same size, for masks of vectors; empty where vectors hold no such scalars.
     agreement : float
         Relative difference from the generic engine up to which the self-check of `generate` calls a solver right.
     moves : bool
@@ -66,6 +68,7 @@ class Scalar:
     limits: Limits
     largest: float
     suffix: str = ""
+    integer: str = ""
     agreement: float = 1e-9
     moves: bool = True
 

@@ -5,9 +5,18 @@ from __future__ import annotations
 from ...program.limits import DOUBLE, Limits
 from ..target import InstructionSet, Scalar, Target, spelled
 
-FLOAT64 = Scalar("float64", "double", "doubles", 8, DOUBLE, 2.0**1023 * (2 - 2.0**-52))
+FLOAT64 = Scalar("float64", "double", "doubles", 8, DOUBLE, 2.0**1023 * (2 - 2.0**-52), integer="long long")
 FLOAT32 = Scalar(
-    "float32", "float", "floats", 4, Limits(2.0**-23, 2.0**-126), 2.0**127 * (2 - 2.0**-23), "f", 1e-3, moves=False
+    "float32",
+    "float",
+    "floats",
+    4,
+    Limits(2.0**-23, 2.0**-126),
+    2.0**127 * (2 - 2.0**-23),
+    "f",
+    "int",
+    1e-3,
+    moves=False,
 )
 
 C = Target(

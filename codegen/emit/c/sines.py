@@ -71,7 +71,7 @@ def horner(coefficients: Sequence[str], scalar: Scalar) -> list[str]:
 
 def words(scalar: Scalar) -> dict[str, object]:
     """What templates read of them."""
-    of, number = SINES[scalar.name], scalar.literal
+    of, number = SINES.get(scalar.name, SINES["float64"]), scalar.literal  # without vectors none are read
     return {
         "quarter_turns": number(of.quarter_turns), "shift": number(of.shift), "parts": [*map(number, of.parts)],
         "limit": number(of.limit), "exact": of.exact, "accuracy": of.accuracy, "sign": of.sign,

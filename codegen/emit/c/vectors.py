@@ -13,7 +13,7 @@ Lines = Callable[[int], list[str]]
 
 def lanes(scalar: Scalar) -> list[int]:
     """How many scalars the vectors of each instruction set hold."""
-    return [s.bytes // scalar.bytes for s in C.vectors]
+    return [s.bytes // scalar.bytes if scalar.integer else 1 for s in C.vectors]
 
 
 def most_lanes(scalar: Scalar) -> int:
@@ -70,6 +70,8 @@ def exchanges(scalar: Scalar) -> list[str]:
 
 def partly(scalar: Scalar, stores: bool) -> list[str]:
     """Lines that load the first n entries of a row to a vector, or store them."""
+    if not scalar.integer:
+        return []
     kind, zero = {8: "pd", 4: "ps"}[scalar.bytes], scalar.literal("0.0")
 
     def of(n: int) -> list[str]:
@@ -100,7 +102,8 @@ def words(scalar: Scalar) -> dict[str, object]:
         "reals": scalar.words,
         "F": scalar.suffix,
         "bytes": scalar.bytes,
-        "integer": {8: "long long", 4: "int"}[scalar.bytes],
+        "integer": scalar.integer or "int",
+        "plain": [] if scalar.integer else ["#ifndef ORDERNM_PLAIN_C", "#define ORDERNM_PLAIN_C", "#endif"],
         "per_line": scalar.per_line,
         "most_lanes": most_lanes(scalar),
         "vector_lanes": directions(scalar),
