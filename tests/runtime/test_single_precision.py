@@ -39,7 +39,6 @@ MODELS = {
     "chain": lambda: load_model(EXAMPLES / "chain.yaml"),
     "arm": lambda: load_model(EXAMPLES / "arm.yaml"),
     "four_bar": lambda: load_model(EXAMPLES / "four_bar.yaml"),
-    "satellite": lambda: load_model(EXAMPLES / "satellite.yaml"),
     "quadruped": lambda: load_model(EXAMPLES / "quadruped.yaml"),
     "solo12": solo12,
 }
