@@ -14,7 +14,7 @@ from .emit.c.motion import has_motion, write_four, write_motion, write_precise
 from .emit.c.states import arrays_of, over_states, write_states, write_threads
 from .emit.interface import manifest, operations
 from .emit.numpy.module import write_numpy
-from .emit.registry import RESERVED
+from .emit.registry import BESIDE_C, RESERVED
 from .emit.target import Scalar, UnwritableError
 from .loops.description import describe
 from .loops.errors import AssemblyError, PartitionError
@@ -184,7 +184,8 @@ def _written(
     files |= write_apart(context, system, made, writer.procedures)
     lap("print what is compiled apart")
     progress("printing NumPy", 0, 0)
-    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked), RESERVED)
+    for ending, write in BESIDE_C.items():
+        files[f"{model.name}{ending}"] = write(program, formulas, records, one_by_one(asked), RESERVED)
     lap("print NumPy")
     return Source(
         files,

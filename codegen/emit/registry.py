@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .c import C
 from .numpy import NUMPY
+from .numpy.module import write_numpy
 from .target import Target
 
 TARGETS: dict[str, Target] = {t.name: t for t in (C, NUMPY)}
@@ -11,4 +12,7 @@ TARGETS: dict[str, Target] = {t.name: t for t in (C, NUMPY)}
 RESERVED = frozenset[str]().union(*(t.reserved for t in TARGETS.values()), ("number", "status"))
 """Names that no target can give variables, or that generated tables and types have: all targets use the same names."""
 
-__all__ = ["RESERVED", "TARGETS"]
+BESIDE_C = {"_numpy.py": write_numpy}
+"""What is printed beside the C: endings of files, and what writes them."""
+
+__all__ = ["BESIDE_C", "RESERVED", "TARGETS"]
