@@ -11,7 +11,8 @@ moment = J alpha + H a, force = H^T alpha + M a.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 Vector = list[Any]
@@ -65,43 +66,82 @@ def rotation(axis: int, c: Any, s: Any) -> Matrix:
     return [[1, 0, 0], [0, c, -s], [0, s, c]] if axis == X else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
 
 
+@dataclass(frozen=True)
+class Rod:
+    """Length, and the blocks of inertia about the hinge."""
+
+    L: Any
+    J: Matrix
+    H: Matrix
+    M: Matrix
+
+    @classmethod
+    def of(cls, L: Any, density: Any, radius: Any) -> Rod:
+        m = density * L
+        mc = -m * L / 2  # first moment along z
+        across, along = m * (3 * radius * radius + 4 * L * L) / 12, m * radius * radius / 2  # about the hinge
+        J: Matrix = [[across, 0, 0], [0, across, 0], [0, 0, along]]
+        return cls(L, J, [[0, -mc, 0], [mc, 0, 0], [0, 0, 0]], [[m, 0, 0], [0, m, 0], [0, 0, m]])
+
+
+Wrench = tuple[Vector, Vector]
+"""Moment and force; or angular and linear acceleration."""
+
+
 def accelerations(q: Vector, u: Vector, L: Any, sin: Any, cos: Any, density: Any, radius: Any, g: Any) -> Vector:
     """udot of CHAIN(n): hinge axes y, x, y, ..., rods along -z, gravity (0, 0, -g), no joint forces."""
-    n = len(q)
-    axis = [Y if k % 2 == 0 else X for k in range(n)]
-    m = density * L
-    mc = -m * L / 2  # first moment along z
-    across, along = m * (3 * radius * radius + 4 * L * L) / 12, m * radius * radius / 2  # about the hinge
-    J0: Matrix = [[across, 0, 0], [0, across, 0], [0, 0, along]]
-    H0: Matrix = [[0, -mc, 0], [mc, 0, 0], [0, 0, 0]]
-    M0: Matrix = [[m, 0, 0], [0, m, 0], [0, 0, m]]
+    axes = [Y if k % 2 == 0 else X for k in range(len(q))]
+    rod = Rod.of(L, density, radius)
+    R = [rotation(a, cos(angle), sin(angle)) for a, angle in zip(axes, q, strict=True)]
+    bias, pushed = _velocities(rod, axes, R, u)
+    solved = _articulated(rod, axes, R, bias, pushed)
 
-    # Outward: velocities (of the hinge point), bias accelerations, bias forces.
-    R: list[Matrix] = []
-    bias: list[tuple[Vector, Vector]] = []
-    pushed: list[tuple[Vector, Vector]] = []
-    w, v = [0, 0, 0], [0, 0, 0]
-    for k in range(n):
-        a = axis[k]
-        R.append(rotation(a, cos(q[k]), sin(q[k])))
+    # Outward: accelerations; the ground rises by g.
+    udot = []
+    alpha: Vector = [0, 0, 0]
+    acceleration: Vector = [0, 0, g]
+    for k, a in enumerate(axes):
         inverse = transposed(R[k])
         if k > 0:
-            v = times(inverse, [v[0] - w[1] * L, v[1] + w[0] * L, v[2]])
+            x, y, z = acceleration
+            acceleration = [x - alpha[1] * L, y + alpha[0] * L, z]
+        alpha = plus(times(inverse, alpha), bias[k][0])
+        acceleration = plus(times(inverse, acceleration), bias[k][1])
+        hj, hm, pivot, r = solved[k]
+        udot.append((r - dot(hj, alpha) - dot(hm, acceleration)) * pivot)
+        alpha[a] = alpha[a] + udot[k]
+    return udot
+
+
+def _velocities(rod: Rod, axes: Sequence[int], R: list[Matrix], u: Vector) -> tuple[list[Wrench], list[Wrench]]:
+    """Outward: velocities (of the hinge point), from which bias accelerations and bias forces come."""
+    bias: list[Wrench] = []
+    pushed: list[Wrench] = []
+    w, v = [0, 0, 0], [0, 0, 0]
+    for k, a in enumerate(axes):
+        inverse = transposed(R[k])
+        if k > 0:
+            v = times(inverse, [v[0] - w[1] * rod.L, v[1] + w[0] * rod.L, v[2]])
             w = times(inverse, w)
         rate = [0, 0, 0]
         rate[a] = u[k]
         w = plus(w, rate)
         bias.append((cross(w, rate), cross(v, rate)))
-        angular = plus(times(J0, w), times(H0, v))
-        linear = plus(times(transposed(H0), w), times(M0, v))
+        angular = plus(times(rod.J, w), times(rod.H, v))
+        linear = plus(times(transposed(rod.H), w), times(rod.M, v))
         pushed.append((plus(cross(w, angular), cross(v, linear)), cross(w, linear)))
+    return bias, pushed
 
-    # Inward: articulated inertias and forces.
-    J, H, M = J0, H0, M0
+
+def _articulated(
+    rod: Rod, axes: Sequence[int], R: list[Matrix], bias: list[Wrench], pushed: list[Wrench]
+) -> list[tuple[Vector, Vector, Any, Any]]:
+    """Inward: articulated inertias and forces; of each joint its column, 1/pivot and minus its moment."""
+    L, J, H, M = rod.L, rod.J, rod.H, rod.M
     moment, force = pushed[-1]
-    solved: list[Any] = [None] * n
-    for k in reversed(range(n)):
-        a = axis[k]
+    solved: list[Any] = [None] * len(axes)
+    for k in reversed(range(len(axes))):
+        a = axes[k]
         hj, hm = [J[i][a] for i in range(3)], H[a]
         pivot = 1 / J[a][a]
         solved[k] = (hj, hm, pivot, -moment[a])
@@ -128,26 +168,10 @@ def accelerations(q: Vector, u: Vector, L: Any, sin: Any, cos: Any, density: Any
         ]
         lever = [[L * Hr[j][1] for j in range(3)], [-L * Hr[j][0] for j in range(3)], [0, 0, 0]]
         arm = [[L * row[1], -L * row[0], 0] for row in Hs]
-        J = symmetric(lambda i, j: J0[i][j] + Jr[i][j] + lever[i][j] + arm[i][j])  # noqa: B023
-        H = [[H0[i][j] + Hs[i][j] for j in range(3)] for i in range(3)]
-        M = symmetric(lambda i, j: M0[i][j] + Mr[i][j])  # noqa: B023
+        J = symmetric(lambda i, j: rod.J[i][j] + Jr[i][j] + lever[i][j] + arm[i][j])  # noqa: B023
+        H = [[rod.H[i][j] + Hs[i][j] for j in range(3)] for i in range(3)]
+        M = symmetric(lambda i, j: rod.M[i][j] + Mr[i][j])  # noqa: B023
         torque, thrust = times(R[k], torque), times(R[k], thrust)
         torque = [torque[0] + L * thrust[1], torque[1] - L * thrust[0], torque[2]]
         moment, force = plus(pushed[k - 1][0], torque), plus(pushed[k - 1][1], thrust)
-
-    # Outward: accelerations; the ground rises by g.
-    udot = []
-    alpha: Vector = [0, 0, 0]
-    acceleration: Vector = [0, 0, g]
-    for k in range(n):
-        a = axis[k]
-        inverse = transposed(R[k])
-        if k > 0:
-            x, y, z = acceleration
-            acceleration = [x - alpha[1] * L, y + alpha[0] * L, z]
-        alpha = plus(times(inverse, alpha), bias[k][0])
-        acceleration = plus(times(inverse, acceleration), bias[k][1])
-        hj, hm, pivot, r = solved[k]
-        udot.append((r - dot(hj, alpha) - dot(hm, acceleration)) * pivot)
-        alpha[a] = alpha[a] + udot[k]
-    return udot
+    return solved

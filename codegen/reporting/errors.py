@@ -7,13 +7,14 @@ import decimal
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import mpmath
 import numpy as np
 
 from ..measure import accuracy
+from ..measure.clock import elapsed, in_rounds
 from ..model import Model, parse_model
 from ..reference import RecursiveEngine
 from .skipped import Skipped
@@ -75,17 +76,13 @@ def _extended() -> Iterator[None]:
 def slowdown() -> float:
     """How much longer the reference takes in extended precision than in doubles, on this machine."""
     model = parse_model(WITNESS)
-
-    def seconds(numbers: str) -> float:
-        engine, taken = RecursiveEngine(model, numbers=numbers), []
-        with _extended():
-            for _ in range(3):
-                start = time.process_time()
-                engine.accelerations([0.3, 0.4], [1.0, -1.0])
-                taken.append(time.process_time() - start)
-        return min(taken)
-
-    return seconds(NUMBERS) / seconds("float64")
+    calls = {
+        n: partial(RecursiveEngine(model, numbers=n).accelerations, [0.3, 0.4], [1.0, -1.0])
+        for n in (NUMBERS, "float64")
+    }
+    with _extended():
+        found = in_rounds({n: elapsed(call, clock=time.process_time) for n, call in calls.items()}, 3)
+    return found[NUMBERS].least / found["float64"].least
 
 
 def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
@@ -244,18 +241,18 @@ def _seconds_of_udot(model: Model, state: State, budget: float) -> float | None:
     """CPU seconds of the reference for the accelerations alone; None where that would be more than the budget."""
     if slowdown() * _seconds_of_udot_in_doubles(model, state) > budget:
         return None
-    engine = RecursiveEngine(model, numbers=NUMBERS)
-    start = time.process_time()
     with _extended():
-        engine.accelerations(state.q, state.u, None, state.inputs, state.t)
-    return time.process_time() - start
+        return _seconds_of(RecursiveEngine(model, numbers=NUMBERS), state)
 
 
 def _seconds_of_udot_in_doubles(model: Model, state: State) -> float:
-    engine = RecursiveEngine(model)
-    start = time.process_time()
-    engine.accelerations(state.q, state.u, None, state.inputs, state.t)
-    return time.process_time() - start
+    return _seconds_of(RecursiveEngine(model), state)
+
+
+def _seconds_of(engine: RecursiveEngine, state: State) -> float:
+    """CPU seconds of one evaluation of the accelerations."""
+    call = partial(engine.accelerations, state.q, state.u, None, state.inputs, state.t)
+    return elapsed(call, clock=time.process_time)()
 
 
 def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) -> dict[str, float]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..choices import more_choices
+from ..measure.clock import elapsed, in_rounds
 from ..measure.operations import operations
 from .errors import VANISHING
 from .integrating import (
@@ -323,9 +324,5 @@ def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) 
 def _seconds_of_condition(columns: int) -> float:
     """Of a large matrix, by the singular values of a smaller one, which take the cube of its size."""
     matrix = np.random.default_rng(0).normal(size=(LARGEST_MATRIX, LARGEST_MATRIX))
-    taken = []
-    for _ in range(3):
-        start = time.thread_time()
-        np.linalg.svd(matrix, compute_uv=False)
-        taken.append(time.thread_time() - start)
-    return min(taken) * (columns / LARGEST_MATRIX) ** 3
+    run = elapsed(lambda: np.linalg.svd(matrix, compute_uv=False), clock=time.thread_time)
+    return in_rounds({"": run}, 3)[""].least * (columns / LARGEST_MATRIX) ** 3
