@@ -116,7 +116,9 @@ class Switch:
     places : list of str
         Paths in the model file.
     drives : bool
-        It is in a force.
+        It is in a force, or in prescribed motion.
+    moves : bool
+        It is in prescribed motion.
     outputs : set of int
         Outputs that it is in.
     """
@@ -128,6 +130,7 @@ class Switch:
     element: str = ""
     places: list[str] = field(default_factory=list)
     drives: bool = False
+    moves: bool = False
     outputs: set[int] = field(default_factory=set)
 
     @property
@@ -172,6 +175,7 @@ class Switches:
             switch = self.found[number]
             if place not in switch.places:
                 switch.places.append(place)
+            switch.moves |= moves
             if output is None:
                 switch.drives = True
             else:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hard.one_condition import Body, Mechanism
 from motion.models import Made, parsed
 from motion.test_switches import derivative
 
+import codegen
 from codegen.runtime import AtEvent, Event, Final, Integral
 
 BLOCK = """
@@ -119,3 +123,65 @@ def test_switches_at_one_time(made: Callable[..., Made], force: str, way: str) -
         return
     assert [n for n, no in zip(NAMES, gone, strict=True) if no] == lost
     np.testing.assert_allclose(found[:, ~gone], differences(solver, wanted, [0.0])[:, ~gone], rtol=1e-7, atol=1e-7)
+
+
+LATE = """
+forces: {f: {type: joint, joint: b0, value: "if(q.b0 > 0, 1, 3)"}}
+"""
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_a_switch_at_a_pose_without_rank_is_reported(made: Callable[..., Made], method: str) -> None:
+    """A parallelogram that is flat where the force changes: no step can end there."""
+    cranks = [Body(True, (x, 0.0), 0.0, 1.0, 0.5, 0.08, 1.0) for x in (0.0, 2.0)]
+    m = Mechanism(cranks, np.array([1.0, 1.0]), u=np.array([1.0, 1.0]))
+    m.distance(0, 1)
+    solver = made(parsed, m.text([0]) + LATE).solver
+    with pytest.warns(RuntimeWarning, match=r"passes where 0 >= q\.b0 in forces\.f\.value .* while a loop loses rank"):
+        solver.simulate(5.0, method=method)
+
+
+KINKED = """
+model: kinked
+parameters: {a: 0.0, t0: 0.7}
+bodies:
+  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  bob: {parent: cart, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, -1], inertia: {xx: 1, yy: 1, zz: 1}}
+motion: {cart: "a*max(0, t - t0)"}
+"""
+
+PROGRAM = r"""
+#include "kinked.h"
+#include "motion/motion.h"
+#include <stdio.h>
+#include <stdlib.h>
+extern const ordernm_system kinked_system;
+int main(void)
+{
+    double q[] = {0.1}, u[] = {0.0}, p[] = {1.0, 0.7}, atol[] = {1e-9, 1e-9}, times[] = {1.0};
+    ordernm_problem problem = {.system = &kinked_system, .method = ORDERNM_DOP853, .p = p, .q = q, .u = u, .end = 1.0,
+        .ntimes = 1, .times = times, .rtol = 1e-9, .atol = atol, .inputs = {.count = 1}};
+    ordernm_results r = {.rows = malloc(ordernm_row_size(&problem)*sizeof(double)), .capacity = 1};
+    ordernm_motion *m = ordernm_begin(&problem, malloc(ordernm_room(&problem)*sizeof(double)));
+    printf("%d ", ordernm_go(m, &r, 0.0));
+    printf("%d %.12g\n", r.moved, r.moved_at);
+    return 0;
+}
+"""
+
+
+def test_c_reports_switches_of_prescribed_motion(tmp_path: Path) -> None:
+    """Python ends the motion before the jump of the velocity."""
+    folder = tmp_path / "kinked"
+    codegen.generate(codegen.parse_model(KINKED), folder, check=False, functions=("motion",))
+    (tmp_path / "own.c").write_text(PROGRAM)
+    sources = [
+        tmp_path / "own.c",
+        folder / "kinked.c",
+        folder / "kinked_motion.c",
+        *sorted((folder / "motion").glob("*.c")),
+    ]
+    command = ["gcc", "-O0", "-I", str(folder), *map(str, sources), "-o", str(tmp_path / "own"), "-lm"]
+    subprocess.run(command, check=True)
+    said = subprocess.run([str(tmp_path / "own")], capture_output=True, text=True, check=True).stdout
+    assert said == "0 1 0.7\n"

@@ -82,7 +82,7 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
     if "switches" in functions:
         found = model.switches.found
         tables["switch_kind"] = [KINDS.index(s.kind) for s in found]
-        tables["drives"] = [int(s.drives) for s in found]
+        tables["drives"] = [int(s.drives) + int(s.moves) for s in found]
         members += [f".nswitches = {len(found)}", ".switch_kind = switch_kind", ".drives = drives"]
         if pairs := [(s.number, output) for s in found for output in sorted(s.outputs)]:
             tables["switch_of_output"] = [n for pair in pairs for n in pair]

@@ -270,6 +270,10 @@ static int event_at_pose(ordernm_motion *m, double whole, double part, trial *st
     if (status) return status;
     double cut = fmin(part + CUT_BEHIND, 1.0);
     for (int e = 0; e < m->nwatched; ++e) {
+        if (m->part[e] <= part + 1e-13 && e >= p->nevents) {
+            m->results->late = 1 + m->held[e - p->nevents];
+            m->results->late_at = step->event_time;
+        }
         if (m->part[e] <= part + 1e-13) stop |= e < p->nevents && p->events[e].stop;
         else if (m->part[e] < cut) cut = 0.5*(part + m->part[e]);
     }

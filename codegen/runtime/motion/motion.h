@@ -73,7 +73,7 @@ typedef struct {
     int split;                             /* a joint has independent and dependent speeds */
     int nswitches;                         /* switching functions, at whose zeros forces or outputs change their branch ... */
     const int *switch_kind;                /* ... see ORDERNM_SIGN ... */
-    const int *drives;                     /* ... which of them forces have ... */
+    const int *drives;                     /* ... which of them forces (1) or prescribed motion (2) have ... */
     int nswitch_outputs;                   /* ... and pairs of one that an output has, and that output */
     const int *switch_of_output;
     int nmoving;                           /* inputs that prescribed motion reads ... */
@@ -180,6 +180,11 @@ typedef struct {
     int ordered;              /* the order matters along a direction: results have NaN for its derivatives from there on */
     int event_together;       /* 0, or 1 + an event that came at the same time as the switch together_with ... */
     int event_ordered;        /* ... and rows of events have NaN for derivatives that depend on which comes first */
+    int moved;                /* 0, or 1 + a switch of prescribed motion that was passed ... */
+    double moved_at;          /* ... and when: if the velocity of that motion jumps there, the impulse on other bodies is missing from
+                               * results. Python's simulate finds such a jump beforehand, and ends the motion before it */
+    int late;                 /* 0, or 1 + a switch that was passed at a pose where a loop loses rank, and no step can end ... */
+    double late_at;           /* ... and when: its old branch was kept for a tenth of a step more */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set: there is nothing in long double */

@@ -160,6 +160,7 @@ int ordernm_pass_switches(ordernm_motion *m)
         if (m->crossed[k] == 0.0) continue;
         double speed;
         const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
+        if (s->drives[k] > 1) m->results->moved = k + 1, m->results->moved_at = m->t;
         gather(m, k);
         m->changed[k] = m->t;
         memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(double));

@@ -156,6 +156,8 @@ class Segment:
         1 and the number of an event that came at the same time as the second of these switches, if one did; else 0.
     event_ordered : bool
         Derivatives of an event depend on which comes first.
+    late : tuple of float and int, or None
+        When a switch, and which, was passed at a pose where a loop loses rank, so that its old branch was kept too long.
     coarse : tuple of three floats
         Of method "rk4" in models with loops: the sum of errors of steps, relative to the state, the largest, and its time, s.
     flat : array (n, 1 + 2 nq)
@@ -182,6 +184,7 @@ class Segment:
     event_together: int
     event_ordered: bool
     coarse: tuple[float, float, float]
+    late: tuple[float, int] | None
     flat: Array
 
 

@@ -16,7 +16,7 @@ from .compiling import seconds_waited
 from .errors import CompileError, NoCompilerError, SingularLoopError
 from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
-from .motion_switches import event_order_matters, not_held, order_matters, touched
+from .motion_switches import event_order_matters, not_held, order_matters, passed_late, touched
 from .partitions import Partitions
 from .states import States
 from .targets import Opened, partitions_of
@@ -88,6 +88,8 @@ class MotionRun(States, Partitions):
                 warn(touched(segment.opened.manifest, segment.grazed - 1))
             if segment.not_held and (len(problem.dp) or keep_steps):
                 warn(not_held(segment.opened.manifest, segment.not_held - 1))
+            if segment.late:
+                warn(passed_late(segment.opened.manifest, *segment.late))
             if segment.ordered and segment.together:
                 warn(order_matters(segment.opened.manifest, *segment.together))
             if segment.event_ordered and segment.together:
@@ -354,6 +356,7 @@ class MotionRun(States, Partitions):
             r.event_together,
             bool(r.event_ordered),
             (r.coarse, r.coarsest, r.coarse_at),
+            (r.late_at, r.late - 1) if r.late else None,
             flat[: r.flat_count].copy() if flat.size else flat,
         )
         return segment, found, last

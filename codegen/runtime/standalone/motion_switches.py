@@ -44,3 +44,12 @@ def event_order_matters(manifest: Mapping[str, Any], t: float, switch: int, even
         f"at t = {t:.9g} s the event {event} comes where {switch_words(manifest, switch)} changes its branch; derivatives of the "
         f"event for which it matters which comes first do not exist, and are NaN"
     )
+
+
+def passed_late(manifest: Mapping[str, Any], t: float, switch: int) -> str:
+    """The warning for a switch at a pose where a loop loses rank, at which no step can end."""
+    return (
+        f"at t = {t:.9g} s the motion passes where {switch_words(manifest, switch)} changes its branch while a loop loses rank, "
+        f"so no step can end there: its old branch is kept up to a tenth of a step longer, and results and derivatives behind it "
+        f"are only as exact as that; move the switch off this pose, or take smaller steps (largest_step)"
+    )
