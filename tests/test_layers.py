@@ -57,6 +57,12 @@ EXTRAS = {
 }
 """What single modules of it may import beside these, within functions only: who calls them has installed it."""
 
+READS_MECHANICS = {
+    "address", "interface", "language", "memory", "notes", "rows", "runs", "sweeps", "writer", "c/columns", "c/divided",
+    "c/language", "c/legend", "c/module", "c/motion", "c/prepared", "c/sweeps", "c/types", "numpy/module",
+}  # fmt: skip
+"""Modules of `emit` that read what the mechanics says of memory, kinds and sweeps. All others print for any program."""
+
 FORBIDDEN_CALLS = {"eval", "exec", "__import__", "os.chdir", "os.system"}
 MACHINE_PATH = re.compile(
     r"(?<![\w.}>/-])/(?:" + "|".join(("work", "home", "root", "Users", "tmp/venv")) + r")(?:/|\b(?!\w))"
@@ -167,6 +173,20 @@ def test_a_module_imports_lower_floors_only(path):
 @pytest.mark.parametrize("path", MODULES, ids=_name)
 def test_a_module_makes_no_forbidden_calls(path):
     assert not forbidden_calls(path.read_text(encoding="utf-8"))
+
+
+def test_the_contract_of_targets_and_the_printers_know_no_mechanics():
+    """No module is added to those that do; one that does no longer is taken off the list."""
+    found = set()
+    for path in (PACKAGE / "emit").rglob("*.py"):
+        names = {
+            name.split(".")[1]
+            for _, name in imports(path.read_text(encoding="utf-8"), path)
+            if name.startswith("codegen.")
+        }
+        if names & {"mechanics", "loops"}:
+            found.add(path.relative_to(PACKAGE / "emit").with_suffix("").as_posix())
+    assert found == READS_MECHANICS
 
 
 def test_there_are_modules_on_every_floor():
