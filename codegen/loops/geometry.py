@@ -7,15 +7,14 @@ first axis. The ground is a body too, the last one: index `Geometry.ground`.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.expressions import Expression, functions_for
+from ..model.expressions import Expression
 from ..model.model import GROUND, Coupling, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
 from ..model.quarter_turns import cosine_and_sine, quarter_turns
-from ..model.surfaces import COORDINATES, SurfaceFunction
+from .algebraic import Coupled, Surfaced
 from .ancestry import Ancestry
 from .chains import Chain, speeds_of, step
 from .ears import Ear
@@ -24,12 +23,6 @@ from .vectors import Array, U, axis_rotation, cross, skew, turn, turned_quaterni
 
 LEAST_TOLERANCE = 1e-12
 """Well above rounding: less than this cannot be told from nothing."""
-
-LEAST_GRADIENT = 1e-200
-"""Added to its square: where a gradient vanishes nothing is divided by zero."""
-
-ON_ARRAYS = functions_for(np)
-"""The functions of the grammar on many numbers at once."""
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
@@ -73,70 +66,6 @@ def axis_frame(axis: Vector, a: Array, defaults: dict[str, float]) -> tuple[int,
         return i, np.diag(turned)
     first = unit(cross(np.eye(3)[least_along(axis, defaults)], a))
     return 2, np.column_stack([first, cross(a, first), a])
-
-
-@dataclass(frozen=True, slots=True)
-class Coupled:
-    """A coupling of coordinates: ``sum of factor q - offset = 0``.
-
-    Attributes
-    ----------
-    bodies : list of int
-        Whose joints' coordinates they are, that which the file gives by the others first.
-    speeds, coordinates : (n,) array
-        Their rates, and where they stand in q.
-    factors : (n,) array
-    offset : float
-    """
-
-    bodies: list[int]
-    speeds: Array
-    coordinates: Array
-    factors: Array
-    offset: float
-
-    def open(self, q: Array) -> Array:
-        """By how much coordinates ``(S, nq + 1)`` miss it, ``(S,)``."""
-        missed: Array = q[:, self.coordinates] @ self.factors - self.offset
-        return missed
-
-
-@dataclass(frozen=True, slots=True)
-class Surfaced:
-    """A condition on a point: functions of its place in the start face that are zero.
-
-    Attributes
-    ----------
-    functions : tuple of SurfaceFunction
-        One a condition.
-    parameters : dict of str to float64
-        Numpy's, so that nothing is raised where there is no value.
-    """
-
-    functions: tuple[SurfaceFunction, ...]
-    parameters: dict[str, np.float64]
-
-    @np.errstate(all="ignore")
-    def at(self, place: Array) -> tuple[Array, Array]:
-        """How far places ``(S, 3)`` in the start face are from the surfaces, m, and the normals there.
-
-        Returns
-        -------
-        distance : (S, m) array
-            To first order: the functions over the size of their gradients; 1 where they have no value.
-        normal : (S, m, 3) array
-            The gradients in unit length; zero where they vanish or have no value.
-        """
-        values = {**self.parameters, **dict(zip(COORDINATES, place.T, strict=True))}
-        distance, normal = np.empty((len(place), len(self.functions))), np.empty((len(place), len(self.functions), 3))
-        for i, f in enumerate(self.functions):
-            for column, e in zip(normal[:, i].T, f.gradient, strict=True):
-                column[:] = e.evaluate(values, ON_ARRAYS)
-            size = np.sqrt(np.sum(normal[:, i] ** 2, axis=-1) + LEAST_GRADIENT)
-            normal[:, i] /= size[:, None]
-            distance[:, i] = f.value.evaluate(values, ON_ARRAYS) / size
-        known = np.isfinite(distance) & np.isfinite(normal).all(axis=-1)
-        return np.where(known, distance, 1.0), np.where(known[..., None], normal, 0.0)
 
 
 class Geometry:

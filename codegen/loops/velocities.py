@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from ..model.model import Model
+from .algebraic import Coupled
 from .closure import COUPLED, Cuts, body_frames, ground_screws, shifted
 from .dependents import ranks
 from .ears import Partition
-from .geometry import Coupled, Geometry, padded
+from .geometry import Geometry, padded
 from .paths import TwistGroups
 from .vectors import Array
 

@@ -195,6 +195,20 @@ def _parallel(c: np.ndarray) -> np.ndarray:
     return c @ c * np.eye(3) - np.outer(c, c)
 
 
+def _outward(bodies: Sequence[Body]) -> tuple[list[list[int]], list[int]]:
+    """The children of every body of a tree, and all bodies, depth first."""
+    children: list[list[int]] = [[] for _ in bodies]
+    roots: list[int] = []
+    for k, body in enumerate(bodies):
+        (roots if body.parent == GROUND else children[body.parent]).append(k)
+    order, stack = list[int](), roots[::-1]
+    while stack:
+        k = stack.pop()
+        order.append(k)
+        stack.extend(children[k][::-1])
+    return children, order
+
+
 def check_freedoms(
     bodies: Sequence[Body],
     value: Value,
@@ -221,23 +235,13 @@ def check_freedoms(
         yield 0, ("joint",), "all joints are fixed, so nothing can move; give at least one of them a freedom", "error"
         return
     mass, inertia, scale, dirt = _mass_and_inertia(bodies, value)
-    n = len(bodies)
-    children: list[list[int]] = [[] for _ in range(n)]
-    roots: list[int] = []
-    for k, body in enumerate(bodies):
-        (roots if body.parent == GROUND else children[body.parent]).append(k)
-    order = []
-    stack = roots[::-1]
-    while stack:
-        k = stack.pop()
-        order.append(k)
-        stack.extend(children[k][::-1])
+    children, order = _outward(bodies)
     massless = (mass == 0) & (scale <= dirt)
     light = massless.copy()
     light[list(held)] = False
     for k in reversed(order):
         light[k] = light[k] and all(light[c] for c in children[k])
-    inside = [False] * n  # below a joint that has been reported
+    inside = [False] * len(bodies)  # below a joint that has been reported
     sound = True
     for k in order:
         parent = bodies[k].parent
@@ -254,26 +258,25 @@ def check_freedoms(
             )
             sound = False
             yield k, ("joint",), message, "error"
-        elif (
-            not children[k]
-            and k not in held
-            and not massless[k]
-            and mass[k] >= 0
-            and not _all_geared(bodies[k].joint, value)
-        ):
+            continue
+        ends = not children[k] and k not in held and not massless[k] and mass[k] >= 0
+        if ends and not _all_geared(bodies[k].joint, value):
             message = _idle_freedom(bodies[k], mass[k], inertia[k], value)
             if message:
                 sound = False
                 yield k, ("joint",), message, "error"
     if sound and not held:
-        singular = singular_joint(bodies, order, mass, inertia, value, driven)
-        if singular is not None:
-            type_ = bodies[singular].joint.type
-            message = (
-                f"the {type_} joint of {bodies[singular].name!r} is free to move without moving any mass, in every "
-                f"configuration: what it carries gives way; give the body mass and inertia"
-            )
-            yield singular, ("joint",), message, "error"
+        yield from _giving_way(bodies, singular_joint(bodies, order, mass, inertia, value, driven))
+
+
+def _giving_way(bodies: Sequence[Body], singular: int | None) -> Iterator[Finding]:
+    """What to say of a joint whose body the joints that it carries let move alone."""
+    if singular is not None:
+        message = (
+            f"the {bodies[singular].joint.type} joint of {bodies[singular].name!r} is free to move without moving any mass, "
+            f"in every configuration: what it carries gives way; give the body mass and inertia"
+        )
+        yield singular, ("joint",), message, "error"
 
 
 def _all_geared(joint: Joint, value: Value) -> bool:
