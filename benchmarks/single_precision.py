@@ -10,28 +10,17 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import codegen
+from codegen.measure.clock import elapsed, in_rounds
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 STATES, DIRECTIONS = 4096, 8
 SCALARS = ("float32", "float64")
-
-
-def least_times(calls: dict[str, Any], turns: int) -> dict[str, float]:
-    """The least time of each call, s; all are called by turns."""
-    found = dict.fromkeys(calls, np.inf)
-    for _ in range(turns):
-        for name, call in calls.items():
-            start = time.perf_counter()
-            call()
-            found[name] = min(found[name], time.perf_counter() - start)
-    return found
 
 
 def off(found: Any, expected: Any) -> float:
@@ -64,17 +53,22 @@ def measure(name: str, turns: int) -> None:
         values = {s: lambda s=s: solvers[s].accelerations(*given[s], out=out[s][0]) for s in SCALARS}
         tangents = {s: lambda s=s: solvers[s].sensitivities(*given[s], **along[s], out=out[s]) for s in SCALARS}
         for what, calls in ((f"{STATES} states", values), (f"the same, {DIRECTIONS} directions", tangents)):
-            t = least_times(calls, turns)
+            found = in_rounds({s: elapsed(call) for s, call in calls.items()}, turns)
+            t = {s: x.least for s, x in found.items()}
             times = ", ".join(f"{s} {1e6 * x:.0f} us" for s, x in t.items())
             print(f"{name}: {what}: {times}, ratio {t['float32'] / t['float64']:.2f}")
         (udot, dudot), (exact, exact_dudot) = out["float32"], out["float64"]
         print(f"{name}: udot within {off(udot, exact):.1e}, derivatives within {off(dudot, exact_dudot):.1e}")
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="*", default=["chain", "arm", "four_bar"])
     parser.add_argument("--turns", type=int, default=40)
     options = parser.parse_args()
     for model in options.models:
         measure(model, options.turns)
+
+
+if __name__ == "__main__":
+    main()
