@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from codegen.model.expressions import Expression, bind, parse
+from codegen.model.binding import bind
+from codegen.model.expressions import Expression
 from codegen.model.joints import JOINTS
 from codegen.model.model import (
     GROUND,
@@ -24,6 +25,7 @@ from codegen.model.model import (
     Vector,
     joint_coordinates,
 )
+from codegen.model.parsing import parse
 
 ALL = ("fixed", "revolute", "prismatic", "universal", "spherical", "free")
 """What is drawn from where nothing else is asked for: the seeds of older tests mean the models that they meant."""

@@ -10,7 +10,10 @@ import sympy
 
 import codegen
 from codegen.elementary import ALWAYS, EVEN, LIKE_ITS_ARGUMENT, ODD, ON_ARRAYS, TABLE, tree_of
-from codegen.model.expressions import COMBINED, FUNCTIONS, Expression, ExpressionError, bind, functions_for, parse
+from codegen.model.binding import bind
+from codegen.model.expressions import COMBINED, Expression, functions_for
+from codegen.model.grammar import FUNCTIONS, ExpressionError
+from codegen.model.parsing import parse
 from codegen.program.algebra import Number, Symbol, derivative
 from codegen.program.functions import SYMBOLIC
 from codegen.reference import RecursiveEngine

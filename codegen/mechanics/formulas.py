@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from ..model.errors import ModelError
-from ..model.expressions import Expression, ExpressionError, Tree
+from ..model.expressions import Expression
+from ..model.grammar import ExpressionError, Tree
 from ..model.model import Model
 from ..model.rates import rate
 from ..model.slopes import has_quotient, is_singular, leaves, slope

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from .expressions import Expression, Tree, combine
+from .expressions import Expression, combine
+from .grammar import Tree
 
 Vector = tuple[Expression, Expression, Expression]
 

@@ -12,7 +12,10 @@ from typing import Annotated, Any, ClassVar, Final
 from pydantic import BaseModel, ConfigDict, PlainValidator, WrapValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from .expressions import FUNCTIONS, Expression, ExpressionError, component_of, parse
+from .binding import component_of
+from .expressions import Expression
+from .grammar import FUNCTIONS, ExpressionError
+from .parsing import parse
 
 ZERO: Final = Expression.number(0)
 ONE: Final = Expression.number(1)

@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from ..elementary import named
-from .expressions import AT_LEAST, WRAPPED, Expression, Tree, functions_for
+from .expressions import Expression, functions_for
+from .grammar import AT_LEAST, WRAPPED, Tree
 from .rates import rate, rates_of
 from .switches import switching
 

@@ -12,19 +12,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from .binding import Binder, Numbers, Scope, index_text
 from .errors import ModelError, Problem, nearest
-from .expressions import (
-    MEASURED,
-    Binder,
-    Expression,
-    ExpressionError,
-    Number,
-    Numbers,
-    Scope,
-    Tree,
-    combine,
-    index_text,
-)
+from .expressions import Expression, combine
+from .grammar import MEASURED, ExpressionError, Number, Tree
 from .positions import Document, Path_, compose, read_file
 from .surfaces import COORDINATES
 from .tables import Table

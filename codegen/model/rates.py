@@ -12,7 +12,8 @@ from functools import lru_cache
 from typing import Final
 
 from ..elementary import TABLE, tree_of
-from .expressions import AT_LEAST, COMBINED, Expression, Tree, combine
+from .expressions import COMBINED, Expression, combine
+from .grammar import AT_LEAST, Tree
 from .slopes import is_singular, slope
 from .switches import has_modes
 

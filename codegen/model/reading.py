@@ -14,21 +14,13 @@ from pydantic_core import PydanticCustomError
 
 from . import entries
 from .axes import Vector
+from .binding import Numbers, Scope, vector_key
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import (
-    MEASURED,
-    Expression,
-    ExpressionError,
-    Numbers,
-    Scope,
-    Tree,
-    compares,
-    has_factors,
-    parse,
-    vector_key,
-)
+from .expressions import Expression, compares, has_factors
+from .grammar import MEASURED, ExpressionError, Tree
+from .parsing import parse
 from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .rates import with_names_replaced

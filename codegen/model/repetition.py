@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from .binding import Numbers, Scope, bind, index_text, label_key
 from .entries import RESERVED
 from .errors import Problem
-from .expressions import ExpressionError, Number, Numbers, Scope, bind, index_text, label_key, parse
+from .grammar import ExpressionError, Number
+from .parsing import parse
 from .parts import Instance, Part
 from .positions import Path_, shortened, show_path
 

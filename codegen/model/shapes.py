@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .expressions import Expression, Tree, combine
+from .expressions import Expression, combine
+from .grammar import Tree
 from .model import Vector
 from .schema import BoxEntry, CapsuleEntry, CylinderEntry, RodEntry, ShapeEntry, SphereEntry
 

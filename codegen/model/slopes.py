@@ -16,7 +16,8 @@ from fractions import Fraction
 from functools import lru_cache
 
 from ..elementary import LIKE_ITS_ARGUMENT, TABLE, TreeFunctions, named, tree_of
-from .expressions import AT_LEAST, CHOICE, VANISHING, Expression, Tree, combine
+from .expressions import Expression, combine
+from .grammar import AT_LEAST, CHOICE, VANISHING, Tree
 
 ZERO: Tree = ("number", 0)
 ONE: Tree = ("number", 1)

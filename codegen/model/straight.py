@@ -6,8 +6,9 @@ from collections.abc import Collection, Sequence
 from typing import Any, Protocol
 
 from .axes import Vector, coordinate_axis
-from .expressions import Expression, Tree, combine
+from .expressions import Expression, combine
 from .forces import ForceElement
+from .grammar import Tree
 from .places import GROUND, Face, Point
 
 Places = tuple[Tree, Tree, Tree]

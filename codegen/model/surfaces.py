@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
-from .expressions import AT_LEAST, Expression, Tree, combine
+from .expressions import Expression, combine
+from .grammar import AT_LEAST, Tree
 from .rates import rate
 
 COORDINATES: Final = ("<x>", "<y>", "<z>")

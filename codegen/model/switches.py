@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from ..elementary import TABLE, named, tree_of
-from .expressions import AT_LEAST, COMBINED, WRAPPED, Expression, Tree
+from .expressions import COMBINED, Expression
+from .grammar import AT_LEAST, WRAPPED, Tree
 from .slopes import HELD, is_positive
 
 MODE: Final = "mode."

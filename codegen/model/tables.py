@@ -18,7 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from .expressions import WRAPPED, Expression, Tree, combine
+from .expressions import Expression, combine
+from .grammar import WRAPPED, Tree
 
 MAX_POINTS: Final = 200
 """More would make expressions of thousands of operations."""

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..elementary import TABLE
-from ..model.expressions import Expression, Tree
+from ..model.expressions import Expression
+from ..model.grammar import Tree
 from ..model.slopes import is_singular, leaves, slope
 from .arithmetic import Arithmetic, Array
 

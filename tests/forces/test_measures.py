@@ -6,7 +6,8 @@ import pytest
 
 from codegen.model import parse_model
 from codegen.model.errors import ModelError
-from codegen.model.expressions import ExpressionError, parse
+from codegen.model.grammar import ExpressionError
+from codegen.model.parsing import parse
 
 MODEL = """
 model: m

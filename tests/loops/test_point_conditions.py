@@ -18,8 +18,10 @@ import codegen
 from codegen.loops.errors import AssemblyError, PartitionError
 from codegen.loops.partition import Ear, partition
 from codegen.model import parse_model
-from codegen.model.expressions import Expression, bind, combine, parse
+from codegen.model.binding import bind
+from codegen.model.expressions import Expression, combine
 from codegen.model.model import GROUND, Face, PointCondition
+from codegen.model.parsing import parse
 from codegen.model.surfaces import COORDINATES, sphere, with_coordinates
 from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.reference.ground_frame import placement

@@ -13,7 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codegen.model import ModelError, parse_model
-from codegen.model.expressions import FUNCTIONS, Binder, Expression, ExpressionError, Scope, bind, functions_for, parse
+from codegen.model.binding import Binder, Scope, bind
+from codegen.model.expressions import Expression, functions_for
+from codegen.model.grammar import FUNCTIONS, ExpressionError
+from codegen.model.parsing import parse
 
 VALUES = {"x": 0.7, "y": -1.3, "L": 2.5, "q.a.1": 0.4, "u.ball.wx": 1.7}
 

@@ -13,7 +13,10 @@ import pytest
 
 import codegen
 from codegen.model import ModelBuilder, ModelError, parse_model
-from codegen.model.expressions import ExpressionError, bind, functions_for, parse
+from codegen.model.binding import bind
+from codegen.model.expressions import functions_for
+from codegen.model.grammar import ExpressionError
+from codegen.model.parsing import parse
 from codegen.reference import DenseEngine, RecursiveEngine
 
 CONDITIONS = {

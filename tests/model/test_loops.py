@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codegen.model import ModelBuilder, ModelError, parse_model
-from codegen.model.expressions import parse
 from codegen.model.model import CLOSURE_ROWS, GROUND
+from codegen.model.parsing import parse
 
 FOUR_BAR = """\
 model: four_bar

@@ -12,7 +12,8 @@ import pytest
 
 import codegen
 from codegen.model import ModelBuilder, ModelError, parse_model
-from codegen.model.expressions import bind, parse
+from codegen.model.binding import bind
+from codegen.model.parsing import parse
 from codegen.model.units import PI, UNITS, Dimension, in_units, unit_of
 from codegen.reference import DenseEngine
 

@@ -6,7 +6,9 @@ import random
 
 import mpmath
 
-from codegen.model.expressions import Expression, bind, functions_for, parse
+from codegen.model.binding import bind
+from codegen.model.expressions import Expression, functions_for
+from codegen.model.parsing import parse
 from codegen.model.slopes import regular, slope
 
 LEAVES = ["x", "y", "0.3", "-1.7", "2", "0.1", "(x - 0.3*y)", "(y + 2.1)"]

@@ -9,9 +9,11 @@ import pytest
 
 import codegen
 from codegen.model import parse_model
+from codegen.model.binding import bind
 from codegen.model.errors import ModelError
-from codegen.model.expressions import Expression, bind, parse
+from codegen.model.expressions import Expression
 from codegen.model.kinks import find_kink
+from codegen.model.parsing import parse
 from codegen.runtime.standalone.errors import SimulationError
 from codegen.runtime.standalone.functionals import Final
 

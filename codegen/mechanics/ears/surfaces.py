@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-from ...model.expressions import Expression, Tree
+from ...model.expressions import Expression
+from ...model.grammar import Tree
 from ...model.surfaces import COORDINATES, PAIRS
 from ...program.limits import limits
 from ...program.scalar import Value, Vector

@@ -5,8 +5,10 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
-from ...model.expressions import Expression, Tree, bind, functions_for
+from ...model.binding import bind
+from ...model.expressions import Expression, functions_for
 from ...model.forces.line_law import LineLaw, LineLawError
+from ...model.grammar import Tree
 from ...program.scalar import Value, Vector
 from ..spatial import dot, minus
 from .element import Element, Law, Wrench

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
-from ...model.expressions import Tree
+from ...model.grammar import Tree
 from ...program import algebra
 from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, FieldError, Scope

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...model.expressions import Expression, Tree
+from ...model.expressions import Expression
+from ...model.grammar import Tree
 from ...model.model import GROUND, Model
 from ...model.places import Point
 from ...program.block import Expansion

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...model.axes import Vector as ExpressionVector
-from ...model.expressions import Expression, Tree
+from ...model.expressions import Expression
+from ...model.grammar import Tree
 from ...model.model import GROUND
 from ...model.outputs import Output
 from ...model.places import Point

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ...model.expressions import Expression, Tree
+from ...model.expressions import Expression
+from ...model.grammar import Tree
 from ...model.outputs import Output
 from ...model.places import Face
 from ...model.switches import MODE, Switch

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import mpmath
 
-from ...model.expressions import CHOICE, FLOAT_FUNCTIONS, VANISHING, Expression, Tree, functions_for
+from ...model.expressions import FLOAT_FUNCTIONS, Expression, functions_for
+from ...model.grammar import CHOICE, VANISHING, Tree
 from ...program import algebra
 from ...program.algebra import Expr, Number, Symbol
 from ...program.block import Block, Expansion, Scope

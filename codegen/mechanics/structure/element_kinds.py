@@ -13,8 +13,9 @@ from functools import partial
 
 from ...model.axes import Vector as Axis
 from ...model.errors import ModelError
-from ...model.expressions import Expression, Tree
+from ...model.expressions import Expression
 from ...model.forces import ForceElement
+from ...model.grammar import Tree
 from ...model.model import Model
 from ...model.places import GROUND, Face, Point
 from ...program.algebra import Expr

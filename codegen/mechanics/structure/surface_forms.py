@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...model.expressions import Expression, Tree
+from ...model.expressions import Expression
+from ...model.grammar import Tree
 from ...model.rates import rate
 from ...model.surfaces import SurfaceFunction, depends
 

@@ -17,8 +17,9 @@ from dataclasses import replace
 
 import mpmath
 
-from ...model.expressions import Expression, Tree, combine
+from ...model.expressions import Expression, combine
 from ...model.forces.on_body import OnBody
+from ...model.grammar import Tree
 from ...model.model import GROUND, Body, Face, Loop, Model, Output, Vector
 from ...program.scalar import Matrix
 from ..spatial import transpose

@@ -7,9 +7,11 @@ from typing import Any, ClassVar, Final, Literal
 
 from pydantic import Field, create_model
 
+from ..binding import bind
 from ..entries import Expr, PointOrName
 from ..entry_reader import EntryReader
-from ..expressions import Expression, ExpressionError, bind
+from ..expressions import Expression
+from ..grammar import ExpressionError
 from ..places import Point
 from .force_element import ForceElement, ForceEntry
 from .line_law import LineLaw

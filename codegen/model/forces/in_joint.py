@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Literal
 
 from ..entries import ZERO, Expr, OptionalExpr, Reference
 from ..entry_reader import EntryReader
-from ..expressions import Expression, Tree, combine
+from ..expressions import Expression, combine
+from ..grammar import Tree
 from .force_element import ForceEntry
 from .joint_force import JointForce
 

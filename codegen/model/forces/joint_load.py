@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..axes import Vector
-from ..expressions import Expression, Tree, combine
+from ..expressions import Expression, combine
+from ..grammar import Tree
 from ..motions import Ball, Displacement, Slide, Turn
 from ..places import Face, Point
 from .force_element import ForceElement

@@ -11,9 +11,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from ..binding import bind
 from ..entries import RESERVED
 from ..errors import nearest
-from ..expressions import Expression, ExpressionError, Number, bind, parse
+from ..expressions import Expression
+from ..grammar import ExpressionError, Number
+from ..parsing import parse
 
 MEASURES: Final = {"distance": "m", "rate": "m/s"}
 """What a formula may contain beside the coefficients, and its unit: the distance of the points, and its derivative by time."""

@@ -9,7 +9,8 @@ from typing import Any, Final
 from .. import checks
 from ..entries import ZERO
 from ..errors import count_of_values, nearest
-from ..expressions import Expression, ExpressionError
+from ..expressions import Expression
+from ..grammar import ExpressionError
 from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..parts import Instance
 from ..positions import Path_

@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from ..entries import parse_name, seen
 from ..errors import nearest
-from ..expressions import ExpressionError
+from ..grammar import ExpressionError
 from ..parts import MAX_PARTS, Given, Instance, Part
 from ..positions import Document
 from ..reading import Reader, some

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from ..entries import parse_name
 from ..errors import nearest
-from ..expressions import ExpressionError
+from ..grammar import ExpressionError
 from ..joints import JointType
 from ..model import joint_coordinates
 from ..parts import Instance

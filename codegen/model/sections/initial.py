@@ -9,7 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from ..entries import parse_name, seen
 from ..errors import count_of_values, nearest
-from ..expressions import Expression, ExpressionError, combine
+from ..expressions import Expression, combine
+from ..grammar import ExpressionError
 from ..model import joint_coordinates
 from ..parts import Instance
 from ..positions import Path_

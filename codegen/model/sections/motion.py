@@ -9,7 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from ..entries import parse_name
 from ..errors import count_of_values, nearest
-from ..expressions import Expression, ExpressionError
+from ..expressions import Expression
+from ..grammar import ExpressionError
 from ..joints import JointType
 from ..kinks import Kink, find_kink
 from ..model import joint_coordinates

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 from ..entries import ZERO
-from ..expressions import Expression, ExpressionError
+from ..expressions import Expression
+from ..grammar import ExpressionError
 from ..parts import Instance
 from ..reading import Reader
 

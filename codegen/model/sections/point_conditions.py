@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ..conditions import ConditionType
-from ..expressions import Expression, ExpressionError
+from ..expressions import Expression
+from ..grammar import ExpressionError
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader

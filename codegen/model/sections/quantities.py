@@ -10,10 +10,13 @@ from typing import Final
 
 from pydantic_core import PydanticCustomError
 
+from ..binding import vector_key
 from ..entries import RESERVED, parse_name, seen
 from ..errors import with_article
-from ..expressions import Expression, ExpressionError, parse, vector_key
+from ..expressions import Expression
+from ..grammar import ExpressionError
 from ..model import Parameter
+from ..parsing import parse
 from ..parts import Instance, Part
 from ..positions import Path_
 from ..reading import Reader
