@@ -13,6 +13,7 @@ os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native")
 
 import hypothesis
 import pytest
+from tiers import mark_quick
 
 # Interpreters that tests start know `import ordernm` also where the checkout was installed before there was that name.
 ALIAS = str(Path(__file__).parents[1] / "codegen" / "alias")
@@ -28,6 +29,11 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 hypothesis.settings.register_profile("local", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+
+def pytest_collection_modifyitems(items):
+    """Quick tests get their marker."""
+    mark_quick(items)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,0 +1,43 @@
+"""The list of long tests names functions that there are, and every folder of tests has quick ones."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+from tiers import ALWAYS, FACTOR, LIMIT, function_of, long_functions, missing_and_outdated, recorded
+
+TESTS = Path(__file__).parent
+
+
+def functions() -> set[str]:
+    """Names of all test functions."""
+    return {
+        f"tests/{file.relative_to(TESTS).as_posix()}::{name}"
+        for file in TESTS.rglob("test_*.py")
+        for name in re.findall(r"^def (test_\w+)\(", file.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+
+
+def test_what_always_runs_exists_and_is_long() -> None:
+    assert {function_of(n) for n in ALWAYS} <= functions() & long_functions()
+
+
+def test_quick_functions_stand_in_every_folder() -> None:
+    known = functions()
+    folders = {n.rpartition("/")[0] for n in known}
+    assert folders == {n.rpartition("/")[0] for n in (known - long_functions()) | set(map(function_of, ALWAYS))}
+
+
+def test_times_of_a_run_are_those_of_functions(tmp_path: Path) -> None:
+    case = '<testcase classname="tests.model.test_units" name="test_{}" time="{}"/>'
+    cases = "".join(case.format(*x) for x in (("a[1]", 0.5), ("a[x.y[0]]", 0.75), ("b", 0.125)))
+    (tmp_path / "run.xml").write_text(f"<testsuites><testsuite>{cases}</testsuite></testsuites>")
+    name = "tests/model/test_units.py::test_"
+    assert recorded(tmp_path / "run.xml") == {f"{name}a": 1.25, f"{name}b": 0.125}
+
+
+def test_what_changed_by_far_is_reported() -> None:
+    times = Counter({"slow": 1.1 * FACTOR * LIMIT, "near": 1.1 * LIMIT, "listed": 1.1 * LIMIT, "fast": 0.01})
+    assert missing_and_outdated(times, {"listed", "fast", "gone"}) == (["slow"], ["fast", "gone"])

@@ -1,0 +1,99 @@
+"""Which tests are quick, and what a recorded run says about the time of tests.
+
+A test function is quick if all its cases together take less than `LIMIT` seconds, fixtures included: whoever changes the
+program runs all that is quick. `long_tests.txt` lists the other functions. A test that shares a fixture of its file with a
+long one is not quick either: it would wait for the same solver. `ALWAYS` are long tests that run all the same, so that every
+part of the program is called.
+
+    python tests/tiers.py junit.xml            # the longest functions, and those missing from the list
+    python tests/tiers.py junit.xml --write    # writes the list, from a run of all ordinary tests
+"""
+
+from __future__ import annotations
+
+import argparse
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import pytest
+
+LIMIT = 0.3
+"""Seconds of all cases of a quick function."""
+FACTOR = 3.0
+"""A listed function stays listed, and another stays off the list, within this factor: times vary."""
+LIST = Path(__file__).with_name("long_tests.txt")
+
+ALWAYS = (
+    "tests/examples/test_models.py::test_a_solver_agrees_with_a_reference_engine[four_bar]",
+    "tests/examples/test_models.py::test_a_solver_agrees_with_a_reference_engine[shaken_pendulum]",
+    "tests/test_generation.py::test_both_targets_agree_when_loaded",
+)
+"""From model to solver in both targets, trees and loops."""
+
+
+def long_functions() -> set[str]:
+    """Names of functions, as pytest has them without the case."""
+    return set(LIST.read_text(encoding="utf-8").split())
+
+
+def function_of(nodeid: str) -> str:
+    """The name of a test without its case."""
+    return nodeid.partition("[")[0]
+
+
+def mark_quick(items: Iterable[pytest.Item]) -> None:
+    """Gives quick tests the marker ``quick``."""
+    long = long_functions()
+    items = [i for i in items if isinstance(i, pytest.Function) and i.get_closest_marker("campaign") is None]
+    waited_for = {f for item in items if function_of(item.nodeid) in long for f in _fixtures_of_file(item)}
+    for item in items:
+        quick = function_of(item.nodeid) not in long and waited_for.isdisjoint(_fixtures_of_file(item))
+        if quick or item.nodeid in ALWAYS:
+            item.add_marker("quick")
+
+
+def _fixtures_of_file(item: pytest.Function) -> set[tuple[str, str]]:
+    """File and name of the fixtures that a test shares with others of its file."""
+    file = item.nodeid.partition("::")[0]
+    definitions = item._fixtureinfo.name2fixturedefs
+    return {(file, n) for n, known in definitions.items() if known[-1].scope != "function" and known[-1].baseid == file}
+
+
+def recorded(file: Path) -> Counter[str]:
+    """Seconds of each test function in a JUnit file of pytest."""
+    found: Counter[str] = Counter()
+    for case in ElementTree.parse(file).iter("testcase"):
+        path = case.attrib["classname"].replace(".", "/")
+        found[function_of(f"{path}.py::{case.attrib['name']}")] += float(case.attrib["time"])
+    return found
+
+
+def missing_and_outdated(times: Counter[str], known: set[str]) -> tuple[list[str], list[str]]:
+    """Functions that belong into the list, and those of the list that do not exist or are quick by far."""
+    missing = [n for n, seconds in times.most_common() if n not in known and seconds > LIMIT * FACTOR]
+    return missing, sorted(n for n in known if times[n] < LIMIT / FACTOR)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Say what a recorded run took, or write the list anew."""
+    parser = argparse.ArgumentParser(description="Times of test functions in a JUnit file of pytest.")
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--write", action="store_true", help="write the list of long test functions")
+    asked = parser.parse_args(arguments)
+    times = recorded(asked.file)
+    if asked.write:
+        LIST.write_text("".join(f"{n}\n" for n in sorted(times) if times[n] >= LIMIT), encoding="utf-8")
+        return
+    print(f"{sum(times.values()):.0f} s in {len(times)} test functions; the longest, with all their cases:")
+    for name, seconds in times.most_common(20):
+        print(f"{seconds:8.1f} s  {name}")
+    missing, outdated = missing_and_outdated(times, long_functions())
+    for title, names in (("missing from", missing), ("no longer long, but in", outdated)):
+        if names:
+            print(f"{title} tests/{LIST.name}:", *names, sep="\n  ")
+
+
+if __name__ == "__main__":
+    main()
