@@ -127,6 +127,10 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
         raise Failure(
             USAGE, "generate: --compile-all compiles the C, which --target numpy does not use; leave out one of them"
         )
+    if options.scalar != "float64" and options.target != "c":
+        raise Failure(
+            USAGE, f"generate: --scalar {options.scalar} needs --target c: NumPy has float64; leave out one of them"
+        )
     try:
         report = generate(
             options.model, options.output, options.target, options.layout, partitions=options.partitions,

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.cli import generate_main
 from codegen.emit.c import C
 from codegen.mechanics.procedures import UnknownFunctionError
 from codegen.model import Model, ModelError, load_model, parse_model
@@ -189,6 +190,11 @@ def test_motions_and_fine_tolerances_are_refused(pair):
         codegen.generate(EXAMPLES / "arm.yaml", target="numpy", scalar="float32")
     with pytest.raises(ValueError, match="allowed are float64, float32"):
         codegen.generate(EXAMPLES / "arm.yaml", scalar="half")
+
+
+def test_the_command_line_says_which_options_go_together(capsys):
+    assert generate_main([str(EXAMPLES / "arm.yaml"), "--scalar", "float32", "--target", "both"]) == 2
+    assert "--scalar float32 needs --target c" in capsys.readouterr().err
 
 
 def test_diagnose_knows_the_unit_of_rounding(pair):
