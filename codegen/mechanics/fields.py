@@ -33,6 +33,7 @@ OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
 ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 
+NO_LINK_ASKS = "every pivot that it would measure is measured by what is computed anyway"
 NO_FORCE_ASKS = "no force element asks for it"
 NO_EAR_STARTS = "no other ear starts from the link"
 """When nobody reads how a link of an ear moves."""
@@ -150,9 +151,16 @@ total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force tha
 external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the force elements on a link")
 articulated = _inertia("acc.", OWN, "articulated inertia that the children hand on", True)
 moment_scale = ScalarField(
-    "acc.sJ", "kg m^2", "", "size of the children's moments of inertia (zero pivot)", handed_on=True
+    "acc.sJ",
+    "kg m^2",
+    "",
+    "size of the children's moments of inertia (zero pivot)",
+    handed_on=True,
+    unread=NO_LINK_ASKS,
 )
-mass_scale = ScalarField("acc.sM", "kg", "", "size of the children's masses (zero pivot)", handed_on=True)
+mass_scale = ScalarField(
+    "acc.sM", "kg", "", "size of the children's masses (zero pivot)", handed_on=True, unread=NO_LINK_ASKS
+)
 articulated_force = SixField("acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True)
 transmitted = SixField(
     "tacc.",
