@@ -322,13 +322,13 @@ class MotionRun(States, Partitions):
         if kept is not None:
             steps.append(kept[: r.steps_count])
             heads.append(None)
-        last = np.full(0, np.nan)
+        last = rows[:0]
         # where a constant step is poor it is one of its stages that is, not the state from which a row is made
         poor = r.condition_here if reason == "poor" else None
         if reason not in ("end", "event", "interrupted"):
-            last = np.zeros(size)
-            status = library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
-            last = last[: 0 if status else size]
+            state = np.zeros(size)
+            if not library.ordernm_row(motion, r, ffi.from_buffer("double[]", state)):
+                last = state
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
             "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,
