@@ -171,7 +171,7 @@ class Variables:
         if "initial_at_rest" in solver._manifest:
             found = solver.initial_sensitivities(p, dp=dp)
         elif solver._has("initial_sensitivities"):
-            found = solver._along("initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None))
+            found = solver._call("initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None))
         if found is not None:
             dq, du = found[2].copy(), found[3].copy()
             dq[:, [solver.coordinate_names.index(name) for name in given_q]] = 0.0

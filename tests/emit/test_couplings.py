@@ -62,7 +62,7 @@ def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
     q = q.copy()
     q[plain] += 1e-7 * rng.uniform(-1, 1, len(plain))
     opened = np.abs(solver.closure(q, u, p)[0]).max()
-    (step,) = solver._target.values(solver._functions["newton_step"], {"q": q, "p": p}, ())
+    (step,) = solver._target.compute(solver._functions["newton_step"], {"q": q, "p": p}, ())
     assert np.abs(solver.closure(q + step, u, p)[0]).max() < 1e-3 * opened
     closed, _ = solver.assemble(q, u, p)
     assert np.abs(solver.closure(closed, u, p)[0]).max() < 1e-13

@@ -139,7 +139,7 @@ def motion_along(solver: Any, way: Way) -> tuple[Array, float]:
     size = np.abs(way.wanted - start).max()
     q, s, full = way.q.copy(), 0.0, FINE / size
     h = full
-    step_of, values = solver._functions["newton_step"], solver._target.values
+    step_of, values = solver._functions["newton_step"], solver._target.compute
     while s < 1.0 and h > 1e-9 * full:
         to = min(1.0, s + h)
         trial = q.copy()

@@ -19,6 +19,7 @@ from rotor_models import with_rotors, with_rotors_at
 import codegen
 from codegen.model import Model
 from codegen.runtime.standalone import batches
+from codegen.runtime.standalone.arguments import NO_SEEDS, Seeds
 from codegen.runtime.standalone.errors import SingularJointError
 
 Array = np.ndarray
@@ -110,9 +111,7 @@ def call(
     target: Any, f: Any, taken: dict[str, Any], along: dict[str, Any], batch: tuple[int, ...], k: int
 ) -> list[Array]:
     taken = {n: float(x) if n == "t" and np.ndim(x) == 0 else x for n, x in taken.items()}
-    if f.seeds:
-        return target.along(f, taken, along, k, batch)
-    return target.values(f, taken, batch)
+    return target.compute(f, taken, batch, Seeds(along, k) if f.seeds else NO_SEEDS)
 
 
 def singles(target: Any, f: Any, given: dict[str, Any], n: int, k: int, shared: set[str]) -> list[Array] | None:

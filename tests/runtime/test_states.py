@@ -20,11 +20,11 @@ def four_bar(request, packages):
 def evaluations(four_bar, monkeypatch):
     """Names of the generated functions without directions that were called."""
     called = []
-    values, one_state = four_bar._target.values, four_bar._one_state
+    values, one_state = four_bar._target.compute, four_bar._one_state
 
-    def counted(f, *arguments):
+    def counted(f, *arguments, **named):
         called.append(f.name)
-        return values(f, *arguments)
+        return values(f, *arguments, **named)
 
     def counted_alone(name, *arguments):
         found = one_state(name, *arguments)
@@ -32,7 +32,7 @@ def evaluations(four_bar, monkeypatch):
             called.append(getattr(name, "name", name))
         return found
 
-    monkeypatch.setattr(four_bar._target, "values", counted)
+    monkeypatch.setattr(four_bar._target, "compute", counted)
     monkeypatch.setattr(four_bar, "_one_state", counted_alone)
     return called
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -178,6 +179,78 @@ class Arguments:
                     f"q: the quaternion ({names}) has length {math.sqrt(square):.3g}, expected at least "
                     f"{SMALLEST_QUATERNION:g}; no rotation is (1, 0, 0, 0)"
                 )
+
+
+class Seeds(NamedTuple):
+    """Directions of derivatives.
+
+    Attributes
+    ----------
+    of : mapping of str to array (k, ..., n)
+        By name, such as ``dq``; ``dt`` is (k, ..., 1). Those that are missing are zero.
+    k : int
+        How many directions there are.
+    """
+
+    of: Mapping[str, Array]
+    k: int
+
+    @classmethod
+    def take(
+        cls,
+        arguments: Arguments,
+        given: Mapping[str, Any],
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        called: Mapping[str, str] = MappingProxyType({}),
+    ) -> tuple[Seeds, Shape]:
+        """Checked seeds with as many batch axes as the batch, and the batch with theirs.
+
+        Parameters
+        ----------
+        given : mapping
+            As they were passed; None for those that are left out.
+        arrays : mapping
+            The checked arguments.
+        batch : tuple of int
+            The shape that these make.
+        called : mapping of str to str
+            Names of seeds that callers know by others.
+        """
+        seeds: dict[str, Array] = {}
+        for name, value in given.items():
+            if value is None:
+                continue
+            of = name[1:]
+            seed = arguments.array(called.get(name, name), value, of)
+            if of == "t":
+                seed = seed[..., None]
+            seeds[name] = seed[None] if seed.ndim == 1 else seed
+        if not seeds:
+            if called:
+                names = [called[n] for n in given]
+                raise ValueError(f"no weights given; give {' or '.join(names)}, sums first: (k, ..., n)")
+            raise ValueError(
+                f"no seed given; give at least one of {', '.join(given)}, directions first: dq (k, ..., nq)"
+            )
+        counts = {name: len(seed) for name, seed in seeds.items()}
+        k = next(iter(counts.values()))
+        if any(c != k for c in counts.values()):
+            seen = ", ".join(f"{name} {c}" for name, c in counts.items())
+            raise ValueError(
+                f"the seeds have different numbers of directions: {seen}; the first axis of all counts the same ones"
+            )
+        for seed in seeds.values():
+            if seed.shape[1:-1] != batch:
+                batch = broadcast(batch, seed.shape[1:-1], {**arrays, **seeds})
+        for name, seed in seeds.items():
+            missing = len(batch) - (seed.ndim - 2)
+            if missing:
+                seeds[name] = seed.reshape(k, *(1,) * missing, *seed.shape[1:])
+        return cls(seeds, k), batch
+
+
+NO_SEEDS = Seeds(MappingProxyType({}), 0)
 
 
 def broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:

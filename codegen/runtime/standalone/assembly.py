@@ -384,7 +384,7 @@ class Assembly:
         if flat[0]:
             opened = self.newton.opened
             try:
-                opened.target.values(opened.functions["newton_step"], self.newton.named(q, x), ())
+                opened.target.compute(opened.functions["newton_step"], self.newton.named(q, x), ())
             except SingularLoopError as error:
                 return error
         return self.open(int(np.argmax(np.abs(gaps[0]))), float(np.abs(gaps).max(initial=0.0)), name)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import NO_SEEDS, Seeds
 from .arrays import SCALARS, Array, Shape, dtype_of
 from .batches import Batches, Failed, spoil
 from .build import Build, builds
@@ -280,57 +281,96 @@ class CTarget:
             x[SLOT[name]] = pointer
         return x
 
-    def _single(
-        self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, results: Sequence[Array]
-    ) -> None:
+    def _single(self, f: Function, arrays: Mapping[str, Any], seeds: Seeds, results: Sequence[Array]) -> None:
         """Compute the results of one state, directions as rows."""
         given = {n: self.plain(a) for n, a in arrays.items() if n in SLOT}
-        given |= {s: self.plain(a) for s, a in seeds.items() if s in f.seeds}
+        given |= {s: self.plain(a) for s, a in seeds.of.items() if s in f.seeds}
         derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
         lanes = np.empty((sum(f.seeds.values()) + derived) * max(f.widths, default=0), self.dtype)
         memory = self.single_calls.take()
         x = self.pointers({n: self.pointer(a) for n, a in given.items()}, memory.work, lanes, results)
         bits = sum(1 << SLOT[n] for n in given)
-        status = self.function(f)(x, bits, arrays.get("t", 0.0), k)
+        status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
         if status == FEW_LACK:
             self.give_few()
-            status = self.function(f)(x, bits, arrays.get("t", 0.0), k)
+            status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
         self.single_calls.free.append(memory)
         if status > 0:
             raise self.singular(status)
 
     # -- any number of states ------------------------------------------------------------------------------------------
 
-    def values(
+    def compute(
         self,
         f: Function,
         arrays: Mapping[str, Any],
         batch: Shape,
+        seeds: Seeds = NO_SEEDS,
         out: Sequence[Array] = (),
         failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]:
-        """Results (*batch, *shape) of a function without directions, in `out` if there is one.
+        """Results of a function, (*batch, *shape), and derivatives along seeds, (k, *batch, *shape); in `out` if there is one.
 
-        `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...). States of a batch that
-        fail go to `failed`, if that is there, and have NaN; else they are an error.
+        `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...). Seeds have as many batch
+        axes as the batch. States of a batch that fail go to `failed`, if that is there, and have NaN; else they are an error.
         """
-        if not batch and not out:
+        if not (batch or out or f.seeds):
             alone = self.one_state(f.name, [arrays.get(n, 0.0 if n == "t" else None) for n in f.order])
             if alone is not None:
                 return list(alone)
-        results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch)]
-        if batch:
-            count = math.prod(batch)
-            given = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
-            if self.batches.takes(f, count):
-                with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, given, strict=True)}
-                found = self.batches.states(f, with_steps, results, count, 0)
-            else:
-                found = self.batches.rows(f, 0, given, results, count, failed is not None)
-            self._tell(f, found, failed, results, batch)
+        results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch, seeds.k)]
+        if not batch:
+            self._single(f, arrays, seeds, results)
+            return results
+        count = math.prod(batch)
+        given = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
+        if self.batches.takes(f, count, seeds.k):
+            with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, given, strict=True)}
+            with_steps |= {s: self._rows(seeds.of[s], seeds.k, batch, count) for s in f.seeds if s in seeds.of}
+            found = self.batches.states(f, with_steps, results, count, seeds.k)
+        elif f.seeds:
+            found = self._in_lanes(f, given, batch, seeds, results, failed is not None)
         else:
-            self._single(f, arrays, {}, 0, results)
+            found = self.batches.rows(f, 0, given, results, count, failed is not None)
+        self._tell(f, found, failed, results, batch)
         return results
+
+    def _in_lanes(
+        self,
+        f: Function,
+        arguments: Sequence[tuple[Any, int]],
+        batch: Shape,
+        seeds: Seeds,
+        results: Sequence[Array],
+        go_on: bool,
+    ) -> Failed:
+        """Compute the results of a batch, state after state, some directions at a time; what has failed."""
+        count, k = math.prod(batch), seeds.k
+        found: Failed = {}
+        start = 0
+        for width in split(k, self.widths(f, k)) or [max(f.widths)]:  # without directions there are values still
+            end = min(start + width, k)
+            given = list(arguments)
+            for s, n in f.seeds.items():
+                if s in seeds.of:
+                    given.append(self._lanes(seeds.of[s][start:end], width, batch, count))
+                else:
+                    given.append((self._nothing(n * width), 0))
+            taken: list[Array] = []
+            lanes: list[tuple[Array, Array]] = []
+            for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
+                if derived and (width > 1 or start == end):
+                    taken.append(empty((count, math.prod(shape), width), self.dtype))
+                    lanes.append((taken[-1], result[start:end]))
+                else:
+                    taken.append(result[start] if derived else result)
+            found |= self.batches.rows(f, width, given, taken, count, go_on)
+            if found and not go_on:
+                break
+            for lane, part in lanes:
+                part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
+            start = end
+        return found
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
         """The error for what a compiled function has returned."""
@@ -343,59 +383,6 @@ class CTarget:
             loop = self.loops[status - 1 - links]
             return SingularLoopError(loop, where, loop in self.couplings)
         return SingularJointError(self.links[status - 1], where)
-
-    def along(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        seeds: Mapping[str, Array],
-        k: int,
-        batch: Shape,
-        out: Sequence[Array] = (),
-        failed: dict[int, SingularJointError] | None = None,
-    ) -> list[Array]:
-        """Results of a function over directions: (*batch, *shape), derivatives (k, *batch, *shape), in `out` if there is one.
-
-        `seeds` hold (k, ..., n) with as many batch axes as the batch, ``dt`` (k, ..., 1); missing ones are zero. For `failed` see
-        `values`.
-        """
-        results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch, k)]
-        if not batch:
-            self._single(f, arrays, seeds, k, results)
-            return results
-        count = math.prod(batch)
-        arguments = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
-        if self.batches.takes(f, count, k):
-            with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, arguments, strict=True)}
-            with_steps |= {s: self._rows(seeds[s], k, batch, count) for s in f.seeds if s in seeds}
-            self._tell(f, self.batches.states(f, with_steps, results, count, k), failed, results, batch)
-            return results
-        found: Failed = {}
-        start = 0
-        for width in split(k, self.widths(f, k)) or [max(f.widths)]:  # without directions there are values still
-            end = min(start + width, k)
-            given = list(arguments)
-            for s, n in f.seeds.items():
-                if s in seeds:
-                    given.append(self._lanes(seeds[s][start:end], width, batch, count))
-                else:
-                    given.append((self._nothing(n * width), 0))
-            taken: list[Array] = []
-            lanes: list[tuple[Array, Array]] = []
-            for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
-                if derived and (width > 1 or start == end):
-                    taken.append(empty((count, math.prod(shape), width), self.dtype))
-                    lanes.append((taken[-1], result[start:end]))
-                else:
-                    taken.append(result[start] if derived else result)
-            found |= self.batches.rows(f, width, given, taken, count, failed is not None)
-            if found and failed is None:
-                break
-            for lane, part in lanes:
-                part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
-            start = end
-        self._tell(f, found, failed, results, batch)
-        return results
 
     def _tell(
         self,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import NO_SEEDS, Seeds
 from .arrays import Array, Shape
 from .errors import SingularJointError, TargetsDifferError
 from .functions import Function
@@ -75,7 +76,7 @@ def compare(
 def _outcome(target: Any, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array]) -> list[Array] | str:
     """Results of a function, or the singular joint."""
     try:
-        found: list[Array] = target.along(f, arrays, seeds, DIRECTIONS, ()) if f.seeds else target.values(f, arrays, ())
+        found: list[Array] = target.compute(f, arrays, (), Seeds(seeds, DIRECTIONS) if f.seeds else NO_SEEDS)
     except SingularJointError as error:
         return error.link
     return found

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...elementary import ELEMENTWISE, ON_ARRAYS
+from .arguments import NO_SEEDS, Seeds
 from .arrays import Array, Numbers, Times
 from .diagnosis import ClosureCondition, Diagnosis, MassCondition
-from .directions import take_directions
 from .dynamics import Dynamics
 from .errors import SingularJointError
 from .functions import ALONG
@@ -69,8 +69,8 @@ class Diagnosing(Dynamics):
             raise ValueError(
                 f"the arguments are a batch of shape {batch}, expected one state: call this for each of them"
             )
-        udot, udot_error, failure = self._rounded("accelerations", arrays, {}, 0)
-        dudot, dudot_error, less = self._rounded("sensitivities", arrays, directions, len(names))
+        udot, udot_error, failure = self._rounded("accelerations", arrays)
+        dudot, dudot_error, less = self._rounded("sensitivities", arrays, Seeds(directions, len(names)))
         return Diagnosis(
             udot, udot_error, self._by_arguments(arrays, udot), dudot, dudot_error, self.speed_names, names,
             self._mass_condition(arrays), *self._closure_conditions(arrays), failure or less,
@@ -78,24 +78,22 @@ class Diagnosing(Dynamics):
 
     # -- rounding ------------------------------------------------------------------------------------------------------
 
-    def _rounded(
-        self, name: str, arrays: Mapping[str, Any], directions: Mapping[str, Array], k: int
-    ) -> tuple[Array, Array, str]:
+    def _rounded(self, name: str, arrays: Mapping[str, Any], directions: Seeds = NO_SEEDS) -> tuple[Array, Array, str]:
         """The last result of a function, (nu,) or (k, nu), the estimate of its error, and why there are none."""
         opened = self._opened
-        shape = (k, self.nu) if name == "sensitivities" else (self.nu,)
+        shape = (directions.k, self.nu) if name == "sensitivities" else (self.nu,)
         if not np.prod(shape):
             return np.zeros(shape), np.zeros(shape), ""
         f, target = opened.functions[name], self._rounding_target(opened)
 
         def compute() -> list[Array]:
-            return target.along(f, arrays, directions, k, ()) if k else target.values(f, arrays, ())
+            return target.compute(f, arrays, (), directions)
 
         try:
             nearest = compute()
         except SingularJointError as error:
             return np.full(shape, np.nan), np.full(shape, np.inf), str(error)
-        tell_infinite(opened, f, nearest, arrays, (), directions, k)
+        tell_infinite(opened, f, nearest, arrays, (), directions)
         if not can_round():
             return nearest[-1], np.full(shape, np.nan), ""
         return nearest[-1], spread(lambda: compute()[-1:], nearest[-1:])[0], ""
@@ -122,7 +120,7 @@ class Diagnosing(Dynamics):
         moved = {n: np.where(np.asarray(arrays[n]) == 0.0, 0.0, x) for n, x in moved.items()}
         f = self._functions["accelerations"]
         try:
-            found = self._opened.target.values(f, moved, (SAMPLES,))[0]
+            found = self._opened.target.compute(f, moved, (SAMPLES,))[0]
         except SingularJointError:
             return np.full(self.nu, np.inf)
         with np.errstate(all="ignore"):
@@ -133,13 +131,13 @@ class Diagnosing(Dynamics):
 
     def _given_directions(
         self, along: Mapping[str, Any], given: Mapping[str, Any], arrays: Mapping[str, Any], batch: tuple[int, ...]
-    ) -> tuple[tuple[str, ...], dict[str, Array], tuple[int, ...]]:
+    ) -> tuple[tuple[str, ...], Mapping[str, Array], tuple[int, ...]]:
         self._find(self._opened, "sensitivities")
         self._look_at_directions("sensitivities", (*given.values(),), (*along.values(),))
-        directions, k, batch = take_directions(self._arguments, along, arrays, batch)
+        (directions, k), batch = Seeds.take(self._arguments, along, arrays, batch)
         return tuple(f"direction {j + 1}" for j in range(k)), directions, batch
 
-    def _units(self) -> tuple[tuple[str, ...], dict[str, Array]]:
+    def _units(self) -> tuple[tuple[str, ...], Mapping[str, Array]]:
         """Unit seeds of everything that is independent, and their names."""
         independent = {"dq": self.independent_names, "du": self.independent_speed_names}
         named = dict(
@@ -184,14 +182,14 @@ class Diagnosing(Dynamics):
         """The mass matrix of the independent speeds: second derivatives of the kinetic energy, which is a square in them."""
         target, functions, n = self._opened.target, self._functions, len(independent)
         if "mass_matrix" in functions:
-            return target.values(functions["mass_matrix"], arrays, ())[0]
+            return target.compute(functions["mass_matrix"], arrays, ())[0]
         units = np.eye(self.nu)[independent]
         given = {**arrays, "u": units}
         if f := functions.get("energy_sensitivities_transposed"):
-            found = target.along(f, given, {"denergy": np.broadcast_to([1.0, 0.0], (1, n, 2))}, 1, (n,))
+            found = target.compute(f, given, (n,), Seeds({"denergy": np.broadcast_to([1.0, 0.0], (1, n, 2))}, 1))
             return found[f.results.index("du")][0][:, independent]
         if f := functions.get("energy_sensitivities"):
-            found = target.along(f, given, {"du": units[:, None]}, n, (n,))
+            found = target.compute(f, given, (n,), Seeds({"du": units[:, None]}, n))
             rows: Array = found[f.results.index("denergy")][..., 0]
             return rows
         return None
@@ -242,7 +240,7 @@ class Diagnosing(Dynamics):
         """Rates of all conditions by some speeds, dependent ones too, (conditions, n); how far the conditions are open."""
         f, units = self._functions["closure"], np.zeros((len(speeds) + 1, self.nu))
         units[np.arange(len(speeds)), list(speeds)] = 1.0
-        position, velocity = self._opened.target.values(f, {**arrays, "u": units}, (len(units),))
+        position, velocity = self._opened.target.compute(f, {**arrays, "u": units}, (len(units),))
         return velocity[:-1].T.copy(), float(np.abs(position[0]).max(initial=0.0))
 
     def _condition(self, loops: tuple[str, ...], dependent: Sequence[int], E: Array) -> ClosureCondition:

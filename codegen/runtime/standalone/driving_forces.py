@@ -17,7 +17,7 @@ class DrivingForces(Package):
         It is what has to act there beside the model's own forces for the coordinate to move as it is prescribed; its power is
         force times rate.
         """
-        return self._values("driving_forces", (q, u, p, inputs, t), out)[0]
+        return self._call("driving_forces", (q, u, p, inputs, t), None, out)[0]
 
     def driving_force_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -26,5 +26,5 @@ class DrivingForces(Package):
     ) -> tuple[Array, Array]:  # fmt: skip
         """`driving_forces` and their total derivative (k, ..., nprescribed) along the seeds."""
         along = (dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] = self._along("driving_force_sensitivities", (q, u, p, inputs, t), along, out)
+        found: tuple[Array, Array] = self._call("driving_force_sensitivities", (q, u, p, inputs, t), along, out)
         return found

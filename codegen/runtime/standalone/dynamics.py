@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Seeds
 from .arrays import Array, Numbers, Times, all_finite
 from .functions import STATE
 from .infinite import tell_infinite
@@ -31,7 +32,7 @@ class Dynamics(Package):
         out: Array | None = None,
     ) -> Array:
         """The derivatives of the speeds, udot (..., nu), by Eqs. 18-24 and 42-56."""
-        return self._values("accelerations", (q, u, p, inputs, t), out)[0]
+        return self._call("accelerations", (q, u, p, inputs, t), None, out)[0]
 
     def sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -40,7 +41,7 @@ class Dynamics(Package):
     ) -> tuple[Array, Array]:  # fmt: skip
         """udot (..., nu) and its total derivative (k, ..., nu) along the seeds (Eqs. 9, 10), exact to rounding."""
         along = (dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] = self._along("sensitivities", (q, u, p, inputs, t), along, out)
+        found: tuple[Array, Array] = self._call("sensitivities", (q, u, p, inputs, t), along, out)
         return found
 
     def jacobians(
@@ -84,14 +85,14 @@ class Dynamics(Package):
             for r, s in zip(f.results, whole, strict=True)
         ]
         if out is not None and overlap(taken, arrays):
-            put(opened.target.values(f, arrays, batch), wanted)
+            put(opened.target.compute(f, arrays, batch), wanted)
         else:
-            opened.target.values(f, arrays, batch, wanted)
+            opened.target.compute(f, arrays, batch, out=wanted)
         if not all(all_finite(x) for x in wanted if x is not None):
             sizes = {f"d{n}": math.prod(self._shapes[n]) for n in f.arguments}
             every, ends = np.eye(sum(sizes.values())), itertools.accumulate(sizes.values())
             units = {s: every[:, end - n : end] for (s, n), end in zip(sizes.items(), ends, strict=True)}
-            tell_infinite(opened, f, wanted, arrays, batch, units, len(every))
+            tell_infinite(opened, f, wanted, arrays, batch, Seeds(units, len(every)))
         for name, place in named.items():
             if name not in f.results:
                 place[...] = 0.0
@@ -108,7 +109,7 @@ class Dynamics(Package):
         out: Array | None = None,
     ) -> Array:
         """The derivatives of the coordinates, qdot (..., nq), by Eq. 1."""
-        return self._values("coordinate_rates", (q, u, p, inputs, t), out)[0]
+        return self._call("coordinate_rates", (q, u, p, inputs, t), None, out)[0]
 
     def coordinate_rate_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -117,5 +118,5 @@ class Dynamics(Package):
     ) -> tuple[Array, Array]:  # fmt: skip
         """qdot (..., nq) and its total derivative (k, ..., nq) along the seeds."""
         name, along = "coordinate_rate_sensitivities", (dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] = self._along(name, (q, u, p, inputs, t), along, out)
+        found: tuple[Array, Array] = self._call(name, (q, u, p, inputs, t), along, out)
         return found

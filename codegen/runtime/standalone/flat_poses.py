@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import Seeds
 from .arrays import Array
 from .errors import SingularJointError
 from .motion_problem import Run, Segment
@@ -72,7 +73,7 @@ def _moved(solver: Any, segment: Segment, t: float, q: Array, moving: NDArray[np
     f = solver._find(segment.opened, "completion_sensitivities")
     given = {"q": q.copy(), "u": np.zeros(solver.nu), "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
     units = np.eye(solver.np)[moving]
-    results = segment.opened.target.along(f, given, {"dp": units}, len(units), ())
+    results = segment.opened.target.compute(f, given, (), Seeds({"dp": units}, len(units)))
     moved: Array = results[f.results.index("dfull_q")].reshape(len(units), -1)
     return moved / solver._assembly.newton.scale
 

@@ -71,7 +71,7 @@ class Frames(Package):
         given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
         if accelerations or chosen is not None:
             return self._frames_along(given, along, accelerations, chosen, names)
-        values, tangents = self._along("frame_sensitivities", given, along)
+        values, tangents = self._call("frame_sensitivities", given, along)
         return FrameMotion(names, values, None), FrameMotion(names, tangents, None)
 
     def frame_jacobians(
@@ -227,8 +227,8 @@ class Frames(Package):
         return tuple(self._manifest["bodies"]) if "bodies" in self._manifest else None
 
     def _frames(self, given: Sequence[Any], accelerations: bool, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
-        found = self._values("frames", given)[0]
-        a = self._values("frame_accelerations", given)[0] if accelerations else None
+        found = self._call("frames", given)[0]
+        a = self._call("frame_accelerations", given)[0] if accelerations else None
         return frames_from(found, a, bodies, names)
 
     def _frames_along(
@@ -239,8 +239,8 @@ class Frames(Package):
         bodies: Any,
         names: tuple[str, ...],
     ) -> tuple[FrameMotion, FrameMotion]:
-        found = self._along("frame_sensitivities", given, along)
-        a = self._along("frame_acceleration_sensitivities", given, along) if accelerations else (None, None)
+        found = self._call("frame_sensitivities", given, along)
+        a = self._call("frame_acceleration_sensitivities", given, along) if accelerations else (None, None)
         return frames_from(found[0], a[0], bodies, names), frames_from(found[1], a[1], bodies, names)
 
     def _by_speeds(
@@ -337,14 +337,14 @@ class _Chosen:
         """Places of all in their bodies, (..., n, 3)."""
         if not self.moved:
             return self.given
-        found = self.solver._values("point_places", (None, None, p, None, 0.0))[0]
+        found = self.solver._call("point_places", (None, None, p, None, 0.0))[0]
         return self._from(found, self.given)
 
     def moved_places(self, p: Numbers, dp: Numbers) -> Array | float:
         """Their derivatives, (k, ..., n, 3); 0.0 of places that do not move."""
         if not self.moved or dp is None:
             return 0.0
-        found = self.solver._along(
+        found = self.solver._call(
             "point_place_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None)
         )[1]
         return self._from(found, np.zeros_like(self.given))

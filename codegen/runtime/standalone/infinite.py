@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import some
+from .arguments import Seeds, some
 from .arrays import Array, Shape, all_finite, of_state
 from .functions import STATE, Function
 from .numpy_target import NumpyTarget
@@ -25,13 +25,12 @@ def tell_infinite(
     results: Sequence[Array],
     arrays: Mapping[str, Any],
     batch: Shape,
-    seeds: Mapping[str, Array],
-    k: int,
+    seeds: Seeds,
 ) -> None:
-    """Warn of results that are not finite, with what made them so; `seeds` are k directions, if there are any."""
+    """Warn of results that are not finite, with what made them so."""
     if f.name in QUIET:
         return
-    weights = seeds.get("doutputs")
+    weights = seeds.of.get("doutputs")
     asked = (
         [] if weights is None else np.flatnonzero(np.any(weights != 0.0, axis=tuple(range(weights.ndim - 1)))).tolist()
     )
@@ -50,7 +49,7 @@ def tell_infinite(
         elif weights is not None:
             reason = outputs_without(opened, alone, asked, along=True)
         elif {"q", "u"} <= set(arrays):
-            reason = culprit(opened, alone, along=bool(seeds), moved=not f.name.startswith("energ"))
+            reason = culprit(opened, alone, along=bool(seeds.of), moved=not f.name.startswith("energ"))
         where = f" in state {list(at)} of the batch" if batch else ""
         warn(f"{opened.package['name']}: {name} of {f.name} is not finite{where}{reason and f': {reason}'}")
         return

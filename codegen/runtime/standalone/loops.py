@@ -97,7 +97,7 @@ class Loops(States):
     def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
         if not self.closure_names:
             return super()._completed(q_new, arrays, batch)
-        return self._values("completion", (q_new, *(arrays[n] for n in STATE[1:])))[0]
+        return self._call("completion", (q_new, *(arrays[n] for n in STATE[1:])))[0]
 
     def _completed_along(
         self,
@@ -112,7 +112,7 @@ class Loops(States):
             return super()._completed_along(q_new, arrays, batch, dq_new, du_new, rest)
         given = {**arrays, "q": q_new, "u": super()._completed(q_new, arrays, batch)}
         along = dq_new, du_new, rest["dp"], rest["dinputs"], rest["dt"]
-        return q_new, *self._along("completion_sensitivities", [given[n] for n in STATE], along)
+        return q_new, *self._call("completion_sensitivities", [given[n] for n in STATE], along)
 
 
 def _place(number: int, batch: Shape) -> tuple[int, ...]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Seeds
 from .arrays import Array
 from .compiling import seconds_waited
 from .errors import CompileError, NoCompilerError, SingularLoopError
@@ -211,7 +212,9 @@ class MotionRun(States, Partitions):
         free = [self.speed_names.index(n) for n in opened.manifest["independent_speed_names"]]
         units = np.eye(self.nu)[free]
         try:
-            *_, du = opened.target.along(f, {"q": q, "u": np.zeros(self.nu), "p": p}, {"du": units}, len(free), ())
+            *_, du = opened.target.compute(
+                f, {"q": q, "u": np.zeros(self.nu), "p": p}, (), Seeds({"du": units}, len(free))
+            )
         except SingularLoopError:
             return math.inf
         return float(np.abs(du).max())

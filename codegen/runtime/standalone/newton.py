@@ -157,7 +157,7 @@ class Newton:
     def all_gaps(self, q: Array, x: Array) -> Array:
         """Scaled position residuals of all conditions, (..., of them); x has the axes of q, or none."""
         given = self.named(q, x) | {"u": self.still}
-        found: Array = self.opened.target.values(self.opened.functions["closure"], given, q.shape[:-1])[0]
+        found: Array = self.opened.target.compute(self.opened.functions["closure"], given, q.shape[:-1])[0]
         return found
 
     def gaps(self, q: Array, x: Array) -> Array:
@@ -202,11 +202,11 @@ class Newton:
         self, given: Mapping[str, Any], batch: tuple[int, ...], failed: dict[int, SingularJointError] | None
     ) -> Sequence[Array]:
         """Step, residuals of position, condition numbers."""
-        values, functions = self.opened.target.values, self.opened.functions
+        values, functions = self.opened.target.compute, self.opened.functions
         if self.together:
-            return values(functions["closing_step"], given, batch, (), failed)
-        (step,) = values(functions["newton_step"], given, batch, (), failed)
-        (condition,) = values(functions["conditions"], given, batch, (), failed)
+            return values(functions["closing_step"], given, batch, failed=failed)
+        (step,) = values(functions["newton_step"], given, batch, failed=failed)
+        (condition,) = values(functions["conditions"], given, batch, failed=failed)
         position = values(functions["closure"], {**given, "u": self.still}, batch)[0]
         return step, position, condition
 
@@ -221,7 +221,7 @@ class Newton:
         for n in range(len(q)):
             given = self.named(q[n], x[n]) | {"u": self.still}
             with contextlib.suppress(SingularLoopError):
-                (u,) = self.opened.target.values(self.opened.functions["completion"], given, ())
+                (u,) = self.opened.target.compute(self.opened.functions["completion"], given, ())
                 found[n] = max(float(np.abs(u).max(initial=0.0)), 1e-6)
         return found
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import NO_SEEDS, Seeds
 from .arrays import Array, Shape, dtype_of, of_state
 from .errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
 from .functions import Function, Wanted
@@ -43,83 +44,58 @@ class NumpyTarget:
         seeds: Sequence[Any] | None = None,
         out: Any = None,
     ) -> None:
-        """None: there is no faster path than `values` and `along`; see `SingleCalls.run`."""
+        """None: there is no faster path than `compute`; see `SingleCalls.run`."""
 
     few_states = one_state
 
-    def values(
+    def compute(
         self,
         f: Function,
         arrays: Mapping[str, Any],
         batch: Shape,
+        seeds: Seeds = NO_SEEDS,
         out: Sequence[Array] = (),
         failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]:
-        """See `CTarget.values`."""
+        """See `CTarget.compute`."""
+        k, axes = seeds.k, (1,) * len(batch)
+        along = [seeds.of[s] if s in seeds.of else np.zeros((k, *axes, n)) for s, n in f.seeds.items()]
+        given = [
+            *(arrays[a] for a in f.arguments),
+            *(x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, along, strict=True)),
+        ]
         try:
-            return self._call(f, [arrays[a] for a in f.arguments], f.whole_shapes(batch), out)
+            return self._call(f, given, f.whole_shapes(batch, k), out)
         except SingularJointError:
             if failed is None:
                 raise
-        return self._one_by_one(f, arrays, {}, 0, batch, out, failed)
-
-    def along(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        seeds: Mapping[str, Array],
-        k: int,
-        batch: Shape,
-        out: Sequence[Array] = (),
-        failed: dict[int, SingularJointError] | None = None,
-    ) -> list[Array]:
-        """See `CTarget.along`."""
-        try:
-            return self._along(f, arrays, seeds, k, batch, out)
-        except SingularJointError:
-            if failed is None:
-                raise
-        return self._one_by_one(f, arrays, seeds, k, batch, out, failed)
+        return self._one_by_one(f, arrays, batch, seeds, out, failed)
 
     def _one_by_one(
         self,
         f: Function,
         arrays: Mapping[str, Any],
-        seeds: Mapping[str, Array],
-        k: int,
         batch: Shape,
+        seeds: Seeds,
         out: Sequence[Array],
         failed: dict[int, SingularJointError],
     ) -> list[Array]:
         """Each state of a batch alone: some of them cannot be computed."""
-        results = list(out) or [np.full(shape, np.nan, self.dtype) for shape in f.whole_shapes(batch, k)]
+        results = list(out) or [np.full(shape, np.nan, self.dtype) for shape in f.whole_shapes(batch, seeds.k)]
         for number, at in enumerate(np.ndindex(*batch)):
             alone = {
                 n: float(np.broadcast_to(a, batch)[at]) if n == "t" else of_state(a, batch, at, 0)
                 for n, a in arrays.items()
             }
-            along = {s: of_state(a, batch, at, 1) for s, a in seeds.items()}
+            along = Seeds({s: of_state(a, batch, at, 1) for s, a in seeds.of.items()}, seeds.k)
             try:
-                found = self._along(f, alone, along, k, (), ()) if f.seeds else self.values(f, alone, ())
+                found = self.compute(f, alone, (), along)
             except SingularJointError as error:
                 failed[number] = error
                 continue
             for r, x, derived in zip(results, found, f.derived, strict=True):
                 r[(slice(None), *at) if derived else at] = x
         return results
-
-    def _along(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        seeds: Mapping[str, Array],
-        k: int,
-        batch: Shape,
-        out: Sequence[Array],
-    ) -> list[Array]:
-        given = [seeds[s] if s in seeds else np.zeros((k, *(1,) * len(batch), n)) for s, n in f.seeds.items()]
-        given = [x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, given, strict=True)]
-        return self._call(f, [*(arrays[a] for a in f.arguments), *given], f.whole_shapes(batch, k), out)
 
     def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Array]:
         found = [np.asarray(r, self.dtype) for r in self._results(f, arguments)]

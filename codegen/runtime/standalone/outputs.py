@@ -20,7 +20,7 @@ class Outputs(Package):
         out: Array | None = None,
     ) -> Array:
         """The model's outputs (..., noutputs), in the order of `output_names`."""
-        return self._values("outputs", (q, u, p, inputs, t), out)[0]
+        return self._call("outputs", (q, u, p, inputs, t), None, out)[0]
 
     def output_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -29,5 +29,5 @@ class Outputs(Package):
     ) -> tuple[Array, Array]:  # fmt: skip
         """The model's outputs (..., noutputs) and their total derivative (k, ..., noutputs) along the seeds."""
         along = (dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] = self._along("output_sensitivities", (q, u, p, inputs, t), along, out)
+        found: tuple[Array, Array] = self._call("output_sensitivities", (q, u, p, inputs, t), along, out)
         return found

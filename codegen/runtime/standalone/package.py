@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .arguments import Arguments
+from .arguments import NO_SEEDS, Arguments, Seeds
 from .arrays import Array, Shape
 from .batches import spoil
 from .batching import BAD_STATES, Lenient, spread, tell_bad
 from .c_target import CTarget
-from .directions import take_directions
 from .errors import SingularJointError
 from .functions import WITHOUT_ENTRIES, Function, function, shapes_of
 from .infinite import tell_infinite
@@ -135,6 +134,12 @@ class Package:
             f"<Solver {self.name}: nq={self.nq}, nu={self.nu}, np={self.np}, ninputs={self.ninputs}, "
             f"noutputs={self.noutputs}, target={self.target}>"
         )
+
+    def __getattr__(self, name: str) -> Any:
+        """Says why a package lacks a member that others have; Python calls it for what there is not."""
+        if name in SOMETIMES:
+            raise AttributeError(self._why_not(name))
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     # -- what the model is ---------------------------------------------------------------------------------------------
 
@@ -258,20 +263,13 @@ class Package:
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
-    def _values(self, name: str, given: Sequence[Any], out: Any = None) -> Sequence[Array]:
-        """Results of a function without directions, in `out` if there is one; `given` are what it takes, in order."""
-        found = self._one_state(name, given, None, out) or self._few_states(name, given, None, out)
-        if found is not None:
-            return found
-        opened = self._opened
-        f = self._find(opened, name)
-        arrays, batch, bad = self._taken(f, given)
-        taken = [] if out is None else places([out], f.results, f.whole_shapes(batch), self._arguments.dtype)
-        return self._compute(opened, f, arrays, batch, {}, 0, taken, bad)
+    def _call(self, name: str, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None) -> Any:
+        """Results of a function, in `out` if there is one.
 
-    def _along(self, name: str, given: Sequence[Any], seeds: Sequence[Any], out: Any = None) -> Any:
-        """Results of a function over directions; `seeds` are of what it takes, in order."""
-        if self._watched:
+        `given` are the arguments that it takes, and `seeds` those of a function over directions, as a user gives them, in the
+        order of `Function.order` and `Function.directions`. One state and a few, in plain arrays, go straight to the C.
+        """
+        if self._watched and seeds is not None:
             self._look_at_directions(name, given, seeds)
         found = self._one_state(name, given, seeds, out) or self._few_states(name, given, seeds, out)
         if found is not None:
@@ -279,11 +277,14 @@ class Package:
         opened = self._opened
         f = self._find(opened, name)
         arrays, batch, bad = self._taken(f, given)
-        along = dict(zip(f.directions, seeds, strict=True))
-        of, (directions, k, batch) = batch, take_directions(self._arguments, along, arrays, batch)
-        bad = bad if batch == of else spread(bad, of, batch)
-        taken = [] if out is None else places(out, f.results, f.whole_shapes(batch, k), self._arguments.dtype)
-        return tuple(self._compute(opened, f, arrays, batch, directions, k, taken, bad))
+        along = NO_SEEDS
+        if seeds is not None:
+            of = batch
+            along, batch = Seeds.take(self._arguments, dict(zip(f.directions, seeds, strict=True)), arrays, batch)
+            bad = bad if batch == of else spread(bad, of, batch)
+        shapes, results = f.whole_shapes(batch, along.k), [out] if seeds is None else out
+        taken = [] if out is None else places(results, f.results, shapes, self._arguments.dtype)
+        return tuple(self._compute(opened, f, arrays, batch, along, taken, bad))
 
     def _taken(self, f: Function, values: Sequence[Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
         """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error."""
@@ -298,28 +299,23 @@ class Package:
         f: Function,
         arrays: Mapping[str, Any],
         batch: Shape,
-        seeds: Mapping[str, Array],
-        k: int,
+        seeds: Seeds,
         taken: list[Array],
         bad: Mapping[int, str] | None = None,
     ) -> list[Array]:
         """Results for arguments that have been checked, told where they are not finite; NaN for states that are bad."""
         if not f.has_entries():
-            return taken or [empty(shape, self._arguments.dtype) for shape in f.whole_shapes(batch, k)]
+            return taken or [empty(shape, self._arguments.dtype) for shape in f.whole_shapes(batch, seeds.k)]
         # results that would be written over what is read are moved in the end
-        place: list[Array] = [] if overlap(taken, {**arrays, **seeds}) else taken
+        place: list[Array] = [] if overlap(taken, {**arrays, **seeds.of}) else taken
         failed: dict[int, SingularJointError] | None = {} if batch and self._bad_states == "nan" else None
-        if seeds:
-            results = opened.target.along(f, arrays, seeds, k, batch, place, failed)
-        else:
-            results = opened.target.values(f, arrays, batch, place, failed)
-        results = results if place else put(results, taken)
+        results = put(opened.target.compute(f, arrays, batch, seeds, place, failed), [] if place else taken)
         if failed or bad:
             told = {n: str(error) for n, error in (failed or {}).items()} | dict(bad or {})
             spoil(results, f, told, batch)
             tell_bad(self.name, dict(sorted(told.items())), batch)
         else:
-            tell_infinite(opened, f, results, arrays, batch, seeds, k)
+            tell_infinite(opened, f, results, arrays, batch, seeds)
         return results
 
     def _has(self, name: str) -> bool:
@@ -398,18 +394,6 @@ CLOSING = ("closure", "closing_step", "newton_step", "completion")
 """Functions that `assemble` calls."""
 
 
-class Absent:
-    """Stands for a member of a section that a package does not carry: asking for it says why."""
-
-    def __init__(self, name: str):
-        self.name = name
-
-    def __get__(self, package: Package | None, kind: type | None = None) -> Callable[..., Any]:
-        if package is None:
-            raise AttributeError(f"this package has no {self.name!r}")
-        raise AttributeError(package._why_not(self.name))
-
-
 SOMETIMES = (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
     "solve_mass_sensitivities",
@@ -420,9 +404,6 @@ SOMETIMES = (
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
 )  # fmt: skip
 """Members that packages may lack."""
-
-for _name in SOMETIMES:
-    setattr(Package, _name, Absent(_name))  # methods of sections stand before
 
 
 def state(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> dict[str, Any]:

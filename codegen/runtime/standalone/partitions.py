@@ -59,7 +59,7 @@ class Partitions(Package):
             for at in np.ndindex(batch):
                 given = placed(q_all[at].copy(), p_all[at].copy(), self.np)
                 try:
-                    (values,) = opened.target.values(opened.functions["conditions"], given, ())
+                    (values,) = opened.target.compute(opened.functions["conditions"], given, ())
                     found[(*at, k)] = values.max(initial=1.0)
                 except SingularLoopError:
                     found[(*at, k)] = math.inf

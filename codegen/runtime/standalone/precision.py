@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from ...elementary import ELEMENTWISE, TABLE, Elementary
-from .arguments import Arguments, placing
+from .arguments import NO_SEEDS, Arguments, Seeds, placing
 from .arrays import Array, Numbers, Shape, Times, normalise
 from .functions import Function
 from .jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
@@ -306,8 +306,7 @@ class Extended(Package):
         f: Function,
         arrays: Mapping[str, Any],
         batch: Shape,
-        seeds: Mapping[str, Array],
-        k: int,
+        seeds: Seeds,
         taken: list[Array],
         bad: Mapping[int, str] | None = None,
     ) -> list[Array]:
@@ -316,9 +315,8 @@ class Extended(Package):
                 "out: arrays of float64 cannot hold the results; leave it out, or use astype(float) on them"
             )
         if not f.has_entries():
-            return [np.empty(shape, object) for shape in f.whole_shapes(batch, k)]
-        target = opened.target
-        return target.along(f, arrays, seeds, k, batch) if seeds else target.values(f, arrays, batch)
+            return [np.empty(shape, object) for shape in f.whole_shapes(batch, seeds.k)]
+        return opened.target.compute(f, arrays, batch, seeds)
 
     def jacobians(
         self,
@@ -336,7 +334,7 @@ class Extended(Package):
         f = self._find(self._opened, "jacobians")
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
         taken = [] if out is None else [np.empty(0)]
-        found = dict(zip(f.results, self._compute(self._opened, f, arrays, batch, {}, 0, taken), strict=True))
+        found = dict(zip(f.results, self._compute(self._opened, f, arrays, batch, NO_SEEDS, taken), strict=True))
         zero = self._digits.mpf(0)
         shapes = {n: batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
         return jacobians_of({n: found.get(f"J_{n}", np.full(shapes[n], zero, object)) for n in asked})
@@ -368,12 +366,12 @@ class Extended(Package):
         u, named = np.zeros(self.nu), assembly.newton.named
 
         def gaps(q: Any) -> Any:
-            found = opened.target.values(opened.functions["closure"], named(q, p) | {"u": u}, ())[0]
+            found = opened.target.compute(opened.functions["closure"], named(q, p) | {"u": u}, ())[0]
             return np.abs(found)[assembly.kept]
 
         left = gaps(q)
         for _ in range(NEWTON):
-            (step,) = opened.target.values(opened.functions["newton_step"], named(q, p), ())
+            (step,) = opened.target.compute(opened.functions["newton_step"], named(q, p), ())
             trial = q + step
             normalise(trial, self._arguments.quaternions)
             after = gaps(trial)

@@ -32,7 +32,7 @@ class Reactions(Package):
             they are not unique: these are, ear by ear, the ones with the least sum of squares of moments, and forces
             times the characteristic length.
         """
-        joints, *loops = self._values("reactions", (q, u, p, inputs, t))
+        joints, *loops = self._call("reactions", (q, u, p, inputs, t))
         return self._of_joints(joints), _of_loops(loops, joints)
 
     def reaction_sensitivities(
@@ -53,7 +53,7 @@ class Reactions(Package):
         dloops : (k, ..., nloops, 6)
         """
         along = (dq, du, dp, dinputs, dt)
-        found = self._along("reaction_sensitivities", (q, u, p, inputs, t), along)
+        found = self._call("reaction_sensitivities", (q, u, p, inputs, t), along)
         if len(found) == 2:
             joints, djoints = found
             loops, dloops = joints[..., :0, :], djoints[..., :0, :]

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Seeds
 from .arrays import Array, Numbers
 from .assembly import allowed_gaps
-from .directions import take_directions
 from .functions import STATE, Wanted
 from .package import Package
 from .targets import Opened
@@ -51,7 +51,7 @@ class Redundancy(Package):
         if known.get("q") is None:
             return
         arrays, batch, _ = self._taken(f, given)
-        gaps = opened.target.values(opened.functions["closure"], {"u": np.zeros(self.nu)} | dict(arrays), batch)[0]
+        gaps = opened.target.compute(opened.functions["closure"], {"u": np.zeros(self.nu)} | dict(arrays), batch)[0]
         allowed = allowed_gaps(opened)
         excess = np.where(allowed > 0.0, np.abs(gaps) - allowed, -np.inf)
         if (excess > 0.0).any():
@@ -76,7 +76,7 @@ class Redundancy(Package):
         """Parameters that open redundant conditions, where a direction changes them."""
         known = {name: given[name] for name in ("q", "u", "p") if name in given}
         arrays, batch = self._arguments.take(known, self._left_out)
-        directions, _, _ = take_directions(self._arguments, {"dp": dp}, arrays, batch)
+        (directions, _), _ = Seeds.take(self._arguments, {"dp": dp}, arrays, batch)
         seeds = directions["dp"].reshape(-1, self.np)
         touched = [j for j in opening if np.any(seeds[:, j] != 0.0)]
         if not touched:
@@ -84,7 +84,7 @@ class Redundancy(Package):
         arrays.setdefault("u", np.zeros(self.nu))
         units = {"dp": np.eye(self.np)[touched].reshape(len(touched), *[1] * len(batch), self.np)}
         f = opened.functions["closure_sensitivities"]
-        per_unit = opened.target.along(f, arrays, units, len(touched), batch)[1]
+        per_unit = opened.target.compute(f, arrays, batch, Seeds(units, len(touched)))[1]
         per_unit = per_unit.reshape(len(touched), -1, len(self.closure_names))
         opened_by = np.abs(np.einsum("kj,jbc->kbc", seeds[:, touched], per_unit)).max(axis=1, initial=0.0)
         unit = np.maximum(1.0, np.abs(seeds).max(axis=1))[:, None]

@@ -365,7 +365,7 @@ class Simulation(MotionRun):
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """Kinetic and potential energy over time, (nt, 2)."""
         inputs = self._inputs_over(t, problem)
-        return self._values("energies", (q, u, problem.p, inputs, t))[0]
+        return self._call("energies", (q, u, problem.p, inputs, t))[0]
 
     def _inputs_over(self, t: Array, problem: Problem) -> Array:
         return np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
@@ -401,7 +401,7 @@ class Simulation(MotionRun):
         if found := culprit(run.opened, state, along=bool(len(problem.dq))):
             return found
         try:
-            qdot, udot = self._values("state_rates", tuple(state.values()))
+            qdot, udot = self._call("state_rates", tuple(state.values()))
         except SingularJointError:
             return ""
         for h in BEHIND * (1.0 + abs(t)):

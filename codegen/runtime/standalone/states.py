@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Seeds
 from .arrays import Array, Numbers, Shape, Times, filled, lengths, normalise
-from .directions import take_directions
 from .errors import AssemblyError, SingularLoopError
 from .package import Package, seeds, state
 
@@ -41,9 +41,7 @@ class States(Package):
         q, u = self._initial_values(p)
         dq = du = None
         if self._has("initial_sensitivities"):
-            _, _, dq, du = self._along(
-                "initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None)
-            )
+            _, _, dq, du = self._call("initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None))
         return self.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
 
     def assemble(
@@ -104,7 +102,7 @@ class States(Package):
         if consistent is not None:
             return consistent
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
-        along, k, batch = take_directions(self._arguments, seeds(dq, du, dp, dinputs, dt), arrays, batch)
+        (along, k), batch = Seeds.take(self._arguments, seeds(dq, du, dp, dinputs, dt), arrays, batch)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
         q_new = self._assembled(arrays, batch, follow)
         dq_new = filled((k, *batch, self.nq), along.get("dq", 0.0), q_new.dtype)
@@ -123,7 +121,7 @@ class States(Package):
 
         Linear conditions are divided by the loop's characteristic length; the velocities are those of u as it is given.
         """
-        position, velocity = self._values("closure", (q, u, p, inputs, t))
+        position, velocity = self._call("closure", (q, u, p, inputs, t))
         return position, velocity
 
     def closure_sensitivities(
@@ -136,7 +134,7 @@ class States(Package):
         parameter that bends a planar loop out of its plane: then no derivative exists along it.
         """
         along = (dq, du, dp, dinputs, dt)
-        found: tuple[Array, Array] = self._along("closure_sensitivities", (q, u, p, inputs, t), along)
+        found: tuple[Array, Array] = self._call("closure_sensitivities", (q, u, p, inputs, t), along)
         return found
 
     # -- how -----------------------------------------------------------------------------------------------------------
@@ -172,8 +170,8 @@ class States(Package):
         """
         if p is None or "initial" not in self._functions:
             return self._initial
-        found = self._values("initial", (None, None, p, None, 0.0))
-        default = self._values("initial", (None, None, None, None, 0.0))
+        found = self._call("initial", (None, None, p, None, 0.0))
+        default = self._call("initial", (None, None, None, None, 0.0))
         q, u = (
             np.where(known == d, x, known + (x - d)) for x, d, known in zip(found, default, self._initial, strict=True)
         )

@@ -83,7 +83,7 @@ class Statics(Dynamics, States, Partitions):
 
         def udot(q: Array) -> Array:
             # a step may lead anywhere: no word of accelerations that are not finite
-            return self._opened.target.values(f, at._replace(q=q).named(), ())[0][space.speeds]
+            return self._opened.target.compute(f, at._replace(q=q).named(), ())[0][space.speeds]
 
         def retract(q: Array) -> Array:
             return self._moved(q, at.named())
@@ -245,7 +245,7 @@ class Statics(Dynamics, States, Partitions):
     def _poorest_loop(self, at: Point) -> str:
         """The loop whose closure has the worst condition."""
         opened = self._opened
-        (conditions,) = opened.target.values(opened.functions["conditions"], at._replace(q=at.q.copy()).named(), ())
+        (conditions,) = opened.target.compute(opened.functions["conditions"], at._replace(q=at.q.copy()).named(), ())
         loops: list[str] = opened.manifest["loops"]
         return loops[int(np.argmax(conditions))]
 

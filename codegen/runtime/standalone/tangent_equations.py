@@ -71,7 +71,7 @@ class TangentEquations:
         dy = np.zeros((len(dudot), 0))
         if self.outputs:
             every = (self.seeds["dq"], self.seeds["du"], None, self.seeds["dinputs"], None)
-            dy = self.solver._along("output_sensitivities", self.at, every)[1][:, self.outputs]
+            dy = self.solver._call("output_sensitivities", self.at, every)[1][:, self.outputs]
         own = self.space.speeds
         return udot[own], self._matrices(self._bracket(), np.eye(self.space.n), dudot[:, own], dy)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from .arguments import NO_SEEDS, Seeds
 from .arrays import Array, Shape
 from .c_target import CTarget
 from .comparison import compare
@@ -41,22 +42,12 @@ class Target(Protocol):
     @property
     def few_states(self) -> StateCall: ...
 
-    def values(
+    def compute(
         self,
         f: Function,
         arrays: Mapping[str, Any],
         batch: Shape,
-        out: Sequence[Array] = (),
-        failed: dict[int, SingularJointError] | None = None,
-    ) -> list[Array]: ...
-
-    def along(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        seeds: Mapping[str, Array],
-        k: int,
-        batch: Shape,
+        seeds: Seeds = NO_SEEDS,
         out: Sequence[Array] = (),
         failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]: ...

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arguments import Seeds
 from .arrays import Array, Numbers, Times, lengths
-from .directions import take_directions
 from .functions import ALONG, STATE, WEIGHTED, Wanted
 from .package import state
 from .states import States
@@ -92,7 +92,7 @@ class WeightedGradients(States):
         """
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
         weights = {"dfull_q": weights_q, "dfull_u": weights_u}
-        along, k, batch = take_directions(self._arguments, weights, arrays, batch, WEIGHTS)
+        (along, k), batch = Seeds.take(self._arguments, weights, arrays, batch, WEIGHTS)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
         q_new: Array = self._assembled(arrays, batch)
         if self._has("completion_sensitivities_transposed"):
@@ -120,14 +120,14 @@ class WeightedGradients(States):
                 return Gradients(*gradients)
         arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
         named = dict(zip(WEIGHTED[name], weights, strict=True))
-        along, k, batch = take_directions(self._arguments, named, arrays, batch, WEIGHTS)
+        seeds, batch = Seeds.take(self._arguments, named, arrays, batch, WEIGHTS)
         if not any(self._shapes[w[1:]][-1] for w in named):  # no outputs
-            return self._filled({}, k, batch)
+            return self._filled({}, seeds.k, batch)
         f = self._find(opened, name)
         if self._watched:
             self._look_at_directions(name, given, (None, None, np.eye(self.np), None, None))
-        results = dict(zip(f.results, self._compute(opened, f, arrays, batch, along, k, []), strict=True))
-        return self._filled(results, k, batch)
+        results = dict(zip(f.results, self._compute(opened, f, arrays, batch, seeds, []), strict=True))
+        return self._filled(results, seeds.k, batch)
 
     def _filled(self, found: Mapping[str, Array], k: int, batch: tuple[int, ...]) -> Gradients:
         """Gradients, zero with respect to what a function does not depend on."""
