@@ -47,6 +47,9 @@ LEFT = 5
 SAME = 1e-13
 """What closing a loop in double precision changes by less, against one, it does not change."""
 
+NO_PLACES = "out: arrays of float64 cannot hold the results; leave it out, or use astype(float) on them"
+"""What is said of ``out=``."""
+
 REFUSED = ("simulate", "judge", "equilibrium", "linearize", "diagnose")
 """Members that compute in double precision only."""
 
@@ -300,6 +303,16 @@ class Extended(Package):
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
+    def _why_not(self, name: str) -> str:
+        if name in REFUSED:
+            return f"{name!r} is not to be had in more digits; it computes in double precision"
+        return super()._why_not(name)
+
+    def _call(self, name: str, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None) -> Any:
+        if out is not None:
+            raise ValueError(NO_PLACES)
+        return super()._call(name, given, seeds)
+
     def _compute(
         self,
         opened: Opened,
@@ -311,9 +324,7 @@ class Extended(Package):
         bad: Mapping[int, str] | None = None,
     ) -> list[Array]:
         if taken:
-            raise ValueError(
-                "out: arrays of float64 cannot hold the results; leave it out, or use astype(float) on them"
-            )
+            raise ValueError(NO_PLACES)
         if not f.has_entries():
             return [np.empty(shape, object) for shape in f.whole_shapes(batch, seeds.k)]
         return opened.target.compute(f, arrays, batch, seeds)
