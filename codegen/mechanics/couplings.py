@@ -13,7 +13,7 @@ from ..program.field import PLACES, SixField
 from ..program.scalar import Matrix, Vector
 from ..program.store import Store
 from . import fields
-from .handing_on import accumulate
+from .handing_on import accumulate, clear
 from .spatial import add, cross, rotate, transpose
 from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
 from .structure.elimination_order import CARRIER
@@ -49,6 +49,14 @@ def hand_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
         accumulate(x, store, J, Q[i][j], first, "Eq. 44")
         accumulate(x, store, M, Q[3 + i][3 + j], first, "Eq. 44")
     accumulate(x, store, handed.H, [row[3:] for row in Q[:3]], first, "Eq. 44")
+    begin_scales(x, store, first)
+
+
+def begin_scales(x: Scope, store: Store, first: bool) -> None:
+    """What links add sizes for pivots to begins at zero; who gets inertia from others than links does not read it."""
+    if first:
+        clear(x, store, fields.moment_scale)
+        clear(x, store, fields.mass_scale)
 
 
 def hand_force(

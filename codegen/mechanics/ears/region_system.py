@@ -6,7 +6,7 @@ from ...program.block import Scope
 from ...program.field import PLACES, AnyField
 from ...program.scalar import Matrix, Vector
 from .. import fields
-from ..couplings import from_far, hand_force, hand_inertia, hand_on, others, to_base
+from ..couplings import begin_scales, from_far, hand_force, hand_inertia, hand_on, others, to_base
 from ..elimination import OF_SOURCES, SymmetricSystem
 from ..handing_on import accumulate, accumulate_force, clear
 from ..joints import Column
@@ -129,6 +129,7 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
         accumulate(x, BASE, M, Q[at + 3 + i][at + 3 + j], kind.first, "Eq. 44")
     H = [row[at + 3 : at + 6] for row in Q[at : at + 3]]
     accumulate(x, BASE, handed.H, H, kind.first, "Eq. 44")
+    begin_scales(x, BASE, kind.first)
 
 
 def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
