@@ -97,7 +97,7 @@ def outputs_without(
     return some([names[i] for i in among])
 
 
-def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool = True) -> str:
+def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool = True, elements: bool = True) -> str:
     """What makes the results of one state infinite: the NumPy module does the forward dynamics again, sweep by sweep.
 
     Parameters
@@ -108,6 +108,8 @@ def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool 
         Whether derivatives are asked for as well.
     moved : bool
         Whether joint forces matter.
+    elements : bool
+        Whether what force elements make of their coefficients matters, and what follows from it.
 
     Returns
     -------
@@ -119,7 +121,7 @@ def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool 
     if f is None:
         return ""  # a package of chosen functions without dynamics
     call = Call(opened, f, arrays)
-    return _first_infinite(opened.package, call, moved) or (
+    return _first_infinite(opened.package, call, moved, elements) or (
         _first_infinite_along(opened.package, call.a) if along else ""
     )
 
@@ -157,7 +159,7 @@ class Call:
             getattr(module, f.name)(*given.values())
 
 
-def _first_infinite(package: Mapping[str, Any], call: Call, moved: bool) -> str:
+def _first_infinite(package: Mapping[str, Any], call: Call, moved: bool, elements: bool) -> str:
     """The first force, force element or body whose numbers are not finite, in words."""
     links, speeds, a = package["links"], package["speed_names"], call.a
     for i in _bad(getattr(a, "tau", ())) if moved else ():
@@ -165,6 +167,8 @@ def _first_infinite(package: Mapping[str, Any], call: Call, moved: bool) -> str:
     for array in ("coefficient", "drive"):
         for i in _bad(getattr(a, array, ())):
             return f"the coefficients of {_element(package, array, i)} are not"
+    if not elements:
+        return ""
     external = [[x for n, x in r.items() if n.startswith("external_")] for r in a.records[: len(links)]]
     for i in _bad(list(map(_sum_of_sizes, external))):
         return f"the force of {_elements_on(package, i)} is not finite"

@@ -398,7 +398,10 @@ class Simulation(MotionRun):
         if last is not None:
             t, q, u = float(last[0]), self._of_rows(last, 1), self._of_rows(last, 2)
         state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
-        if found := culprit(run.opened, state, along=bool(len(problem.dq))):
+        elements = (
+            run.reason != "singular"
+        )  # a force element without direction is that itself, not what follows from it
+        if found := culprit(run.opened, state, along=elements and bool(len(problem.dq)), elements=elements):
             return found
         try:
             qdot, udot = self._call("state_rates", tuple(state.values()))
@@ -412,7 +415,7 @@ class Simulation(MotionRun):
                 "inputs": problem.inputs.at(t + h),
                 "t": t + h,
             }
-            if found := culprit(run.opened, behind, along=False):
+            if found := culprit(run.opened, behind, along=False, elements=elements):
                 return f"just behind, {found}"
         return ""
 
