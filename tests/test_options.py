@@ -28,6 +28,7 @@ MADE = {
     ("generate", "--output"): "-o here",
     ("generate", "--target"): "--target numpy",
     ("generate", "--layout"): "--layout kinds",
+    ("generate", "--scalar"): "--scalar float32",
     ("generate", "--partitions"): "--partitions 2",
     ("generate", "--reactions"): "--reactions",
     ("generate", "--frames"): "--frames",

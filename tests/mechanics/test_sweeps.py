@@ -99,7 +99,7 @@ def test_nothing_symbolic_grows_with_the_model() -> None:
         sum(len(b.statements) for blocks in s.program.blocks.values() for b in blocks.values()) for s in (small, large)
     ]
     assert count[0] == count[1]
-    assert abs(len(large.files["chain.c"]) - len(small.files["chain.c"])) < 2000
+    assert len(large.files["chain.c"]) < len(small.files["chain.c"]) + 2000
 
 
 def test_distinct_numbers_stay_one_kind() -> None:

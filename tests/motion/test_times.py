@@ -22,7 +22,9 @@ def test_times_do_not_change_steps(four_bar: Any) -> None:
     own = four_bar.simulate(2.0, inputs=[0.3], sensitivities=WRT)
     at_ends = four_bar.simulate(own.t, inputs=[0.3], sensitivities=WRT)
     assert at_ends.stats["steps"] == own.stats["steps"] == len(own) - 1
-    same(own, at_ends, rtol=1e-13, atol=1e-14)
+    for name in ("q", "u", "outputs", "dq", "du", "doutputs"):  # polynomials of steps, at their ends: to rounding
+        a, b = getattr(own, name), getattr(at_ends, name)
+        assert np.abs(a - b).max() < 1e-14 * np.abs(b).max(), name
     first_and_last = four_bar.simulate([0.0, 2.0], inputs=[0.3], sensitivities=WRT)
     same(own, first_and_last, [0, -1], rtol=1e-13, atol=1e-14)
 
