@@ -13,6 +13,7 @@ import pytest
 
 from codegen.emit.interface import OUTSIDE
 from codegen.mechanics.procedures import arrays, procedures
+from codegen.mechanics.procedures.words import MOTIONS
 from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
 from codegen.pipeline import Source, write_solver
@@ -49,6 +50,7 @@ FORMULAS = {
     "initial_q": "initial_values",
     "initial_u": "initial_values",
 }
+EVERY_FORMULA = {*FORMULAS.values(), MOTIONS.name}
 
 
 def bodies_of(source: Source) -> dict[str, str]:
@@ -130,7 +132,7 @@ def calls_in_numpy(source: Source) -> dict[str, Counter[str]]:
 
         return call
 
-    formulas = {f"{name}{along}" for name in FORMULAS.values() for along in ("", "_tangents", "_transposed")}
+    formulas = {f"{name}{along}" for name in EVERY_FORMULA for along in ("", "_tangents", "_transposed")}
     for name in {"start", *SWEEP, *formulas} & module.keys():
         module[name] = counting(name, module[name])
     rng = np.random.default_rng(7)
@@ -166,7 +168,7 @@ def test_functions_run_the_sweeps_as_often_as_the_manifest_says(name: str) -> No
         matrices = len(described["results"]) - 1 if function == "jacobians" else 1
         expected: Counter[str] = Counter()
         for sweep, times in told.items():
-            if sweep in FORMULAS.values():  # their tangents have no name of their own
+            if sweep in EVERY_FORMULA:  # their tangents have no name of their own
                 values, tangents, backwards = (run[f"{sweep}{way}"] for way in ("", "_tangents", "_transposed"))
                 assert times == max(values, tangents / matrices, backwards), (name, function, sweep)
                 expected += Counter({sweep: values, f"{sweep}_tangents": tangents, f"{sweep}_transposed": backwards})
