@@ -137,6 +137,9 @@ class Package:
 
     def __getattr__(self, name: str) -> Any:
         """Says why a package lacks a member that others have; Python calls it for what there is not."""
+        member: Any = getattr(type(self), name, None)
+        if hasattr(member, "__get__"):
+            return member.__get__(self)  # a property whose own AttributeError Python has put aside
         if name in SOMETIMES:
             raise AttributeError(self._why_not(name))
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
