@@ -126,6 +126,15 @@ def sweep(
     )
 
 
+def _lost_by_dask(why: BaseException) -> bool:
+    """Whether Dask lost a task with its worker; while it learns of that it may fail to unpack the error."""
+    tb = why.__traceback__
+    while tb is not None and tb.tb_next is not None:
+        tb = tb.tb_next
+    unpacking = tb is not None and tb.tb_frame.f_globals.get("__name__") == "distributed.cfexecutor"
+    return type(why).__name__ in LOST or (isinstance(why, ValueError) and unpacking)
+
+
 class _Crew:
     """Cases on their way to workers, and rows on their way back into `known`."""
 
@@ -196,7 +205,7 @@ class _Crew:
                 elif isinstance(why, (BrokenExecutor, CancelledError)):
                     died = died or why
                     lost.append(part)
-                elif type(why).__name__ in LOST:
+                elif _lost_by_dask(why):
                     self._lost_alone(part)
                 else:
                     raise TypeError(
