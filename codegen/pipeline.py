@@ -227,7 +227,7 @@ def write_long(
     functions: Collection[str] | None = None,
     frames: bool = False,
 ) -> str:
-    """The NumPy module of a solver with numbers of so many digits, where they are no doubles; see `write_solver`."""
+    """The NumPy module of a solver whose numbers have more digits than doubles; see `write_solver`."""
     with long_numbers(digits):
         system, _ = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
         e = expanded(system, reactions, functions=functions, frames=frames)

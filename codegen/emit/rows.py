@@ -166,7 +166,7 @@ class RowWriter(SweepWriter):
 
 
 def entry_from(first: str, further: int) -> str:
-    """Index of an entry so many after the one that an expression says."""
+    """Index of an entry that is a given number after another one."""
     if first.isdigit():
         return str(int(first) + further)
     return f"{first} + {further}" if further else first

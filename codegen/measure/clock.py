@@ -34,7 +34,7 @@ class Seconds:
 
 
 def elapsed(run: Callable[[], object], repetitions: int = 1, clock: Timed = time.perf_counter) -> Timed:
-    """The time of a call by a clock, as the mean of so many in a row."""
+    """The time of a call by a clock, as the mean of n calls in a row."""
 
     def timed() -> float:
         start = clock()

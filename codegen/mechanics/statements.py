@@ -33,7 +33,7 @@ from .sweeps import transpose_name, values_name
 from .transposition import transpose_sweeps
 
 UNROLLED_LINKS = 8
-"""Models of at most so many links get one function per link unless another layout is asked for."""
+"""Up to this number of links a model gets one function per link unless another layout is asked for."""
 
 DIFFERENT_LINKS, DIFFERENT = 12, 0.75
 """The same for models of at most so many links of which such a part are of kinds of their own: to write each out takes little

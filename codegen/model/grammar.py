@@ -11,7 +11,7 @@ from .errors import nearest
 Number = int | float
 
 FUNCTIONS: Final[dict[str, int]] = {name: e.arity for name, e in TABLE.items()}
-"""Functions of the grammar and how many arguments they take (``min`` and ``max``: at least so many)."""
+"""Functions of the grammar and how many arguments they take (``min`` and ``max``: at least that number)."""
 
 AT_LEAST: Final = "at_least"
 """Of trees alone: 1 where the first argument is at least the second, else 0. Comparisons are made of it."""

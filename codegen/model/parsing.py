@@ -371,7 +371,7 @@ class _Parser:
         return found[0], found[1]
 
     def arguments(self, name: str, count: int, start: int, nesting: int) -> tuple[list[Tree], int]:
-        """So many expressions in parentheses, and the depth of the deepest."""
+        """A given number of expressions in parentheses, and the depth of the deepest."""
         opened = self.start
         found: list[tuple[Tree, int]] = []
         while not found or self.token == ",":

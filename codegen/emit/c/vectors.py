@@ -8,7 +8,7 @@ from ..target import InstructionSet, Scalar
 from . import C
 
 Lines = Callable[[int], list[str]]
-"""Lines for vectors of so many lanes."""
+"""Lines for vectors of a given number of lanes."""
 
 
 def lanes(scalar: Scalar) -> list[int]:
