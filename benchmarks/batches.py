@@ -27,7 +27,7 @@ from codegen.measure.models import example, sized
 from codegen.measure.tables import markdown
 from codegen.model import Model
 from codegen.pipeline import Source, write_solver
-from codegen.runtime.standalone import batches
+from codegen.runtime.standalone.calls import batches
 
 STATES = 4096
 DIRECTIONS = 8

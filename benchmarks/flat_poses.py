@@ -30,7 +30,7 @@ from codegen.measure.models import example, text_of
 from codegen.measure.tables import markdown
 from codegen.own_files import refuse_foreign_file
 from codegen.runtime import At, Final, Integral
-from codegen.runtime.standalone.whole_file import MARK
+from codegen.runtime.standalone.files.whole_file import MARK
 
 CLAIM = 1e-11
 

@@ -38,7 +38,7 @@ from codegen.measure.pinocchio_models import ROBOTS, axis_of, ours, theirs_of, u
 from codegen.measure.tables import markdown
 from codegen.own_files import refuse_foreign_file
 from codegen.pipeline import write_solver
-from codegen.runtime.standalone.whole_file import MARK
+from codegen.runtime.standalone.files.whole_file import MARK
 
 LEVELS = ("-O2", "-O3")
 FUNCTIONS = ("jacobians", "mass_matrix", "inverse_mass_matrix")

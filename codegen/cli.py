@@ -239,7 +239,7 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
 def run_new(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm new``: write a first model file."""
     from .model import ModelError, parse_model
-    from .runtime.standalone.whole_file import write_whole
+    from .runtime.standalone.files.whole_file import write_whole
 
     path = Path(options.model)
     text = NEW_MODEL.format(name=path.stem)
@@ -408,7 +408,7 @@ def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
 
 def _how_it_ended(run: Any, received: Sequence[int]) -> int:
     """The exit code of a simulation, and a line on stderr where it is none of success."""
-    from .runtime.standalone.trajectory import INTERRUPTED
+    from .runtime.standalone.trajectory.trajectory import INTERRUPTED
 
     where = f"at t = {run.reached:.6g} of {run.end:.6g} s"
     left = f"; until then: {', '.join(map(str, run.written))}" if run.written else ""
@@ -456,7 +456,7 @@ def _run(options: argparse.Namespace) -> int:
     try:
         from .folders import FolderError
         from .model.errors import ModelError
-        from .runtime.standalone.compiling import silent
+        from .runtime.standalone.files.compiling import silent
 
         try:
             with Ending().handling() as options.ending, status, silent():

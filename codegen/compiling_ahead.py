@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from .runtime.sections import carried_files
-from .runtime.standalone.build import Build, first_build
-from .runtime.standalone.compiler import CFLAGS
 from .runtime.standalone.errors import CompileError
-from .runtime.standalone.user_cache import PRIVATE, in_cache
+from .runtime.standalone.files.build import Build, first_build
+from .runtime.standalone.files.compiler import CFLAGS
+from .runtime.standalone.files.user_cache import PRIVATE, in_cache
 
 
 class CompilingAhead:

@@ -20,7 +20,7 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 OTHERS = ("_second", "_third", "_fourth")
@@ -65,7 +65,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
             manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
         listed = manifest.get("files", ()) if isinstance(manifest, dict) else ()
         listed = {str(n) for n in listed} if isinstance(listed, list) else set()
-        found = list(_names(folder, {n.partition("/")[0] for n in listed if "/" in n}))
+        found = list(_names(folder, {str(above) for n in listed for above in PurePath(n).parents}))
     except (OSError, RuntimeError) as error:  # a link that leads to itself
         raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
     if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
@@ -100,13 +100,14 @@ def unwritable(file: Path) -> str | None:
     return None
 
 
-def _names(folder: Path, own: set[str]) -> Iterator[str]:
-    """What is in a folder; of its folders that a package has, such as that of the run time, what is in these."""
+def _names(folder: Path, own: set[str], above: str = "") -> Iterator[str]:
+    """What is in a folder; of its folders that a package has, such as those of the run time, what is in these."""
     for path in folder.iterdir():
-        if path.name in own and path.is_dir():
-            yield from (f"{path.name}/{inside.name}" for inside in path.iterdir())
+        name = above + path.name
+        if name in own and path.is_dir():
+            yield from _names(path, own, f"{name}/")
         else:
-            yield path.name
+            yield name
 
 
 def _refuse_unwritable(folder: Path) -> None:
@@ -136,7 +137,7 @@ def write_folder(folder: Path, files: dict[str, str], keep: Sequence[str] = ()) 
     try:
         with _workshop(folder) as temporary:
             for name, content in new.items():
-                (temporary / name).parent.mkdir(exist_ok=True)
+                (temporary / name).parent.mkdir(parents=True, exist_ok=True)
                 (temporary / name).write_bytes(content)
             _keep_libraries(folder, temporary)
             _keep_others(folder, temporary, keep)

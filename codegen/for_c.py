@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .model.model import Model
-from .runtime.standalone.functions import STATE, shapes_of
+from .runtime.standalone.calls.functions import STATE, shapes_of
 
 CLOSING = ("closure", "completion")
 """Functions that make states consistent: a first program shows another one."""

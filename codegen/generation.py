@@ -189,8 +189,8 @@ def _compile(
     path: Path, parts: Sequence[dict[str, Any]], ahead: CompilingAhead, report: Report, progress: Progress
 ) -> None:
     """Compile every partition, of the first what is not compiled ahead."""
-    from .runtime.standalone.build import first_build
     from .runtime.standalone.errors import NoCompilerError
+    from .runtime.standalone.files.build import first_build
 
     try:
         for step, part in enumerate(parts, 1):
@@ -250,7 +250,7 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     from .emit.repetition import json_text
     from .emit.templates import render
     from .runtime.sections import carried_files, sections_of
-    from .runtime.standalone.manifest import file_digest, seal
+    from .runtime.standalone.files.manifest import file_digest, seal
 
     digest = hashlib.sha256()
     for name, text in sorted(source.files.items()):

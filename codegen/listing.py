@@ -266,7 +266,7 @@ def list_package(folder: Path, verbose: bool = False) -> list[str]:
         The folder holds no package.
     """
     from .folders import FolderError
-    from .runtime.standalone.manifest import read_manifest
+    from .runtime.standalone.files.manifest import read_manifest
 
     try:
         manifest = read_manifest(folder)
@@ -298,7 +298,7 @@ def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
     if manifest.get("target") == "numpy":
         return "NumPy computes"
     from .runtime import CompileError
-    from .runtime.standalone.build import builds
+    from .runtime.standalone.files.build import builds
 
     try:
         kept = [(build, build.key()) for build in list(builds(folder, manifest).values())[:2]]

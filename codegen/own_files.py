@@ -7,7 +7,7 @@ import mmap
 from pathlib import Path
 
 from .folders import FolderError, unwritable
-from .runtime.standalone.whole_file import MARK
+from .runtime.standalone.files.whole_file import MARK
 
 MARKS = (MARK.encode(), b'"format": "ordernm trajectory"')
 """What files of ordernm hold, one or the other; the second stands in trajectories of earlier versions too."""

@@ -360,7 +360,8 @@ def _positive(option: str, value: float) -> float:
 
 def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajectory], object]]]:
     """The files to write, each with what writes it; RequestError or ImportError for what cannot be written."""
-    from .runtime.standalone import trajectory_files, trajectory_plot
+    from .runtime.standalone.trajectory import files as trajectory_files
+    from .runtime.standalone.trajectory import plot as trajectory_plot
 
     try:
         if options.output is not None:
@@ -423,8 +424,8 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int) -
     """Generate and compile the solver, unless it is there."""
     from .generation import generate
     from .runtime import PackageError
-    from .runtime.standalone.manifest import check_files, read_manifest
-    from .runtime.standalone.user_cache import trusted
+    from .runtime.standalone.files.manifest import check_files, read_manifest
+    from .runtime.standalone.files.user_cache import trusted
 
     with contextlib.suppress(PackageError, OSError):
         if all(trusted(file) for file in folder.rglob("*")):
@@ -447,7 +448,7 @@ def _cached(model: Model, partitions: int) -> Path | None:
     packages that it computes and prints with, and the options. Compiled libraries have flags, compiler and processor in names
     of their own.
     """
-    from .runtime.standalone.user_cache import make_private, user_cache
+    from .runtime.standalone.files.user_cache import make_private, user_cache
 
     key = hashlib.sha256(f"{model.digest} {partitions}".encode())
     key.update(_generator())

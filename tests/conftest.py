@@ -67,7 +67,7 @@ def compiled_once(whole_run):
 
     Small sources, which tests of compiling itself write by hand, are compiled each time.
     """
-    from codegen.runtime.standalone.build import Build
+    from codegen.runtime.standalone.files.build import Build
 
     kept = whole_run / "libraries"
     kept.mkdir(exist_ok=True)

@@ -85,7 +85,7 @@ def test_generate_options(here, capsys):
     assert generate_main(["rod.yaml", "-o", "plain", "--target", "numpy", "-v"]) == 0
     out = capsys.readouterr().out
     assert "target numpy" in out and "checked against" in out
-    for word in ("sweep", "triangularize", "pass", "per direction", "rod_numpy.py", "_runtime/package.py"):
+    for word in ("sweep", "triangularize", "pass", "per direction", "rod_numpy.py", "_runtime/calls/package.py"):
         assert word in out
     assert not list((here / "plain").glob("*.so"))
     assert generate_main(["rod.yaml", "-o", "unrolled", "--layout", "unrolled", "--target", "numpy", "--no-check"]) == 0

@@ -19,7 +19,7 @@ import codegen
 from codegen import generation, simulating, terminal
 from codegen.cli import main
 from codegen.runtime import AssemblyError, SingularLoopError, Solver
-from codegen.runtime.standalone.trajectory import FINISHED, INTERRUPTED, Trajectory
+from codegen.runtime.standalone.trajectory.trajectory import FINISHED, INTERRUPTED, Trajectory
 from codegen.terminal import StatusLine
 
 MODEL = """\
@@ -366,7 +366,7 @@ def test_an_extra_that_is_missing_is_told_before_the_work(here, capsys, monkeypa
     def missing():
         raise ImportError('plots need matplotlib: pip install "ordernm[plot]", or pip install matplotlib')
 
-    monkeypatch.setattr("codegen.runtime.standalone.trajectory_plot.need", missing)
+    monkeypatch.setattr("codegen.runtime.standalone.trajectory.plot.need", missing)
     assert run("swing.yaml", "-t", 1, "--plot", "out.svg") == 2
     assert "pip install" in one_line(capsys)
 

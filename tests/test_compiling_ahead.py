@@ -10,7 +10,7 @@ import pytest
 
 import codegen
 from codegen.compiling_ahead import CompilingAhead
-from codegen.runtime.standalone.build import Build
+from codegen.runtime.standalone.files.build import Build
 
 PENDULUM = Path(__file__).parents[1] / "examples" / "pendulum.yaml"
 

@@ -17,7 +17,7 @@ from codegen.model.parsing import parse
 from codegen.program.algebra import Number, Symbol, derivative
 from codegen.program.functions import SYMBOLIC
 from codegen.reference import RecursiveEngine
-from codegen.runtime.standalone.jets import ELEMENTARY, Jet
+from codegen.runtime.standalone.statics.jets import ELEMENTARY, Jet
 
 EVERY = pytest.mark.parametrize("e", TABLE.values(), ids=TABLE.keys())
 SMOOTH = pytest.mark.parametrize("e", [e for e in TABLE.values() if e.rounds or e.name == "sqrt"], ids=lambda e: e.name)

@@ -15,7 +15,7 @@ from codegen import generation
 from codegen.generation import FolderError, check_solver, generate
 from codegen.model import ModelError, parse_model
 from codegen.runtime import CompileError
-from codegen.runtime.standalone.manifest import file_digest, seal
+from codegen.runtime.standalone.files.manifest import file_digest, seal
 
 TEXT = """
 model: rod
@@ -104,8 +104,12 @@ def test_same_bytes_under_other_hash_seeds_and_folders(written, tmp_path, seed):
 
 
 def carried(folder: Path) -> set[str]:
-    """Modules of the run time in a package."""
-    return {p.stem for p in (folder / "_runtime").iterdir()}
+    """Modules of the run time in a package, with their rooms."""
+    return modules(folder / "_runtime")
+
+
+def modules(place: Path) -> set[str]:
+    return {p.relative_to(place).with_suffix("").as_posix() for p in place.rglob("*.py")}
 
 
 def test_the_run_time_is_copied_as_it_is(written):
@@ -113,31 +117,37 @@ def test_the_run_time_is_copied_as_it_is(written):
     own = Path(codegen.__file__).parent / "runtime" / "standalone"
     for name in carried(written):
         file = next(x for x in (own / f"{name}.py", own.parents[1] / f"{name}.py") if x.is_file())
-        text = file.read_text().replace("\nfrom ...elementary import", "\nfrom .elementary import")
+        text = file.read_text().replace("\nfrom ....elementary import", "\nfrom ..elementary import")
         assert (written / "_runtime" / f"{name}.py").read_text() == text
     listed = json.loads((written / "model.json").read_text())["files"]
     assert {n for n in listed if n.startswith("_runtime/")} == {f"_runtime/{n}.py" for n in carried(written)}
 
 
-OF_LOOPS = {"loops", "loop_forces", "assembly", "following", "newton", "starting"}
-OF_MOTIONS = {"trajectory", "trajectory_files", "trajectory_html", "trajectory_plot", "trajectory_table", "whole_file"}
-LATE = OF_MOTIONS - {"trajectory"}
+OF_LOOPS = {
+    "state/loop_forces",
+    "assembly/loops",
+    "assembly/assembly",
+    "assembly/following",
+    "assembly/newton",
+    "assembly/starting",
+}
+LATE = {"trajectory/files", "trajectory/html", "trajectory/plot", "trajectory/table", "files/whole_file"}
 """Imported by functions that use them."""
-OPTIONAL = OF_LOOPS | {"reactions", "redundancy", "tree_forces"}
+OPTIONAL = OF_LOOPS | {"state/reactions", "assembly/redundancy", "state/tree_forces"}
 
 
 def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
     """And without rests of what stood there before."""
-    everything = {p.stem for p in (Path(codegen.__file__).parent / "runtime" / "standalone").glob("*.py")}
+    everything = modules(Path(codegen.__file__).parent / "runtime" / "standalone")
     assert everything - carried(written) == OF_LOOPS | {
-        "reactions",
-        "redundancy",
-        "frames",
-        "frame_motion",
-        "driving_forces",
-        "motion_kinks",
-        "prescribed_branches",
-        "single_precision",
+        "state/reactions",
+        "assembly/redundancy",
+        "state/frames",
+        "state/frame_motion",
+        "state/driving_forces",
+        "motion/kinks",
+        "motion/prescribed_branches",
+        "trust/single_precision",
     }
     folder = tmp_path / "rod"
     loop = parse_model(LOOP)
@@ -145,20 +155,21 @@ def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
     opening = parse_model(
         LOOP.replace("[1, 0, 0]}, to", "[1, off, 0]}, to").replace("bodies:", "parameters: {off: 0}\nbodies:")
     )
+    reactions, trees = "state/reactions", "state/tree_forces"
     for model, options, expected in (
-        (loop, {}, OF_LOOPS), (opening, {"reactions": True}, {*OF_LOOPS, "reactions", "redundancy"}), (loop, {}, OF_LOOPS),
-        (parse_model(TEXT), {}, {"tree_forces"}), (parse_model(TEXT), {"reactions": True}, {"reactions", "tree_forces"}),
+        (loop, {}, OF_LOOPS), (opening, {"reactions": True}, {*OF_LOOPS, reactions, "assembly/redundancy"}), (loop, {}, OF_LOOPS),
+        (parse_model(TEXT), {}, {trees}), (parse_model(TEXT), {"reactions": True}, {reactions, trees}),
     ):  # fmt: skip
         generate(model, folder, compile=False, **options)
         assert carried(folder) & OPTIONAL == expected and carried(folder) <= everything | {"elementary"}
 
 
 def test_every_file_of_the_run_time_is_imported_by_what_carries_it(written):
-    script = "import sys, rod; print(*(m.rpartition('.')[2] for m in sys.modules if m.startswith('rod._runtime.')))"
+    script = "import sys, rod; print(*(m[13:].replace('.', '/') for m in sys.modules if m.startswith('rod._runtime.')))"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=written.parent, capture_output=True, text=True, check=True
     )
-    assert {*done.stdout.split(), "__init__"} == carried(written) - LATE
+    assert {*done.stdout.split()} == {m.removesuffix("/__init__") for m in carried(written) - LATE - {"__init__"}}
 
 
 WITHOUT = """

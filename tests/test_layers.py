@@ -50,12 +50,15 @@ STANDALONE = PACKAGE / "runtime" / "standalone"
 """Copied into generated packages, file by file, which need NumPy and cffi only."""
 
 EXTRAS = {
-    "precision": {"mpmath"},
-    "trajectory_plot": {"matplotlib"},
-    "trajectory_table": {"pandas"},
-    "trajectory_files": {"pyarrow"},
+    "trust/precision": {"mpmath"},
+    "trajectory/plot": {"matplotlib"},
+    "trajectory/table": {"pandas"},
+    "trajectory/files": {"pyarrow"},
 }
 """What single modules of it may import beside these, within functions only: who calls them has installed it."""
+
+RUN_TIME = ("files", "calls", "assembly", "state", "statics", "trajectory", "motion", "trust")
+"""The rooms of it, each of which may import those before it."""
 
 READS_MECHANICS = {
     "address", "interface", "language", "memory", "notes", "rows", "runs", "sweeps", "writer", "c/columns", "c/divided",
@@ -105,11 +108,15 @@ def faults(source: str, path: Path) -> list[str]:
     floor, found = _floor(path), []
     for line, name in imports(source, path):
         parts = name.split(".")
-        if path.parent == STANDALONE:
+        if path.is_relative_to(STANDALONE):
             own = parts[:2] == ["codegen", "elementary"] or (
                 parts[:3] == ["codegen", "runtime", "standalone"] and len(parts) > 3
             )
-            extra = parts[0] in EXTRAS.get(path.stem, ()) and line in lines_of_functions(source)
+            module = path.relative_to(STANDALONE).with_suffix("").as_posix()
+            extra = parts[0] in EXTRAS.get(module, ()) and line in lines_of_functions(source)
+            room, lower = module.rpartition("/")[0], parts[3] if own and len(parts) > 4 else ""
+            if room and lower in RUN_TIME and RUN_TIME.index(lower) > RUN_TIME.index(room):
+                found.append(f"{_name(path)}:{line}: {room} imports {name}; {lower} is above it")
             if not own and not extra and parts[0] not in sys.stdlib_module_names | {"numpy", "cffi"}:
                 found.append(
                     f"{_name(path)}:{line}: {name}; beside itself the standalone run time has the standard library, numpy and "
@@ -192,7 +199,7 @@ def test_the_contract_of_targets_and_the_printers_know_no_mechanics():
 def test_there_are_modules_on_every_floor():
     assert {_floor(p) for p in MODULES} >= FLOORS.keys()
     assert {_room(p) for p in MODULES} == {*ROOMS, ""}
-    assert len([p for p in MODULES if p.parent == STANDALONE]) > 20
+    assert {p.parent.name for p in MODULES if p.parent.parent == STANDALONE} == {*RUN_TIME}
 
 
 def test_no_module_imports_itself_in_a_circle():
@@ -300,10 +307,11 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("runtime/standalone/x.py", "from ..sections import STANDALONE"),
         ("runtime/standalone/x.py", "def f():\n    from .. import load"),
         ("runtime/standalone/x.py", "from ...version import __version__"),
-        ("runtime/standalone/trajectory.py", "def f():\n    import matplotlib"),
-        ("runtime/standalone/trajectory_plot.py", "import matplotlib"),
-        ("runtime/standalone/trajectory_plot.py", "def f():\n    import pandas"),
-        ("runtime/standalone/trajectory_plot.py", "if TYPE_CHECKING:\n    from matplotlib.figure import Figure"),
+        ("runtime/standalone/calls/x.py", "from ..state.dynamics import Dynamics"),
+        ("runtime/standalone/trajectory/trajectory.py", "def f():\n    import matplotlib"),
+        ("runtime/standalone/trajectory/plot.py", "import matplotlib"),
+        ("runtime/standalone/trajectory/plot.py", "def f():\n    import pandas"),
+        ("runtime/standalone/trajectory/plot.py", "if TYPE_CHECKING:\n    from matplotlib.figure import Figure"),
     ],
 )
 def test_the_check_sees_imports_that_climb(file, source):
@@ -325,7 +333,8 @@ def test_the_check_sees_imports_that_climb(file, source):
             "runtime/standalone/x.py",
             "import json\nimport numpy as np\nfrom cffi import FFI\nfrom .errors import PackageError",
         ),
-        ("runtime/standalone/trajectory_plot.py", "def f():\n    from matplotlib.figure import Figure"),
+        ("runtime/standalone/state/x.py", "from ..calls.package import Package\nfrom ..errors import PackageError"),
+        ("runtime/standalone/trajectory/plot.py", "def f():\n    from matplotlib.figure import Figure"),
     ],
 )
 def test_the_check_lets_imports_of_lower_floors_pass(file, source):

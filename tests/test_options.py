@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from codegen import cli, simulating
-from codegen.runtime.standalone.trajectory import FINISHED, Trajectory
+from codegen.runtime.standalone.trajectory.trajectory import FINISHED, Trajectory
 
 MODEL = """\
 model: swing

@@ -95,7 +95,7 @@ FEATURES = {
     ),
     "prescribed motion with branches": Feature(
         "motion: {a: '0.3*max(0, t - 1)**2'}\n", "prescribed", "driving_forces t branching_motion",
-        "driving_forces.py prescribed_branches.py motion_kinks.py",
+        "driving_forces.py prescribed_branches.py kinks.py",
     ),
     "loops": Feature(
         f"{PINNED}initial: {{q: {{a: 0.3, b: 0.1}}}}\n", "closure ear", "closure completion condition closures",
@@ -115,7 +115,7 @@ FEATURES = {
         "", "frames", "frames frame_sensitivities frame_accelerations", "frames.py", {"frames": True}
     ),
     "motions and their events": Feature(
-        "", "state_rates", "state_rates", "NAME_motion.c events.c motion_events.py simulation.py trajectory.py",
+        "", "state_rates", "state_rates", "NAME_motion.c events.c run.py simulation.py trajectory.py",
         {"functions": ("simulate",)}, {"functions": ("accelerations",)},
     ),
 }  # fmt: skip

@@ -15,7 +15,7 @@ from codegen.cli import main
 from codegen.folders import FolderError
 from codegen.reporting import gallery, pages
 from codegen.reporting.agreement import NoReportError, read
-from codegen.runtime.standalone.whole_file import MARK, write_whole
+from codegen.runtime.standalone.files.whole_file import MARK, write_whole
 
 MODEL = """\
 model: swing

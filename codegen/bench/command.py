@@ -56,7 +56,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
         Before the work.
     CompileError, NoCompilerError, OSError
     """
-    from ..runtime.standalone.whole_file import write_whole
+    from ..runtime.standalone.files.whole_file import write_whole
     from ..terminal import width
     from .catalogue import chosen
     from .lines import compare_lines, failures, list_lines, machine_line, peer_lines, problem_lines
@@ -139,7 +139,7 @@ def _refuse_places(options: argparse.Namespace) -> None:
         except FolderError as error:
             raise ResultsError(f"{option}: {error}") from None
     if options.plots is not None:
-        from ..runtime.standalone.trajectory_plot import need
+        from ..runtime.standalone.trajectory.plot import need
         from .plots import refuse_foreign
 
         try:

@@ -7,7 +7,7 @@ from typing import Any
 from ..measure.clock import exponent
 from ..measure.operations import plain
 from ..measure.tables import error, markdown, seconds
-from ..runtime.standalone.whole_file import MARK
+from ..runtime.standalone.files.whole_file import MARK
 from .lines import PEER_HEAD, error_of, peer_row, robot_head, robot_row, setting
 from .problem import JOINT, SPEED
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..measure import tables
-from ..runtime.standalone.whole_file import MARK, write_whole
+from ..runtime.standalone.files.whole_file import MARK, write_whole
 
 FORMAT = 1
 """Raised when figures change their names or meaning."""

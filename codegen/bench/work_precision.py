@@ -11,7 +11,7 @@ import numpy as np
 
 from ..measure.clock import Timed, alternate
 from ..measure.motions import simulated, timed
-from ..runtime.standalone.trajectory import INTERRUPTED
+from ..runtime.standalone.trajectory.trajectory import INTERRUPTED
 from .problem import Setting
 
 if TYPE_CHECKING:

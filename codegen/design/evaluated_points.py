@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.errors import SimulationError
-from ..runtime.standalone.functionals import Functional
+from ..runtime.standalone.motion.functionals import Functional
 from .failures import FAILURES
 from .variables import Variables
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.standalone.arguments import some
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.trajectory import Trajectory
+from ..runtime.standalone.calls.arguments import some
+from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .variables import Variables, Wanted
 
 KEYS = ("times", "samples", "sigma", "q", "u", "p", "inputs", "start", "name", "variables")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.trajectory import Trajectory
+from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .experiments import Experiment, Space
 from .outcome import at_bound
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array, Numbers
-from ..runtime.standalone.trajectory import Trajectory
+from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .experiments import Experiment, take_experiments
 from .failures import FAILURES
 from .fit_result import Fit

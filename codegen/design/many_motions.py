@@ -13,7 +13,7 @@ import numpy as np
 
 from ..runtime.standalone.arrays import Array, Numbers
 from ..runtime.standalone.errors import SimulationError
-from ..runtime.standalone.trajectory import Trajectory
+from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .failures import FAILURES
 
 

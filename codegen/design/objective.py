@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array, Numbers
-from ..runtime.standalone.functionals import Functional, check_functionals
-from ..runtime.standalone.trajectory import Trajectory
+from ..runtime.standalone.motion.functionals import Functional, check_functionals
+from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .constraints import bounds_of, dictionaries, nonlinear
 from .evaluated_points import Combine, EvaluatedPoints, Evaluation
 from .outcome import Outcome

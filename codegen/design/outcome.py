@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
+from ..runtime.standalone.motion.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
 
 ROWS = 40
 """So many variables are shown."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.standalone.whole_file import suffix_among, write_whole
+from ..runtime.standalone.files.whole_file import suffix_among, write_whole
 from .sweep_cases import Case
 
 SUFFIXES = (".csv", ".parquet")

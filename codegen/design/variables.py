@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..runtime.standalone.arguments import some
 from ..runtime.standalone.arrays import Array, Numbers
-from ..runtime.standalone.named_entries import Entry, apart, look_up_all, names_of
-from ..runtime.standalone.signals import Interval, take_inputs
+from ..runtime.standalone.calls.arguments import some
+from ..runtime.standalone.calls.named_entries import Entry, apart, look_up_all, names_of
+from ..runtime.standalone.motion.signals import Interval, take_inputs
 
 
 @dataclass(frozen=True, eq=False)

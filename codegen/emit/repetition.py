@@ -1,7 +1,7 @@
 """Long lists of names and numbers in few words: what ``repeat`` of a model file repeats is not listed a hundred thousand times.
 
 A stretch of a list that repeats some items, with integers in them going up in equal steps, is written as a `Repeated`; the
-run time (`codegen.runtime.standalone.manifest.unrolled`) makes the list again.
+run time (`codegen.runtime.standalone.files.manifest.unrolled`) makes the list again.
 """
 
 from __future__ import annotations

@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..runtime.standalone.build import Build
-from ..runtime.standalone.compiler import compiler_version, find_compiler, optimization, processor
-from ..runtime.standalone.manifest import read_manifest
-from ..runtime.standalone.user_cache import make_private, user_cache
+from ..runtime.standalone.files.build import Build
+from ..runtime.standalone.files.compiler import compiler_version, find_compiler, optimization, processor
+from ..runtime.standalone.files.manifest import read_manifest
+from ..runtime.standalone.files.user_cache import make_private, user_cache
 from . import machine
 from .clock import Rounds, in_rounds, repeated
 

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..runtime.standalone.compiler import STANDARD, find_compiler, optimization, run_all
 from ..runtime.standalone.errors import CompileError
+from ..runtime.standalone.files.compiler import STANDARD, find_compiler, optimization, run_all
 from .clock import Timed, cores, one_core, summary
 
 if TYPE_CHECKING:

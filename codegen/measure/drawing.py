@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.standalone.whole_file import MARK
+from ..runtime.standalone.files.whole_file import MARK
 
 SETTINGS: dict[Any, Any] = {
     "svg.hashsalt": "ordernm", "svg.fonttype": "none", "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"],

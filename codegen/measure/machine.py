@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ..runtime.standalone.compiler import STANDARD, compiler_version, find_compiler, optimization
+from ..runtime.standalone.files.compiler import STANDARD, compiler_version, find_compiler, optimization
 from ..version import __version__
 
 INSTRUCTIONS = (

@@ -14,7 +14,7 @@ from ..measure.tables import number, seconds
 from ..model.errors import ModelError
 from ..own_files import refuse_foreign_file
 from ..runtime.standalone.errors import AssemblyError, CompileError
-from ..runtime.standalone.whole_file import MARK
+from ..runtime.standalone.files.whole_file import MARK
 from . import pages
 from .measuring import Progress, Request, report
 

@@ -18,8 +18,8 @@ from ..measure.machine import machine
 from ..measure.operations import point
 from ..model import Model, load_model
 from ..runtime import load
-from ..runtime.standalone.build import Build, build_apart, builds, first_build
-from ..runtime.standalone.manifest import read_manifest
+from ..runtime.standalone.files.build import Build, build_apart, builds, first_build
+from ..runtime.standalone.files.manifest import read_manifest
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, processes
 from .skipped import Skipped

@@ -11,8 +11,8 @@ from typing import Any
 from ..emit.templates import render
 from ..folders import FolderError, write_folder
 from ..measure.tables import number, seconds
-from ..runtime.standalone.manifest import file_digest
-from ..runtime.standalone.whole_file import MARK
+from ..runtime.standalone.files.manifest import file_digest
+from ..runtime.standalone.files.whole_file import MARK
 from . import agreement, figures, processes
 
 PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "figures"
@@ -26,7 +26,7 @@ Section = dict[str, Any]
 
 def need() -> None:
     """ImportError, which tells what to install, where matplotlib is not there."""
-    from ..runtime.standalone.trajectory_plot import need as need_matplotlib
+    from ..runtime.standalone.trajectory.plot import need as need_matplotlib
 
     need_matplotlib()
 

@@ -7,8 +7,6 @@ from ..deferred import deferred
 if TYPE_CHECKING:
     from .loading import load, load_trajectory
     from .solver import Solver
-    from .standalone.diagnosis import Diagnosis
-    from .standalone.equilibrium import Equilibrium
     from .standalone.errors import (
         AssemblyError,
         CompileError,
@@ -22,18 +20,20 @@ if TYPE_CHECKING:
         SingularOutputError,
         TargetsDifferError,
     )
-    from .standalone.frame_motion import FrameMotion, PointMotion
-    from .standalone.functionals import At, AtEvent, Final, Integral, LeastSquares
-    from .standalone.jacobians import Jacobians
-    from .standalone.linearization import Linearization
-    from .standalone.motion_events import Event
-    from .standalone.trajectory import Trajectory
+    from .standalone.motion.functionals import At, AtEvent, Final, Integral, LeastSquares
+    from .standalone.state.frame_motion import FrameMotion, PointMotion
+    from .standalone.state.jacobians import Jacobians
+    from .standalone.statics.equilibrium import Equilibrium
+    from .standalone.statics.linearization import Linearization
+    from .standalone.trajectory.events import Event
+    from .standalone.trajectory.trajectory import Trajectory
+    from .standalone.trust.diagnosis import Diagnosis
 
 _PLACES = {
     **dict.fromkeys(("load", "load_trajectory"), "loading"),
     **dict.fromkeys(("Solver",), "solver"),
-    **dict.fromkeys(("Diagnosis",), "standalone.diagnosis"),
-    **dict.fromkeys(("Equilibrium",), "standalone.equilibrium"),
+    **dict.fromkeys(("Diagnosis",), "standalone.trust.diagnosis"),
+    **dict.fromkeys(("Equilibrium",), "standalone.statics.equilibrium"),
     **dict.fromkeys(
         (
             "AssemblyError",
@@ -50,12 +50,12 @@ _PLACES = {
         ),
         "standalone.errors",
     ),
-    **dict.fromkeys(("FrameMotion", "PointMotion"), "standalone.frame_motion"),
-    **dict.fromkeys(("At", "AtEvent", "Final", "Integral", "LeastSquares"), "standalone.functionals"),
-    **dict.fromkeys(("Jacobians",), "standalone.jacobians"),
-    **dict.fromkeys(("Linearization",), "standalone.linearization"),
-    **dict.fromkeys(("Event",), "standalone.motion_events"),
-    **dict.fromkeys(("Trajectory",), "standalone.trajectory"),
+    **dict.fromkeys(("FrameMotion", "PointMotion"), "standalone.state.frame_motion"),
+    **dict.fromkeys(("At", "AtEvent", "Final", "Integral", "LeastSquares"), "standalone.motion.functionals"),
+    **dict.fromkeys(("Jacobians",), "standalone.state.jacobians"),
+    **dict.fromkeys(("Linearization",), "standalone.statics.linearization"),
+    **dict.fromkeys(("Event",), "standalone.trajectory.events"),
+    **dict.fromkeys(("Trajectory",), "standalone.trajectory.trajectory"),
 }
 
 # what only compiles needs neither solvers nor mpmath

@@ -11,8 +11,8 @@ from types import ModuleType
 
 from .sections import CARRIED, carried_text
 from .solver import Solver
-from .standalone.manifest import SEAL, check_files, read_manifest
-from .standalone.trajectory import Trajectory
+from .standalone.files.manifest import SEAL, check_files, read_manifest
+from .standalone.trajectory.trajectory import Trajectory
 
 
 def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
@@ -40,7 +40,7 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     """
     path = Path(folder).absolute()
     brought = _brought(path)
-    ours = all(_is_own(file) for file in brought)
+    ours = all(_is_own(path / CARRIED, file) for file in brought)
     if ours or _is_sealed(path):  # what is not may be of a version that knew no seals
         check_files(path, read_manifest(path), (".py",))
     if ours:
@@ -80,12 +80,13 @@ def _is_sealed(path: Path) -> bool:
 def _brought(path: Path) -> list[Path]:
     """The files of the run time that a package brings along: a single file in those of earlier versions."""
     one = path / f"{CARRIED}.py"
-    return [one] if one.is_file() else sorted((path / CARRIED).glob("*.py"))
+    return [one] if one.is_file() else sorted((path / CARRIED).rglob("*.py"))
 
 
-def _is_own(file: Path) -> bool:
+def _is_own(folder: Path, file: Path) -> bool:
     try:
-        return carried_text(file.stem) == file.read_text(encoding="utf-8")
+        module = ".".join(file.relative_to(folder).with_suffix("").parts)
+        return carried_text(module) == file.read_text(encoding="utf-8")
     except (OSError, ValueError):
         return False
 

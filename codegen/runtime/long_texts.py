@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .standalone.precision import GUARD
+from .standalone.trust.precision import GUARD
 
 if TYPE_CHECKING:
     from ..model import Model

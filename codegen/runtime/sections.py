@@ -28,7 +28,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities",
                    "inverse_dynamics", "inverse_dynamics_sensitivities"),
     "LoopForces": ("closure", "accelerations", "sensitivities", "energy_sensitivities"),
-    "PrescribedBranches": ("branching_motion",), "Judging": ("state_rates",),
+    "PrescribedBranches": ("branching_motion",), "FunctionalGradients": ("state_rates",),
     "DrivingForces": ("driving_forces", "driving_force_sensitivities"),
     "Reactions": ("reactions", "reaction_sensitivities"),
     "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
@@ -43,7 +43,7 @@ TOGETHER = ("Statics", "LoopForces")
 ANYWAY = ("WeightedGradients", "Outputs")
 """Sections of these that serve models too that have none of these functions; who chose functions without them does without."""
 
-ALWAYS = ("errors", "jacobians")
+ALWAYS = ("errors", "state.jacobians")
 """Modules that the ``__init__.py`` of every package imports beside sections."""
 
 
@@ -71,8 +71,9 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
     while left:
         modules |= left
         left = set().union(*map(_imported, left)) - modules
-    found = {f"{CARRIED}/{m}.py": carried_text(m) for m in ("__init__", *sorted(modules))}
-    if "Judging" in sections_of(manifest):
+    modules |= {f"{module.rpartition('.')[0]}.__init__".lstrip(".") for module in modules}
+    found = {f"{CARRIED}/{m.replace('.', '/')}.py": carried_text(m) for m in sorted(modules)}
+    if "FunctionalGradients" in sections_of(manifest):
         found |= {
             f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))
         }
@@ -81,22 +82,26 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
 
 @functools.cache
 def _module(section: str) -> str:
-    """The module of a section: TreeForces stands in ``tree_forces``."""
-    return "".join(f"_{c.lower()}" if c.isupper() else c for c in section).removeprefix("_")
+    """The module of a section: TreeForces stands in ``state.tree_forces``."""
+    name = "".join(f"_{c.lower()}" if c.isupper() else c for c in section).removeprefix("_")
+    (file,) = STANDALONE.glob(f"*/{name}.py")
+    return f"{file.parent.name}.{name}"
 
 
 @functools.cache
 def carried_text(module: str) -> str:
     """The text of a module of the run time in a package, where what it shares with all of ordernm stands beside it."""
-    file = STANDALONE / f"{module}.py"
+    file = STANDALONE / f"{module.replace('.', '/')}.py"
     text = (file if file.is_file() else SHARED / file.name).read_text(encoding="utf-8")
-    return re.sub(r"^from \.\.\.(\w+) import", r"from .\1 import", text, flags=re.MULTILINE)
+    return re.sub(r"^from \.\.\.(\.?\w+) import", r"from .\1 import", text, flags=re.MULTILINE)
 
 
 @functools.cache
 def _imported(module: str) -> frozenset[str]:
     """Modules of the run time that one imports, at its head or within functions."""
-    return frozenset(re.findall(r"^ *from \.(\w+) import", carried_text(module), re.MULTILINE))
+    room = module.rpartition(".")[0]
+    found = re.findall(r"^ *from \.(\.?)([\w.]+) import", carried_text(module), re.MULTILINE)
+    return frozenset(name if above or not room else f"{room}.{name}" for above, name in found)
 
 
 __all__ = ["CARRIED", "carried_files", "carried_text", "sections_of"]

@@ -6,25 +6,25 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from .long_texts import LongTexts
-from .standalone.diagnosing import Diagnosing
-from .standalone.driving_forces import DrivingForces
-from .standalone.dynamics import Dynamics
-from .standalone.energies import Energies
-from .standalone.frames import Frames
-from .standalone.judging import Judging
-from .standalone.loop_forces import LoopForces
-from .standalone.loops import Loops
-from .standalone.outputs import Outputs
-from .standalone.package import Package
-from .standalone.partitions import Partitions
-from .standalone.precision import Precision, extended
-from .standalone.prescribed_branches import PrescribedBranches
-from .standalone.reactions import Reactions
-from .standalone.redundancy import Redundancy
-from .standalone.single_precision import SinglePrecision
-from .standalone.statics import Statics
-from .standalone.tree_forces import TreeForces
-from .standalone.weighted_gradients import WeightedGradients
+from .standalone.assembly.loops import Loops
+from .standalone.assembly.partitions import Partitions
+from .standalone.assembly.redundancy import Redundancy
+from .standalone.calls.package import Package
+from .standalone.motion.functional_gradients import FunctionalGradients
+from .standalone.motion.prescribed_branches import PrescribedBranches
+from .standalone.state.driving_forces import DrivingForces
+from .standalone.state.dynamics import Dynamics
+from .standalone.state.energies import Energies
+from .standalone.state.frames import Frames
+from .standalone.state.loop_forces import LoopForces
+from .standalone.state.outputs import Outputs
+from .standalone.state.reactions import Reactions
+from .standalone.state.tree_forces import TreeForces
+from .standalone.state.weighted_gradients import WeightedGradients
+from .standalone.statics.statics import Statics
+from .standalone.trust.diagnosing import Diagnosing
+from .standalone.trust.precision import Precision, extended
+from .standalone.trust.single_precision import SinglePrecision
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -39,7 +39,7 @@ class Solver(
     Outputs,
     TreeForces,
     PrescribedBranches,
-    Judging,
+    FunctionalGradients,
     DrivingForces,
     Reactions,
     Frames,

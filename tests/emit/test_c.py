@@ -25,7 +25,7 @@ from codegen.emit.templates import render
 from codegen.model import parse_model
 from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine, RecursiveEngine
-from codegen.runtime.standalone.rounding import DIRECTED, rounding
+from codegen.runtime.standalone.trust.rounding import DIRECTED, rounding
 
 CHAIN = """
 model: chain

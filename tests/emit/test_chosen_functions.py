@@ -14,8 +14,8 @@ from codegen.cli import generate_main
 from codegen.mechanics.procedures import UnknownFunctionError
 from codegen.model import load_model, parse_model
 from codegen.pipeline import write_solver
-from codegen.runtime.standalone.compiler import find_compiler
 from codegen.runtime.standalone.errors import SingularForceError
+from codegen.runtime.standalone.files.compiler import find_compiler
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = ("double_pendulum", "four_bar")
@@ -75,8 +75,8 @@ def test_what_is_left_out_is_nowhere(name, whole, tmp_path):
     assert len(texts) == 8  # the last two work on several states at once, and on threads
     for word in ("jacobians", "_transposed", "moments(", "link_kept", ".kept"):
         assert not any(word in text for text in texts), word
-    assert not (tmp_path / name / "_runtime" / "weighted_gradients.py").exists()
-    assert not (tmp_path / name / "_runtime" / "outputs.py").exists()
+    assert not (tmp_path / name / "_runtime" / "state" / "weighted_gradients.py").exists()
+    assert not (tmp_path / name / "_runtime" / "state" / "outputs.py").exists()
 
 
 def test_values_alone_have_no_directions():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codegen.emit.repetition import condensed, repeated
-from codegen.runtime.standalone.manifest import unrolled
+from codegen.runtime.standalone.files.manifest import unrolled
 
 PERIODS = st.lists(
     st.sampled_from(["link({})", "b({}).px", "b({}).qw", "a{}_{}", "wheel", "x07({})", "{}"]), min_size=1, max_size=5

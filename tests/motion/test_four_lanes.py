@@ -13,9 +13,9 @@ import pytest
 from motion.models import Made, example
 
 import codegen
-from codegen.runtime.standalone import motion_run
-from codegen.runtime.standalone.build import Build
-from codegen.runtime.standalone.compiler import find_compiler
+from codegen.runtime.standalone.files.build import Build
+from codegen.runtime.standalone.files.compiler import find_compiler
+from codegen.runtime.standalone.motion import run as motion_run
 
 TIMES = np.linspace(0.0, 1.5, 7)
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from motion.models import EXAMPLES, Made, example, mechanism, parsed, split, tree
 
-import codegen.runtime.standalone.judging as judging
-import codegen.runtime.standalone.motion_adjoint as motion_adjoint
+import codegen.runtime.standalone.motion.adjoint as motion_adjoint
+import codegen.runtime.standalone.motion.functional_gradients as judging
 from codegen.runtime import At, AtEvent, Event, Final, Integral, LeastSquares
 
 END = 0.4
@@ -127,7 +127,7 @@ def test_steps_that_are_made_again_are_the_same(
 ) -> None:
     of = made(*MODELS[name])
     again, kept = [], []
-    made_again, let_go = motion_adjoint.made_again, judging.Judging._run
+    made_again, let_go = motion_adjoint.made_again, judging.FunctionalGradients._run
 
     def counted(*arguments: Any) -> Any:
         again.append(len(arguments[-1]))
@@ -139,7 +139,7 @@ def test_steps_that_are_made_again_are_the_same(
         return found
 
     monkeypatch.setattr(motion_adjoint, "made_again", counted)
-    monkeypatch.setattr(judging.Judging, "_run", run)
+    monkeypatch.setattr(judging.FunctionalGradients, "_run", run)
     rng = np.random.default_rng(3)
     inputs = inputs_over_time(rng, of.solver.ninputs, "linear")
     wrt = directions(of.solver, inputs, rng, 8)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from codegen.runtime.sections import MOTION
-from codegen.runtime.standalone.build import Build
+from codegen.runtime.standalone.files.build import Build
 
 
 @pytest.mark.parametrize("changed", sorted(f.name for f in MOTION.glob("*.[ch]")))

@@ -12,9 +12,16 @@ from scipy.interpolate import BSpline, CubicSpline, PchipInterpolator, make_inte
 
 import codegen
 from codegen.model import parse_model
-from codegen.runtime.standalone.functionals import Integral
-from codegen.runtime.standalone.signals import take_inputs
-from codegen.runtime.standalone.splines import Rewritten, Through, common_knots, knots_through, pieces, spline_weights
+from codegen.runtime.standalone.motion.functionals import Integral
+from codegen.runtime.standalone.motion.signals import take_inputs
+from codegen.runtime.standalone.motion.splines import (
+    Rewritten,
+    Through,
+    common_knots,
+    knots_through,
+    pieces,
+    spline_weights,
+)
 
 NAMES = ("a", "b", "c")
 RNG = np.random.default_rng(11)

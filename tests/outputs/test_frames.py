@@ -374,14 +374,14 @@ def test_they_are_there_where_they_are_asked_for(tmp_path: Path) -> None:
     """Nothing of them is in a package without; one that has them imports by itself."""
     model = parse_model(WITH_POINTS)
     plain = codegen.generate(model, tmp_path / "plain", "numpy", functions=("accelerations",)).folder
-    assert not any("frame" in name for name in (p.name for p in (plain / "_runtime").iterdir()))
+    assert not any("frame" in name for name in (p.name for p in (plain / "_runtime").rglob("*.py")))
     assert "frames" not in (plain / f"{model.name}.c").read_text() + (plain / "model.json").read_text()
     with pytest.raises(AttributeError, match="generated without frames: generate it with --frames"):
         codegen.load(plain).frames(np.zeros(14))
     with pytest.raises(AttributeError, match="--frames"):
         codegen.load(plain).points(np.zeros(14))
     whole = codegen.generate(model, tmp_path / "whole", "numpy", functions="frames", compile=False).folder
-    assert {"frames.py", "frame_motion.py"} <= {p.name for p in (whole / "_runtime").iterdir()}
+    assert {"frames.py", "frame_motion.py"} <= {p.name for p in (whole / "_runtime" / "state").iterdir()}
     monkey = pytest.MonkeyPatch()
     with monkey.context() as patch:
         patch.syspath_prepend(str(tmp_path))

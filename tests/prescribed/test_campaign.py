@@ -17,7 +17,7 @@ from random_models import EVERY, expression, random_seeds, random_tree
 import codegen
 from codegen.model.model import Model, joint_coordinates
 from codegen.reference import DenseEngine, RecursiveEngine
-from codegen.runtime.standalone.functionals import Final, Integral
+from codegen.runtime.standalone.motion.functionals import Final, Integral
 
 
 @pytest.mark.campaign

@@ -12,7 +12,7 @@ from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, make_int
 import codegen
 from codegen.model import parse_model
 from codegen.reference import DenseEngine, RecursiveEngine
-from codegen.runtime.standalone.functionals import Final, Integral
+from codegen.runtime.standalone.motion.functionals import Final, Integral
 
 TROLLEY = """
 model: trolley

@@ -15,7 +15,7 @@ from codegen.model.expressions import Expression
 from codegen.model.kinks import find_kink
 from codegen.model.parsing import parse
 from codegen.runtime.standalone.errors import SimulationError
-from codegen.runtime.standalone.functionals import Final
+from codegen.runtime.standalone.motion.functionals import Final
 
 PARAMETERS = {"a": 1.3, "t0": 0.7, "w": 3.0}
 

@@ -12,7 +12,7 @@ import codegen
 from codegen.cli import main
 from codegen.model import parse_model
 from codegen.reference import DenseEngine
-from codegen.runtime.standalone.functionals import Final, Integral
+from codegen.runtime.standalone.motion.functionals import Final, Integral
 
 LIFT = """
 model: lift

@@ -7,7 +7,7 @@ import subprocess
 import pytest
 
 from codegen.measure.core import CORE_C, IN_CACHE, IN_MEMORY, LENGTH
-from codegen.runtime.standalone.compiler import STANDARD, find_compiler, optimization
+from codegen.runtime.standalone.files.compiler import STANDARD, find_compiler, optimization
 
 VECTORS = {"x86_64": r"\bv?(addpd|fn?madd\d+pd)\b", "aarch64": r"\b(fmla|fadd)\s+v"}
 

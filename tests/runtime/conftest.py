@@ -7,7 +7,7 @@ import pytest
 
 import codegen
 from codegen.emit.c.calls import write_calls
-from codegen.runtime.standalone.manifest import seal
+from codegen.runtime.standalone.files.manifest import seal
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -18,8 +18,8 @@ from rotor_models import with_rotors, with_rotors_at
 
 import codegen
 from codegen.model import Model
-from codegen.runtime.standalone import batches
-from codegen.runtime.standalone.arguments import NO_SEEDS, Seeds
+from codegen.runtime.standalone.calls import batches
+from codegen.runtime.standalone.calls.arguments import NO_SEEDS, Seeds
 from codegen.runtime.standalone.errors import SingularJointError
 
 Array = np.ndarray

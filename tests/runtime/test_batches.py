@@ -12,8 +12,8 @@ from random_models import random_seeds, random_state, random_tree
 
 import codegen
 from codegen.runtime import CompileError
-from codegen.runtime.standalone import batches, few_states
 from codegen.runtime.standalone.arrays import LONG, all_finite
+from codegen.runtime.standalone.calls import batches, few_states
 from codegen.runtime.standalone.errors import SingularForceError, SingularJointError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

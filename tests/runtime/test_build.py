@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from codegen.runtime import CompileError, NoCompilerError, SingularJointError, TargetsDifferError, load
-from codegen.runtime.standalone import build, user_cache
+from codegen.runtime.standalone.files import build, user_cache
 
 EXPECTED = -9.81 / 0.5 * np.sin(0.3)
 

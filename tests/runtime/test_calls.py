@@ -8,8 +8,8 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError, Jacobians
-from codegen.runtime.standalone import caller
-from codegen.runtime.standalone.jacobians import JACOBIANS
+from codegen.runtime.standalone.files import caller
+from codegen.runtime.standalone.state.jacobians import JACOBIANS
 
 SEEDS = ("dq", "du", "dp", "dinputs")
 

@@ -16,7 +16,7 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError, PackageError
-from codegen.runtime.standalone.arguments import MOST_AXES
+from codegen.runtime.standalone.calls.arguments import MOST_AXES
 
 TEXT = """\
 model: odd
@@ -78,8 +78,8 @@ def test_a_damaged_manifest_is_told(copied, damage, target):
 
 @pytest.mark.parametrize(
     "name",
-    ["odd.c", "odd_calls.c", "odd.h", "odd_directions.h", "odd_numpy.py", "__init__.py", "_runtime/package.py",
-     "_runtime/arguments.py"],
+    ["odd.c", "odd_calls.c", "odd.h", "odd_directions.h", "odd_numpy.py", "__init__.py", "_runtime/calls/package.py",
+     "_runtime/calls/arguments.py"],
 )  # fmt: skip
 def test_a_damaged_file_is_named(copied, name):
     file = copied / name
@@ -96,7 +96,7 @@ def test_a_damaged_file_is_named(copied, name):
     assert codegen.load(copied, target).name == "odd"
 
 
-@pytest.mark.parametrize("name", ["dynamics", "errors", "arrays", "compiler"])
+@pytest.mark.parametrize("name", ["state/dynamics", "errors", "arrays", "files/compiler"])
 def test_a_package_without_a_file_of_its_run_time_tells_by_itself(copied, name):
     (copied / "_runtime" / f"{name}.py").unlink()
     done = subprocess.run([sys.executable, "-c", "import odd"], cwd=copied.parent, capture_output=True, text=True)

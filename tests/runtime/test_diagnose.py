@@ -22,8 +22,8 @@ import codegen
 from codegen.loops.partition import partition
 from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.runtime import Diagnosis
-from codegen.runtime.standalone import rounding
-from codegen.runtime.standalone.rounding import can_round, spread
+from codegen.runtime.standalone.trust import rounding
+from codegen.runtime.standalone.trust.rounding import can_round, spread
 
 FOUR_BAR = """
 model: four_bar
@@ -426,8 +426,8 @@ def test_packages_of_few_functions(tmp_path: Path) -> None:
     codegen.generate(codegen.parse_model(FOUR_BAR), tmp_path / "none", target="numpy", functions=("energies",))
     with pytest.raises(AttributeError, match=r"without accelerations, which diagnose needs"):
         codegen.load(tmp_path / "none").diagnose(q, u)
-    assert not (tmp_path / "none" / "_runtime" / "diagnosis.py").exists()
-    assert (tmp_path / "few" / "_runtime" / "diagnosis.py").exists()
+    assert not (tmp_path / "none" / "_runtime" / "trust" / "diagnosis.py").exists()
+    assert (tmp_path / "few" / "_runtime" / "trust" / "diagnosis.py").exists()
 
 
 def test_another_partition_has_its_own_closures(tmp_path: Path) -> None:

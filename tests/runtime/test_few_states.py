@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime.standalone import few_states
+from codegen.runtime.standalone.calls import few_states
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 N = 9

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from codegen.emit.numpy import NUMPY
-from codegen.runtime.standalone.jets import RULES, Jet
+from codegen.runtime.standalone.statics.jets import RULES, Jet
 
 ONE = {
     "sin": 0.7, "cos": 0.7, "tan": 0.7, "arcsin": 0.3, "arccos": 0.3, "arctan": 1.3, "sinh": 0.7, "cosh": 0.7, "tanh": 0.7,

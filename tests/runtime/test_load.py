@@ -13,8 +13,8 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError, PackageError, Solver
-from codegen.runtime.standalone.build import Build
-from codegen.runtime.standalone.manifest import file_digest, seal
+from codegen.runtime.standalone.files.build import Build
+from codegen.runtime.standalone.files.manifest import file_digest, seal
 
 FOUR_BAR = Path(__file__).parents[2] / "examples" / "four_bar.yaml"
 
@@ -66,9 +66,9 @@ def test_a_package_of_another_version_runs_itself(tmp_path, sealed):
     folder = tmp_path / "pendulum"
     codegen.generate(codegen.model.parse_model(MODEL), folder)
     assert type(codegen.load(folder)) is Solver
-    brought = folder / "_runtime" / "package.py"
+    brought = folder / "_runtime" / "calls" / "package.py"
     brought.write_text(brought.read_text() + "\nVERSION_OF_THE_TEST = 1\n")
-    with pytest.raises(PackageError, match=r"_runtime/package\.py was changed"):
+    with pytest.raises(PackageError, match=r"_runtime/calls/package\.py was changed"):
         codegen.load(folder)
     manifest = json.loads((folder / "model.json").read_text())
     del manifest["seal"]
@@ -78,7 +78,7 @@ def test_a_package_of_another_version_runs_itself(tmp_path, sealed):
             codegen.load(folder)  # by its own run time, which knows seals
         assert not isinstance(told.value, PackageError)
         return
-    manifest["digests"]["_runtime/package.py"] = file_digest(brought.read_bytes())
+    manifest["digests"]["_runtime/calls/package.py"] = file_digest(brought.read_bytes())
     (folder / "model.json").write_text(seal(json.dumps(manifest)))
     solver = codegen.load(folder)
     assert not isinstance(solver, Solver)
@@ -118,7 +118,7 @@ def test_a_package_whose_run_time_is_one_file_runs_itself(tmp_path, sealed):
         assert codegen.load(folder).target == "numpy"
     # regenerating takes it for its own, and leaves nothing of it
     codegen.generate(codegen.model.parse_model(MODEL), folder)
-    assert not (folder / "_runtime.py").exists() and (folder / "_runtime" / "package.py").exists()
+    assert not (folder / "_runtime.py").exists() and (folder / "_runtime" / "calls" / "package.py").exists()
     assert type(codegen.load(folder)) is Solver
 
 

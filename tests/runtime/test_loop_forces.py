@@ -155,4 +155,4 @@ def test_a_tree_keeps_its_own(tmp_path: Path) -> None:
     codegen.generate(parse_model(text), tmp_path / "m", target="numpy")
     solver = codegen.load(tmp_path / "m")
     assert np.array_equal(solver.mass_matrix([0.0]), [[2.0]])
-    assert not (tmp_path / "m" / "_runtime" / "loop_forces.py").exists()
+    assert not (tmp_path / "m" / "_runtime" / "state" / "loop_forces.py").exists()

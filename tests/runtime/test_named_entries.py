@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from codegen.runtime.standalone.named_directions import named_directions
-from codegen.runtime.standalone.named_entries import Entry, Names, apart, look_up, look_up_all
+from codegen.runtime.standalone.calls.named_entries import Entry, Names, apart, look_up, look_up_all
+from codegen.runtime.standalone.statics.named_directions import named_directions
 
 NAMES = Names(("mass", "length"), ("motor", "brake"), ("a", "b", "c"), ("a", "b", "c"), ("a",), ("a", "c"))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import codegen
-from codegen.runtime.standalone import build, compiling
+from codegen.runtime.standalone.files import build, compiling
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -14,8 +14,8 @@ import scipy.linalg
 import codegen
 from codegen.runtime import At, Final, Integral
 from codegen.runtime.sections import MOTION
-from codegen.runtime.standalone.motion_events import Event
-from codegen.runtime.standalone.motion_problem import Inputs, Problem
+from codegen.runtime.standalone.motion.problem import Inputs, Problem
+from codegen.runtime.standalone.trajectory.events import Event
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,7 +8,7 @@ import pytest
 
 import codegen
 from codegen.design.fit_result import Fit
-from codegen.runtime.standalone.functionals import Final
+from codegen.runtime.standalone.motion.functionals import Final
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

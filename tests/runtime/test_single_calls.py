@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime.standalone.frame_motion import PointMotion
+from codegen.runtime.standalone.state.frame_motion import PointMotion
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -265,7 +265,7 @@ def test_directions_of_any_number_take_turns(both):
 
 
 def test_many_results_are_written_at_once(both, monkeypatch):
-    from codegen.runtime.standalone import single_calls
+    from codegen.runtime.standalone.calls import single_calls
 
     fast, general, _ = both
     monkeypatch.setattr(single_calls, "LARGEST", 3)

@@ -18,7 +18,7 @@ from codegen.cli import generate_main
 from codegen.emit.c import C
 from codegen.mechanics.procedures import UnknownFunctionError
 from codegen.model import Model, ModelError, load_model, parse_model
-from codegen.runtime.standalone import batches
+from codegen.runtime.standalone.calls import batches
 from codegen.runtime.standalone.errors import SingularJointError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

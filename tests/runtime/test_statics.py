@@ -317,7 +317,7 @@ def test_packages_without_what_is_needed_say_so(tmp_path):
     for member in ("equilibrium", "linearize"):
         with pytest.raises(AttributeError, match=rf"without sensitivities, coordinate_rates.*, which {member} needs"):
             getattr(solver, member)()
-    assert not (tmp_path / "p" / "_runtime" / "statics.py").exists()
+    assert not (tmp_path / "p" / "_runtime" / "statics").exists()
     codegen.generate(codegen.parse_model(PENDULUM), tmp_path / "s", target="numpy", functions=["statics"])
     assert codegen.load(tmp_path / "s").equilibrium().q[0] == pytest.approx(0.0, abs=1e-15)
     assert len(codegen.load(tmp_path / "s").linearize().C) == 0

@@ -18,11 +18,20 @@ import pytest
 
 import codegen
 from codegen.runtime import Event
-from codegen.runtime.standalone import trajectory_files, trajectory_html, trajectory_plot
-from codegen.runtime.standalone.motion_events import PARTS, Crossing
-from codegen.runtime.standalone.trajectory import ARRAYS, FINISHED, INTERRUPTED, WORDS, Trajectory, UnknownNameError
-from codegen.runtime.standalone.trajectory_files import TrajectoryFileError
-from codegen.runtime.standalone.trajectory_plot import PlotError
+from codegen.runtime.standalone.trajectory import files as trajectory_files
+from codegen.runtime.standalone.trajectory import html as trajectory_html
+from codegen.runtime.standalone.trajectory import plot as trajectory_plot
+from codegen.runtime.standalone.trajectory.events import PARTS, Crossing
+from codegen.runtime.standalone.trajectory.files import TrajectoryFileError
+from codegen.runtime.standalone.trajectory.plot import PlotError
+from codegen.runtime.standalone.trajectory.trajectory import (
+    ARRAYS,
+    FINISHED,
+    INTERRUPTED,
+    WORDS,
+    Trajectory,
+    UnknownNameError,
+)
 
 ROOT = Path(codegen.__file__).parents[1]
 STATS = {"method": "dop853", "steps": 12, "evaluations": 144, "seconds": 0.0123, "reason": FINISHED}

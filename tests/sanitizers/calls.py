@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from codegen.runtime.standalone.manifest import read_manifest
+from codegen.runtime.standalone.files.manifest import read_manifest
 
 Array = np.ndarray
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...measure import articulated_chain
 from ...measure.pinocchio_models import chain
-from ...runtime.standalone.compiler import optimization
+from ...runtime.standalone.files.compiler import optimization
 from ..problem import Motion
 
 if TYPE_CHECKING:

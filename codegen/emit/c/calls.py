@@ -13,7 +13,7 @@ from .vectors import words
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
-"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.standalone.functions` has the same."""
+"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.standalone.calls.functions` has the same."""
 
 INTERNAL = ("closure", "conditions", "newton_step")
 """What these return may be infinite and is looked at elsewhere."""

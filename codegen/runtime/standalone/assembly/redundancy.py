@@ -1,0 +1,101 @@
+"""Redundant conditions: parameters that open some of them, along which there is no derivative."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Numbers
+from ..calls.arguments import Seeds
+from ..calls.functions import STATE, Wanted
+from ..calls.package import Package
+from ..calls.targets import Opened
+from ..warning import warn
+from .assembly import allowed_gaps
+
+OPEN_SEED = 1e-7
+"""A direction of parameters that opens a loop by more than this, per unit, does not keep its redundant conditions."""
+
+
+CLOSING = frozenset({
+    "closure", "conditions", "newton_step", "closing_step", "completion", "completion_sensitivities", "closure_sensitivities",
+})  # fmt: skip
+"""Functions that measure loops or close them: `closure` gives the residuals, and assembly issues a warning of its own."""
+
+
+class Redundancy(Package):
+    """Warns of directions that open redundant conditions, and of states where dropped conditions are open."""
+
+    def _use(self, opened: Opened) -> None:
+        super()._use(opened)
+        if opened.manifest.get("dropped"):
+            plain = self._one_state
+
+            def looked_at(
+                wanted: str | Wanted, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None
+            ) -> Sequence[Array] | None:
+                self._look_at_state(wanted if isinstance(wanted, str) else wanted.name, given)
+                return plain(wanted, given, seeds, out)
+
+            self._one_state = looked_at
+
+    def _look_at_state(self, name: str, given: Sequence[Any]) -> None:
+        """Warn where conditions that were dropped are open by more than they may be."""
+        opened = self._opened
+        f = opened.functions.get(name)
+        if f is None or name in CLOSING:
+            return
+        known = f.named(given)
+        if known.get("q") is None:
+            return
+        arrays, batch, _ = self._taken(f, given)
+        gaps = opened.target.compute(opened.functions["closure"], {"u": np.zeros(self.nu)} | dict(arrays), batch)[0]
+        allowed = allowed_gaps(opened)
+        excess = np.where(allowed > 0.0, np.abs(gaps) - allowed, -np.inf)
+        if (excess > 0.0).any():
+            worst = np.unravel_index(int(np.nanargmax(excess)), excess.shape)
+            place = f" (state {[int(i) for i in worst[:-1]]} of the batch)" if batch else ""
+            warn(
+                f"condition {self.closure_names[int(worst[-1])]} is open by {abs(gaps[worst]):.2g}{place}, beyond "
+                f"{allowed.max():g}: it was dropped since it follows from others within loop_tolerance where the package was "
+                f"generated, and {name} is of a mechanism without it"
+            )
+
+    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
+        opened, dp = self._opened, seeds[STATE.index("p")]
+        if opened.manifest.get("dropped"):
+            self._look_at_state(name, given)
+        if self._watched and dp is not None and name != "closure_sensitivities" and name in opened.functions:
+            known = opened.functions[name].named(given)
+            if "q" in known:
+                self._warn_of_opening(opened, opened.manifest["opening"], known, dp)
+
+    def _warn_of_opening(self, opened: Opened, opening: list[int], given: Mapping[str, Any], dp: Numbers) -> None:
+        """Parameters that open redundant conditions, where a direction changes them."""
+        known = {name: given[name] for name in ("q", "u", "p") if name in given}
+        arrays, batch = self._arguments.take(known, self._left_out)
+        (directions, _), _ = Seeds.take(self._arguments, {"dp": dp}, arrays, batch)
+        seeds = directions["dp"].reshape(-1, self.np)
+        touched = [j for j in opening if np.any(seeds[:, j] != 0.0)]
+        if not touched:
+            return
+        arrays.setdefault("u", np.zeros(self.nu))
+        units = {"dp": np.eye(self.np)[touched].reshape(len(touched), *[1] * len(batch), self.np)}
+        f = opened.functions["closure_sensitivities"]
+        per_unit = opened.target.compute(f, arrays, batch, Seeds(units, len(touched)))[1]
+        per_unit = per_unit.reshape(len(touched), -1, len(self.closure_names))
+        opened_by = np.abs(np.einsum("kj,jbc->kbc", seeds[:, touched], per_unit)).max(axis=1, initial=0.0)
+        unit = np.maximum(1.0, np.abs(seeds).max(axis=1))[:, None]
+        opens = opened_by > np.maximum(allowed_gaps(opened), OPEN_SEED) * unit
+        involved = np.any(seeds[np.any(opens, axis=1)] != 0.0, axis=0)
+        worst = np.abs(per_unit).max(axis=1, initial=0.0)
+        for j, row in zip(touched, worst, strict=True):
+            if involved[j]:
+                condition = int(np.argmax(row))
+                warn(
+                    f"parameter {self.parameter_names[j]} opens the redundant condition {self.closure_names[condition]} by "
+                    f"{row[condition]:.2g} per unit: the loop does not stay closed when it changes alone, and derivatives along "
+                    f"it are those of the nearest motion, which keeps what the dependent joints can keep"
+                )

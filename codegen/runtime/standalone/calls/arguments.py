@@ -1,0 +1,292 @@
+"""What a caller gives, checked and broadcast: numbers that are finite, of the right shape, by name or in order, in batches."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arrays import Array, Shape, dtype_of, is_finite, once
+
+SMALLEST_QUATERNION = 1e-6
+"""A quaternion shorter than this has no direction worth a rotation."""
+
+MOST_AXES = 29
+"""Of batches: NumPy's functions take 32, and results have up to three more."""
+
+LeftOut = Callable[[str, Mapping[str, Any]], Array | float]
+"""What a mapping leaves out of an argument, from its name and all arguments."""
+
+
+class Arguments:
+    """Checks arguments of a model's functions.
+
+    Attributes
+    ----------
+    names : dict of str to tuple of str
+        Of the entries of each argument.
+    shapes : dict of str to tuple of int
+        See `functions.shapes_of`.
+    defaults : dict of str to array
+        Of arguments that may be left out: parameters (np,) and inputs (ninputs,).
+    quaternions : tuple of int
+        Where they begin in the coordinates.
+    """
+
+    dtype: Any = np.dtype(np.float64)
+    kind: Callable[[Any], Any] = float
+    """What numbers are in arrays, and alone."""
+    _is_finite = staticmethod(is_finite)
+    _finite: Callable[[Any], Any] = staticmethod(np.isfinite)
+
+    def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
+        q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
+        self.names: dict[str, tuple[str, ...]] = {
+            "q": q, "u": u, "udot": u, "b": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
+            "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
+        }  # fmt: skip
+        self.shapes = shapes
+        numbers = dtype_of(manifest)
+        self.defaults = {"p": np.array(manifest["parameters"], numbers), "inputs": np.zeros(len(inputs), numbers)}
+        if "scalar" in manifest:
+            self.dtype = numbers
+        self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
+
+    def take(self, given: Mapping[str, Any], left_out: LeftOut) -> tuple[dict[str, Any], Shape]:
+        """Checked arguments, and the shape of the batch they make together."""
+        arrays: dict[str, Any] = {}
+        batch: Shape = ()
+        for name, value in given.items():
+            if value is None and name in self.defaults:
+                arrays[name] = self.defaults[name]
+                continue
+            if name == "t":
+                if type(value) is float and math.isfinite(value):
+                    arrays[name] = value
+                    continue
+                value = self.array(name, value, name)
+                arrays[name] = value if value.ndim else self.kind(value[()])
+                lead = value.shape
+            else:
+                rest = left_out(name, given) if isinstance(value, Mapping) else 0.0
+                arrays[name] = value = self.array(name, value, name, rest)
+                lead = value.shape[:-1]
+            if lead != batch:
+                batch = broadcast(batch, lead, arrays)
+        if self.quaternions and "q" in arrays:
+            self._check_quaternions(arrays["q"])
+        return arrays, batch
+
+    def array(self, name: str, value: Any, of: str, rest: Array | float = 0.0) -> Array:
+        """An array of finite numbers whose last axis is that of the names of `of`; anything else is an error.
+
+        `rest` is what a mapping leaves out.
+        """
+        n = self.shapes[of]
+        if type(value) is not np.ndarray or value.dtype != self.dtype:
+            value = self._named(name, value, of, rest) if isinstance(value, Mapping) else self._numbers(name, value)
+        if not value.flags.aligned:  # the C reads doubles where doubles may be
+            value = value.copy()
+        if value.ndim > MOST_AXES + (1 if name == of else 2):
+            raise ValueError(
+                f"{name} has {value.ndim} axes, expected at most {MOST_AXES} of a batch; reshape it into fewer, such as by "
+                f"reshape(-1, n)"
+            )
+        if n:
+            if value.ndim == 0 or value.shape[-1] != n[0]:
+                shape = f"(k, ..., {n[0]})" if name != of else f"(..., {n[0]})"
+                raise ValueError(
+                    f"{name} has shape {value.shape}, expected {shape}: one number for each of {some(self.names[of])}"
+                )
+            if value.ndim == 1:
+                if not value.flags.c_contiguous:
+                    value = np.ascontiguousarray(value)
+                if self._is_finite(value):
+                    return value
+        finite = self._finite(once(value))
+        if not finite.all():
+            place = tuple(int(i) for i in np.argwhere(~np.broadcast_to(finite, value.shape))[0])
+            where = f"[{', '.join(map(str, place))}]" if place else ""
+            which = f" ({self.names[of][place[-1]]})" if n else ""
+            raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
+        return value
+
+    def _named(self, name: str, given: Mapping[str, Any], of: str, rest: Array | float) -> Array:
+        """An array from some of its entries; the others are those of `rest`."""
+        if of not in self.names:
+            raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
+        names = self.names[of]
+        given = self._single(name, given, names)
+        unknown = [n for n in given if n not in names]
+        if unknown:
+            near = difflib.get_close_matches(str(unknown[0]), names, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"{name}: {unknown[0]!r} is not known; expected is any of {some(names)}{hint}")
+        columns = {n: self._numbers(f"{name}[{n!r}]", x) for n, x in given.items()}
+        try:
+            lead = np.broadcast_shapes(np.shape(rest)[:-1], *(x.shape for x in columns.values()))
+        except ValueError:
+            shapes = ", ".join(f"{n} {x.shape}" for n, x in columns.items())
+            raise ValueError(f"{name}: shapes do not broadcast: {shapes}") from None
+        result = np.empty((*lead, len(names)), self.dtype)
+        result[...] = rest
+        for n, x in columns.items():
+            result[..., names.index(n)] = x
+        return result
+
+    def _single(self, name: str, given: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+        """The entries with those apart that are given together: of a joint of several freedoms, or of a vector."""
+        result: dict[str, Any] = {}
+        for n, x in given.items():
+            group = [] if n in names else [m for m in names if m.startswith(f"{n}.")]
+            if not group:
+                result[n] = x
+                continue
+            numbers = self._numbers(f"{name}[{n!r}]", x)
+            if numbers.shape[-1:] != (len(group),):
+                raise ValueError(
+                    f"{name}[{n!r}] has shape {numbers.shape}, expected (..., {len(group)}): {', '.join(group)}"
+                )
+            result.update({m: numbers[..., i] for i, m in enumerate(group)})
+        return result
+
+    def _numbers(self, name: str, value: Any) -> Array:
+        """An array of floats; text, complex numbers and ragged lists are errors."""
+        if np.ma.is_masked(value):  # asarray would take what the mask hides
+            raise ValueError(f"{name} has masked entries, expected real numbers; fill them first, such as by filled()")
+        try:
+            array = np.asarray(value)
+            if array.dtype.kind in "biufO":
+                with np.errstate(over="ignore"):  # what becomes infinite is refused where it is read
+                    return array.astype(self.dtype)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
+        raise ValueError(f"{name} holds {array.dtype}, expected real numbers")
+
+    def _check_quaternions(self, q: Array) -> None:
+        q = once(q)
+        for i in self.quaternions:
+            e = q[..., i : i + 4]
+            with np.errstate(all="ignore"):  # of entries beyond 1e154
+                square = e.dot(e) if e.ndim == 1 else np.einsum("...i,...i", e, e).min(initial=math.inf)
+            if square < SMALLEST_QUATERNION**2:
+                names = ", ".join(self.names["q"][i : i + 4])
+                raise ValueError(
+                    f"q: the quaternion ({names}) has length {math.sqrt(square):.3g}, expected at least "
+                    f"{SMALLEST_QUATERNION:g}; no rotation is (1, 0, 0, 0)"
+                )
+
+
+class Seeds(NamedTuple):
+    """Directions of derivatives.
+
+    Attributes
+    ----------
+    of : mapping of str to array (k, ..., n)
+        By name, such as ``dq``; ``dt`` is (k, ..., 1). Those that are missing are zero.
+    k : int
+        How many directions there are.
+    """
+
+    of: Mapping[str, Array]
+    k: int
+
+    @classmethod
+    def take(
+        cls,
+        arguments: Arguments,
+        given: Mapping[str, Any],
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        called: Mapping[str, str] = MappingProxyType({}),
+    ) -> tuple[Seeds, Shape]:
+        """Checked seeds with as many batch axes as the batch, and the batch with theirs.
+
+        Parameters
+        ----------
+        given : mapping
+            As they were passed; None for those that are left out.
+        arrays : mapping
+            The checked arguments.
+        batch : tuple of int
+            The shape that these make.
+        called : mapping of str to str
+            Names of seeds that callers know by others.
+        """
+        seeds: dict[str, Array] = {}
+        for name, value in given.items():
+            if value is None:
+                continue
+            of = name[1:]
+            seed = arguments.array(called.get(name, name), value, of)
+            if of == "t":
+                seed = seed[..., None]
+            seeds[name] = seed[None] if seed.ndim == 1 else seed
+        if not seeds:
+            if called:
+                names = [called[n] for n in given]
+                raise ValueError(f"no weights given; give {' or '.join(names)}, sums first: (k, ..., n)")
+            raise ValueError(
+                f"no seed given; give at least one of {', '.join(given)}, directions first: dq (k, ..., nq)"
+            )
+        counts = {name: len(seed) for name, seed in seeds.items()}
+        k = next(iter(counts.values()))
+        if any(c != k for c in counts.values()):
+            seen = ", ".join(f"{name} {c}" for name, c in counts.items())
+            raise ValueError(
+                f"the seeds have different numbers of directions: {seen}; the first axis of all counts the same ones"
+            )
+        for seed in seeds.values():
+            if seed.shape[1:-1] != batch:
+                batch = broadcast(batch, seed.shape[1:-1], {**arrays, **seeds})
+        for name, seed in seeds.items():
+            missing = len(batch) - (seed.ndim - 2)
+            if missing:
+                seeds[name] = seed.reshape(k, *(1,) * missing, *seed.shape[1:])
+        return cls(seeds, k), batch
+
+
+NO_SEEDS = Seeds(MappingProxyType({}), 0)
+
+
+def broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
+    """The shape of batches together; `arrays` are named where they do not broadcast."""
+    try:
+        return np.broadcast_shapes(batch, lead)
+    except ValueError:
+        shapes = {name: np.shape(x) for name, x in arrays.items()}
+        seen = ", ".join(f"{n} {shape}" for n, shape in shapes.items() if len(shape) > (n != "t"))
+        raise ValueError(
+            f"the leading (batch) axes do not broadcast: {seen}; counted from the last, they must be equal or 1"
+        ) from None
+
+
+def placing(arrays: Mapping[str, Any], batch: Shape, manifest: Mapping[str, Any]) -> Array:
+    """What places of bodies depend on beside coordinates, (*batch, n): parameters, and behind them, where motion is prescribed,
+    inputs and time."""
+    p = np.broadcast_to(arrays["p"], (*batch, len(manifest["parameter_names"])))
+    if not manifest["prescribed_names"]:
+        return p
+    inputs = np.broadcast_to(arrays["inputs"], (*batch, len(manifest["input_names"])))
+    t = np.broadcast_to(np.asarray(arrays["t"]), batch)[..., None]
+    return np.concatenate([p, inputs, t], axis=-1)
+
+
+def placed(q: Array, p: Array, count: int) -> dict[str, Any]:
+    """Arguments by name of coordinates and of what `placing` gives; count is how many parameters there are."""
+    if p.shape[-1] == count:
+        return {"q": q, "p": p}
+    t = np.ascontiguousarray(p[..., -1])
+    inputs = np.ascontiguousarray(p[..., count:-1])
+    return {"q": q, "p": np.ascontiguousarray(p[..., :count]), "inputs": inputs, "t": t if p.ndim > 1 else t[0]}
+
+
+def some(names: Sequence[str]) -> str:
+    """Names for a message, not too many."""
+    if not names:
+        return "(none: the model has none)"
+    return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")

@@ -1,0 +1,434 @@
+"""The compiled functions of a package, called through cffi."""
+
+from __future__ import annotations
+
+import math
+import threading
+import weakref
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import SCALARS, Array, Shape, dtype_of
+from ..errors import (
+    CompileError,
+    NoCompilerError,
+    SingularForceError,
+    SingularJointError,
+    SingularLoopError,
+    SingularOutputError,
+    singular_forces,
+)
+from ..files.build import Build, builds
+from ..files.caller import find_caller
+from ..files.compiler import find_compiler
+from ..warning import warn
+from .arguments import NO_SEEDS, Seeds
+from .batches import Batches, Failed, spoil
+from .few_states import FewStates
+from .functions import Function, split
+from .results import empty
+from .single_calls import SLOT, SingleCalls
+
+FEW_LACK = -3
+"""What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
+
+
+BESIDE = {"points": "frames", "point_sensitivities": "frame_sensitivities"}
+"""Functions over chosen points, and those in whose library they are."""
+
+
+def call_by_address(function: Any, x: Any, given: int, t: float, k: int) -> int:
+    """What `find_caller` gives, in cffi's ABI mode."""
+    status: int = function(x, given, t, k)
+    return status
+
+
+class CTarget:
+    """The compiled functions of a package, called through cffi, which releases the GIL.
+
+    Parameters
+    ----------
+    folder : Path
+    manifest : mapping
+        Of the partition.
+    functions : mapping of str to Function
+    shapes : mapping of str to Shape
+    sealed : str
+        The seal of the package's manifest.
+    first : bool
+        Of a package with several partitions this is the first. The libraries of others are compiled when they are called.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+
+    name = "c"
+
+    def __init__(
+        self,
+        folder: Path,
+        manifest: Mapping[str, Any],
+        functions: Mapping[str, Function],
+        shapes: Mapping[str, Shape],
+        sealed: str = "",
+        first: bool = True,
+    ):
+        try:
+            from cffi import FFI
+        except ImportError:
+            raise NoCompilerError("cffi is not installed, and the C target needs it: pip install cffi") from None
+        self.ffi = FFI()
+        self.model: str = manifest["name"]
+        self.links: list[str] = manifest["links"]
+        self.loops: list[str] = manifest.get("loops", [])
+        self.couplings = frozenset(manifest.get("couplings", ()))
+        self.singular_forces = singular_forces(manifest)
+        self.outputs: list[str] = manifest["output_names"]
+        self.workspace: int = manifest["workspace"]
+        self.functions = functions
+        self.shapes = shapes
+        self.dtype = dtype_of(manifest)
+        self.real = SCALARS[self.dtype.name]
+        """What numbers of the C are called."""
+        self.defaults = np.array(manifest["parameters"], self.dtype), self.zeros(len(manifest["input_names"]))
+        self.builds = builds(folder, manifest, sealed)
+        parts = manifest.get("libraries", {})
+        self._part_of = {f: part for part, x in parts.items() for f in x["functions"]}
+        if not first:  # motions alone may ask for other partitions, and what they call is compiled once
+            self._part_of |= {f: part for part, x in parts.items() for f in x.get("too", ())}
+        self._over_few: Mapping[str, Sequence[int]] = parts.get("few", {}).get("over_few", {})
+        self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
+        self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
+        """What ``x[FEW]`` of ``NAME_calls.c`` points to: whether functions over few directions cannot be had, and these."""
+        self._few_at = self.ffi.cast(f"{self.real} *", self._few)
+        self._libraries: dict[str, Any] = {}
+        self._kept: list[Any] = []
+        self._opening = threading.Lock()
+        if len(self.builds) == 1 or self.builds[""].found() is not None:
+            self._part_of, self._over_few = {}, {}
+        if first or not self._part_of:
+            self._library(next(iter(parts)) if self._part_of else "")
+        elif not any(build.found() for build in self.builds.values()):
+            find_compiler()  # none is told now, where NumPy can serve instead
+        caller = find_caller(folder)
+        self.mode = "abi" if caller is None else "api"
+        self.call = call_by_address if caller is None else caller.ordernm_call
+        self._numbers = self.ffi.typeof(f"{self.real}[]")
+        self._calls: dict[str, Any] = {}
+        self.batches = Batches(weakref.proxy(self), folder, manifest, sealed)
+        self._addresses: dict[str, int] = {}
+        self._lock = threading.Lock()
+        self._zeros = self.pointer(self.zeros(8))
+        self._blank = [self.ffi.NULL] * SLOT["default_p"]
+        self._default_pointers = [self.pointer(a) for a in self.defaults]
+        self.single_calls = SingleCalls(weakref.proxy(self))
+        self.one_state = self.single_calls.run
+        self.few_states = FewStates(weakref.proxy(self), self.single_calls).run
+
+    @property
+    def threads(self) -> int:
+        """How many work on a batch."""
+        return self.batches.threads
+
+    @threads.setter
+    def threads(self, threads: int) -> None:
+        self.batches.threads = threads
+
+    def _library(self, part: str) -> Any:
+        """A library of the package; compiled when first asked for."""
+        library = self._libraries.get(part)
+        if library is None:
+            with self._opening:
+                if part not in self._libraries:
+                    self._libraries[part] = self._open(self.builds[part])
+                library = self._libraries[part]
+        return library
+
+    def library_of(self, function: str, width: int = 0) -> Any:
+        """The library that has a function; of one over directions, for so many at once."""
+        if width in self._over_few.get(function, ()):
+            return self._library("few")
+        return self._library(self._part_of.get(function, ""))
+
+    def give_few(self) -> None:
+        """Open the library of functions over few directions, for the first one to call them; say so where it cannot be had."""
+        try:
+            few = self._library("few")
+        except (CompileError, NoCompilerError) as error:
+            warn(f"{self.model}: one or two directions take as long as eight: {error}")
+            self._few[0] = self._few
+            return
+        with self._lock:
+            for i, symbol in reversed([*enumerate(self._of_few, 1)]):  # the C looks for the first one only
+                self.ffi.cdef(f"int {symbol}(void);", override=True)
+                self._few[i] = self.ffi.cast("void *", getattr(few, symbol))
+
+    def widths(self, f: Function, k: int) -> tuple[int, ...]:
+        """For how many directions at once there are functions over a batch, if k are asked for."""
+        if k % max(f.widths) in self._over_few.get(f.name, ()):
+            if not self._few[0] and not self._few[1]:
+                self.give_few()
+            if self._few[0]:
+                return (max(f.widths),)
+        return f.widths
+
+    def prepare(self, f: Function) -> None:
+        """Compile what calls of a function need, unless it is compiled."""
+        self.function(f)
+        if f.name in self._over_few and not self._few[0] and not self._few[1]:
+            self.give_few()
+
+    def _open(self, build: Build) -> Any:
+        path = build.library()
+        try:
+            return self._opened(path)
+        except OSError:  # damaged, or of another machine
+            path = build.library(rebuild=True)
+        try:
+            return self._opened(path)
+        except OSError as error:
+            raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+
+    def _opened(self, path: Path) -> Any:
+        try:
+            return self.ffi.dlopen(str(path))
+        except UnicodeEncodeError:  # a name that is no text in the user's locale: cffi takes texts only
+            import ctypes
+
+            self._kept.append(ctypes.CDLL(str(path)))
+            return self.ffi.dlopen(self.ffi.cast("void *", self._kept[-1]._handle))
+
+    def zeros(self, shape: int | Shape) -> Array:
+        return np.zeros(shape, self.dtype)
+
+    def plain(self, x: Any) -> Array:
+        """An array as the C reads it."""
+        return np.ascontiguousarray(x, self.dtype)
+
+    def pointer(self, x: Array | None) -> Any:
+        """Where an array begins; keeps it alive. Nowhere, for a result that is not asked for."""
+        return self.ffi.NULL if x is None else self.ffi.from_buffer(self._numbers, x)
+
+    def motion_system(self) -> int:
+        """The address of what integrators are told of the model, an ``ordernm_system``."""
+        symbol = f"{self.model}_motion"
+        if symbol in self._addresses:
+            return self._addresses[symbol]
+        library = self.library_of("state_rates")
+        with self._lock:
+            if symbol not in self._addresses:
+                self.ffi.cdef(f"void *{symbol}(void);", override=True)
+                self._addresses[symbol] = int(self.ffi.cast("intptr_t", getattr(library, symbol)()))
+            return self._addresses[symbol]
+
+    def address(self, f: Function) -> Any:
+        """What `call` takes for a function: the function, or its address for cffi's API mode."""
+        function = self.function(f)
+        return function if self.mode == "abi" else self.ffi.cast("void *", function)
+
+    def run_backwards(self, system: Any) -> None:
+        """Give an ``ordernm_system`` the functions that run motions backwards, where they are a library of their own."""
+        if "sensitivities_transposed" not in self._part_of:
+            return
+        symbol = f"{self.model}_backwards"
+        give = self._calls.get(symbol)
+        if give is None:
+            library = self.library_of("sensitivities_transposed")
+            with self._lock:
+                self.ffi.cdef(f"void {symbol}(void *);", override=True)
+                give = self._calls[symbol] = getattr(library, symbol)
+        give(self.ffi.cast("void *", system))
+
+    def function(self, f: Function) -> Any:
+        """The C function with the one signature of all; declared when first called, which keeps loading quick."""
+        call = self._calls.get(f.name)
+        if call is None:
+            symbol = f"{self.model}_call_{f.name}"
+            library = self.library_of(BESIDE.get(f.name, f.name))
+            with self._lock:
+                self.ffi.cdef(f"int {symbol}({self.real} **, long, double, long);", override=True)
+                call = self._calls[f.name] = getattr(library, symbol)
+        return call
+
+    def _nothing(self, size: int) -> Any:
+        """So many zeros: a seed that was left out."""
+        zeros = self._zeros  # another thread may put shorter ones there meanwhile
+        if len(zeros) < size:
+            zeros = self._zeros = self.pointer(self.zeros(size))
+        return zeros
+
+    # -- one state -----------------------------------------------------------------------------------------------------
+
+    def pointers(self, given: Mapping[str, Any], work: Any, lanes: Array, results: Sequence[Any]) -> Any:
+        """The table of pointers of a call."""
+        x = self.ffi.new(
+            f"{self.real} *[]",
+            [
+                *self._blank,
+                *self._default_pointers,
+                work,
+                self.pointer(lanes),
+                self._few_at,
+                self.ffi.NULL,
+                *map(self.pointer, results),
+            ],
+        )
+        for name, pointer in given.items():
+            x[SLOT[name]] = pointer
+        return x
+
+    def _single(self, f: Function, arrays: Mapping[str, Any], seeds: Seeds, results: Sequence[Array]) -> None:
+        """Compute the results of one state, directions as rows."""
+        given = {n: self.plain(a) for n, a in arrays.items() if n in SLOT}
+        given |= {s: self.plain(a) for s, a in seeds.of.items() if s in f.seeds}
+        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
+        lanes = np.empty((sum(f.seeds.values()) + derived) * max(f.widths, default=0), self.dtype)
+        memory = self.single_calls.take()
+        x = self.pointers({n: self.pointer(a) for n, a in given.items()}, memory.work, lanes, results)
+        bits = sum(1 << SLOT[n] for n in given)
+        status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
+        if status == FEW_LACK:
+            self.give_few()
+            status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
+        self.single_calls.free.append(memory)
+        if status > 0:
+            raise self.singular(status)
+
+    # -- any number of states ------------------------------------------------------------------------------------------
+
+    def compute(
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        seeds: Seeds = NO_SEEDS,
+        out: Sequence[Array] = (),
+        failed: dict[int, SingularJointError] | None = None,
+    ) -> list[Array]:
+        """Results of a function, (*batch, *shape), and derivatives along seeds, (k, *batch, *shape); in `out` if there is one.
+
+        `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...). Seeds have as many batch
+        axes as the batch. States of a batch that fail go to `failed`, if that is there, and have NaN; else they are an error.
+        """
+        if not (batch or out or f.seeds):
+            alone = self.one_state(f.name, [arrays.get(n, 0.0 if n == "t" else None) for n in f.order])
+            if alone is not None:
+                return list(alone)
+        results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch, seeds.k)]
+        if not batch:
+            self._single(f, arrays, seeds, results)
+            return results
+        count = math.prod(batch)
+        given = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
+        if self.batches.takes(f, count, seeds.k):
+            with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, given, strict=True)}
+            with_steps |= {s: self._rows(seeds.of[s], seeds.k, batch, count) for s in f.seeds if s in seeds.of}
+            found = self.batches.states(f, with_steps, results, count, seeds.k)
+        elif f.seeds:
+            found = self._in_lanes(f, given, batch, seeds, results, failed is not None)
+        else:
+            found = self.batches.rows(f, 0, given, results, count, failed is not None)
+        self._tell(f, found, failed, results, batch)
+        return results
+
+    def _in_lanes(
+        self,
+        f: Function,
+        arguments: Sequence[tuple[Any, int]],
+        batch: Shape,
+        seeds: Seeds,
+        results: Sequence[Array],
+        go_on: bool,
+    ) -> Failed:
+        """Compute the results of a batch, state after state, some directions at a time; what has failed."""
+        count, k = math.prod(batch), seeds.k
+        found: Failed = {}
+        start = 0
+        for width in split(k, self.widths(f, k)) or [max(f.widths)]:  # without directions there are values still
+            end = min(start + width, k)
+            given = list(arguments)
+            for s, n in f.seeds.items():
+                if s in seeds.of:
+                    given.append(self._lanes(seeds.of[s][start:end], width, batch, count))
+                else:
+                    given.append((self._nothing(n * width), 0))
+            taken: list[Array] = []
+            lanes: list[tuple[Array, Array]] = []
+            for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
+                if derived and (width > 1 or start == end):
+                    taken.append(empty((count, math.prod(shape), width), self.dtype))
+                    lanes.append((taken[-1], result[start:end]))
+                else:
+                    taken.append(result[start] if derived else result)
+            found |= self.batches.rows(f, width, given, taken, count, go_on)
+            if found and not go_on:
+                break
+            for lane, part in lanes:
+                part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
+            start = end
+        return found
+
+    def singular(self, status: int, where: str = "") -> SingularJointError:
+        """The error for what a compiled function has returned."""
+        links, loops, forces = len(self.links), len(self.loops), len(self.singular_forces)
+        if status > links + loops + forces:
+            return SingularOutputError(self.outputs[status - 1 - links - loops - forces], where)
+        if status > links + loops:
+            return SingularForceError(*self.singular_forces[status - 1 - links - loops], where)
+        if status > links:
+            loop = self.loops[status - 1 - links]
+            return SingularLoopError(loop, where, loop in self.couplings)
+        return SingularJointError(self.links[status - 1], where)
+
+    def _tell(
+        self,
+        f: Function,
+        found: Failed,
+        failed: dict[int, SingularJointError] | None,
+        results: Sequence[Array],
+        batch: Shape,
+    ) -> None:
+        """States that have failed: an error about the first, or NaN."""
+        if not found:
+            return
+        if failed is None:
+            number = min(found)
+            state = ", ".join(str(int(j)) for j in np.unravel_index(number, batch))
+            raise self.singular(found[number], f" (state [{state}] of the batch)")
+        failed |= {number: self.singular(code) for number, code in found.items()}
+        spoil(results, f, found, batch)
+
+    def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
+        """Where an argument begins, and its step from state to state."""
+        if scalar:
+            if isinstance(x, float):
+                return self.pointer(np.array([x], self.dtype)), 0
+            return self.pointer(self.plain(np.broadcast_to(x, batch))), 1
+        if x.ndim == 1:
+            return self.pointer(self.plain(x)), 0
+        n = x.shape[-1]
+        return self.pointer(self.plain(np.broadcast_to(x, (*batch, n)))), n
+
+    def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
+        """Where a seed begins, and its steps from state to state and from direction to direction."""
+        n = seed.shape[-1]
+        if seed.size == len(seed) * n:  # the same for all states
+            return self.pointer(self.plain(seed)), 0, n if len(seed) == k else 0
+        return self.pointer(self.plain(np.broadcast_to(seed, (k, *batch, n)))), n, count * n
+
+    def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> tuple[Any, int]:
+        """Some directions of a seed, direction last, and the step; lanes beyond its end are zero."""
+        m, n = len(part), part.shape[-1]
+        if part.size == m * n:  # the same for all states
+            if width == m == 1:
+                return self.pointer(self.plain(part)), 0
+            lanes = self.zeros((n, width))
+            lanes[:, :m] = part.reshape(m, n).T
+            return self.pointer(lanes), 0
+        lanes = self.zeros((count, n, width))
+        lanes[..., :m] = np.moveaxis(np.broadcast_to(part, (m, *batch, n)).reshape(m, count, n), 0, -1)
+        return self.pointer(lanes), n * width

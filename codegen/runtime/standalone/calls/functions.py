@@ -1,0 +1,188 @@
+"""The generated functions of a package, as its manifest describes them: arguments, seeds, results and their shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..arrays import Array, Shape
+
+ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
+SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
+"""Arguments and seeds in the order of their pointers in ``NAME_calls.c``; `t` is passed as a number."""
+
+STATE = ("q", "u", "p", "inputs", "t")
+"""What the members of a solver that take a state take, in order."""
+
+ALONG = ("dq", "du", "dp", "dinputs", "dt")
+"""Their seeds, in order."""
+
+TAKES = {
+    "mass_matrix": ("q", "p", "inputs", "t"),
+    "inverse_mass_matrix": ("q", "p", "inputs", "t"),
+    "solve_mass": ("q", "p", "inputs", "t", "b"),
+    "inverse_dynamics": (*STATE, "udot"),
+    "initial": ("p",),
+    "point_place": ("p",),
+    "newton_step": ("q", "p", "inputs", "t"),
+    "condition": ("q", "p", "inputs", "t"),
+}
+"""What functions take that do not take a state; those along seeds take the same."""
+
+WEIGHTED = {
+    "sensitivities_transposed": ("dudot",),
+    "output_sensitivities_transposed": ("doutputs",),
+    "energy_sensitivities_transposed": ("denergy",),
+    "coordinate_rate_sensitivities_transposed": ("dqdot",),
+    "completion_sensitivities_transposed": ("dfull_q", "dfull_u"),
+}
+"""The seeds of transposed functions: weights of sums of results."""
+
+WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
+    "accelerations": {"results": ("udot",)},
+    "sensitivities": {"seeds": ALONG, "results": ("udot", "dudot")},
+    "jacobians": {"arguments": STATE, "results": ("udot", "J_q", "J_u", "J_p", "J_inputs", "J_t")},
+    "coordinate_rates": {"results": ("qdot",)},
+    "coordinate_rate_sensitivities": {"seeds": ALONG, "results": ("qdot", "dqdot")},
+    "outputs": {"results": ("outputs",)},
+    "output_sensitivities": {"seeds": ALONG, "results": ("outputs", "doutputs")},
+    "closure": {"results": ("position", "velocity")},
+    "closure_sensitivities": {"seeds": ALONG, "results": ("position", "dposition")},
+}
+"""Functions that are not generated where their results have no entries, in models without outputs, without loops, or without
+anything that is free to move."""
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A generated function.
+
+    Attributes
+    ----------
+    arguments, results : tuple of str
+        In the order of the generated code.
+    seeds : dict of str to int
+        With the number of entries, in that order as well.
+    takes : frozenset of str
+        The arguments of the member of a solver: those too that the function does not depend on.
+    order : tuple of str
+        Of arguments where they are passed on: those of `STATE`, and accelerations or forces behind them where the function takes
+        any. None stands for what is not taken.
+    directions : tuple of str
+        Seeds in the same order.
+    shapes : tuple of tuple of int
+        Of the results, after batch axes.
+    derived : tuple of bool
+        Whether a result is a derivative along the seeds.
+    widths : tuple of int
+        Numbers of directions that the C takes at once; empty for a function without directions.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    seeds: dict[str, int]
+    results: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+    derived: tuple[bool, ...]
+    widths: tuple[int, ...]
+    takes: frozenset[str]
+    order: tuple[str, ...]
+    directions: tuple[str, ...]
+
+    def named(self, given: Sequence[Any]) -> dict[str, Any]:
+        """Arguments by name, from those in order."""
+        return {n: x for n, x in zip(self.order, given, strict=True) if n in self.takes}
+
+    def whole_shapes(self, batch: Shape, k: int = 0) -> list[Shape]:
+        """Shapes of the results of a call with k directions: (*batch, ...), of derivatives (k, *batch, ...)."""
+        return [((k,) if d else ()) + batch + s for s, d in zip(self.shapes, self.derived, strict=True)]
+
+    def has_entries(self) -> bool:
+        """Whether there is anything to compute."""
+        return any(map(math.prod, self.shapes))
+
+
+class Wanted:
+    """Some of the results of a function, those too that it does not compute: they are zero. A mere name stands for all results.
+
+    Parameters
+    ----------
+    name : str
+        Of the function.
+    returned : sequence of str
+    function : Function, optional
+        One that no manifest lists; see `over_points`.
+    table : array, optional
+        The numbers that say which points these are.
+    """
+
+    __slots__ = ("function", "name", "returned", "table")
+
+    def __init__(
+        self, name: str, returned: Sequence[str], function: Function | None = None, table: Array | None = None
+    ):
+        self.name, self.returned, self.function, self.table = name, tuple(returned), function, table
+
+
+def over_points(f: Function, places: Shape, shape: Shape) -> Function:
+    """The call of ``NAME_calls.c`` that gives the motion of points of that shape, from the function that gives frames."""
+    names = ("frames", "point_places", "position", "velocity")
+    shapes = (f.shapes[0], places, shape, shape)
+    if not f.seeds:
+        return replace(f, name="points", results=names, shapes=shapes, derived=(False,) * 4)
+    both = tuple(n for name in names for n in (name, f"d{name}"))
+    twice = tuple(s for s in shapes for _ in range(2))
+    return replace(f, name="point_sensitivities", results=both, shapes=twice, derived=(False, True) * 4)
+
+
+def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
+    """Shapes of everything that functions take and return, after batch axes."""
+    nq, nu, n_p, ninputs, noutputs, nclosure = (
+        len(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input", "output", "closure")
+    )
+    nloops, nbodies = len(manifest.get("loops", ())), len(manifest.get("joint_links", ()))
+    return {
+        "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
+        "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
+        "inverse_M": (nu, nu),
+        "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
+        "position": (nclosure,), "velocity": (nclosure,), "step": (nq,), "condition": (nloops,),
+        "actuation": (len(manifest["prescribed_names"]),),
+        "full_q": (nq,), "full_u": (nu,), "reaction": (len(manifest["links"]), 6), "loop_reaction": (nloops, 6),
+        "frames": (nbodies, 18), "frame_accelerations": (nbodies, 6), "point_places": (len(manifest.get("points", ())), 3),
+    }  # fmt: skip
+
+
+def functions_of(manifest: Mapping[str, Any], shapes: Mapping[str, Shape]) -> dict[str, Function]:
+    """The functions that were generated, by name."""
+    return {name: function(name, entry, shapes) for name, entry in manifest["functions"].items()}
+
+
+def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -> Function:
+    """A function from its entry in the manifest."""
+    seeds = {s: math.prod(shapes[s[1:]]) for s in entry.get("seeds", ())}
+    results = tuple(entry["results"])
+    derived = tuple(bool(seeds) and r.startswith("d") for r in results)
+    of_results = tuple(shapes[r[1:] if d else r] for r, d in zip(results, derived, strict=True))
+    arguments, widths = tuple(entry.get("arguments", ())), tuple(entry.get("widths", ()))
+    of = name.removesuffix("_transposed").removesuffix("_sensitivities")
+    takes = TAKES.get(of) or TAKES.get(of.removesuffix("s"), STATE)
+    order = (*STATE, *(n for n in takes if n not in STATE))
+    directions = WEIGHTED.get(name) or tuple(f"d{n}" for n in order if seeds)
+    return Function(
+        name, arguments, seeds, results, of_results, derived, widths, frozenset(takes), order, directions
+    )  # fmt: skip
+
+
+def split(k: int, widths: Iterable[int]) -> list[int]:
+    """Widths that cover k directions with the least work; the last may be wider than what remains.
+
+    Every call does the forward dynamics again, and eight directions in lanes cost little more than one: one call that
+    is too wide beats two that fit.
+    """
+    allowed = sorted(widths)
+    parts = [allowed[-1]] * (k // allowed[-1])
+    rest = k % allowed[-1]
+    return [*parts, next(w for w in allowed if w >= rest)] if rest else parts

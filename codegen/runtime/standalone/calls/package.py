@@ -1,0 +1,424 @@
+"""A package that is open: what it says of its model, and calls of its functions with whatever a user gives.
+
+`Solver` is put together from sections, classes derived from `Package` with one file each; a package carries those that it uses.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Shape
+from ..errors import SingularJointError
+from ..files.manifest import read_manifest, refuse_another
+from .arguments import NO_SEEDS, Arguments, Seeds
+from .bad_states import BAD_STATES, Lenient, spread, tell_bad
+from .batches import spoil
+from .c_target import CTarget
+from .functions import WITHOUT_ENTRIES, Function, function, shapes_of
+from .non_finite import tell_infinite
+from .operation_counts import OperationCounts
+from .results import empty, overlap, places, put
+from .targets import Opened, Target, c_target, open_partition
+
+
+class Package:
+    """A generated solver. May be used by several threads at once.
+
+    Parameters
+    ----------
+    folder : path
+        The generated package.
+    target : {"c", "numpy", "both"}, optional
+        Which code computes; left out: what the package was generated for. With "both" the two are compared first, then
+        the C computes. Without a C compiler the NumPy module serves, and a warning says so.
+
+    Raises
+    ------
+    CompileError
+    TargetsDifferError
+
+    Notes
+    -----
+    Arguments of the methods, all in SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design
+    parameters ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros), time ``t (...)``.
+    Leading axes are batch axes and broadcast by NumPy's rules. Seeds carry their k directions first:
+    ``dq (k, ..., nq)``, ``du``, ``dp``, ``dinputs`` alike, ``dt (k, ...)``; one without k counts as k = 1; missing ones
+    are zero. ``p``, ``inputs`` and seeds may be mappings from some names to numbers. Results are (..., n), derivatives
+    (k, ..., n).
+
+    Every method raises ValueError for a wrong shape, a number that is not finite, an unknown name and a quaternion
+    shorter than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
+    """
+
+    _threads = 1
+    _bad_states = "error"
+
+    def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
+        self.folder = Path(folder).absolute()
+        self._manifest = manifest = self._read()
+        self.name: str = manifest["name"]
+        self.coordinate_names: tuple[str, ...] = tuple(manifest["coordinate_names"])
+        self.speed_names: tuple[str, ...] = tuple(manifest["speed_names"])
+        self.parameter_names: tuple[str, ...] = tuple(manifest["parameter_names"])
+        self.input_names: tuple[str, ...] = tuple(manifest["input_names"])
+        self.moving_inputs: tuple[str, ...] = tuple(manifest.get("moving_inputs", ()))
+        self.signal_names = self.input_names[: len(self.input_names) - 2 * len(self.moving_inputs)]
+        self.output_names: tuple[str, ...] = tuple(manifest["output_names"])
+        self.closure_names: tuple[str, ...] = tuple(manifest["closure_names"])
+        self.prescribed_names: tuple[str, ...] = tuple(manifest["prescribed_names"])
+        self.nq, self.nu, self.np = len(self.coordinate_names), len(self.speed_names), len(self.parameter_names)
+        self.ninputs, self.noutputs = len(self.input_names), len(self.output_names)
+        self._shapes = shapes_of(manifest)
+        self._arguments = Arguments(manifest, self._shapes)
+        self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
+        self._wanted: str = manifest.get("target", "c") if target is None else target
+        self._made: dict[int, Opened] = {}
+        self._compiled: dict[int, CTarget] = {}
+        self._making = threading.Lock()
+        self._use(self._open(0))
+
+    def _read(self) -> dict[str, Any]:
+        return read_manifest(self.folder)
+
+    def _open(self, partition: int) -> Opened:
+        """A partition, opened when first asked for."""
+        with self._making:
+            if partition not in self._made:
+                opened = open_partition(self.folder, self._manifest, partition, self._wanted, self._shapes)
+                opened.target.threads = self._threads
+                self._made[partition] = opened
+            return self._made[partition]
+
+    def _in_c(self, opened: Opened) -> CTarget:
+        """The compiled code of a partition, also where it computes with NumPy.
+
+        Raises
+        ------
+        PackageError, NoCompilerError, CompileError
+        """
+        if isinstance(opened.target, CTarget):
+            return opened.target
+        with self._making:
+            if opened.number not in self._compiled:
+                made = c_target(opened.folder, opened.package, opened.manifest, opened.functions, self._shapes)
+                self._compiled[opened.number] = made
+            return self._compiled[opened.number]
+
+    def _use(self, opened: Opened) -> None:
+        """Compute with a partition from now on."""
+        self._opened = opened
+        self._one_state, self._few_states = opened.target.one_state, opened.target.few_states
+        self._watched = bool(opened.manifest.get("opening"))
+
+    def __getstate__(self) -> tuple[str, str, int, int, str, str]:
+        # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
+        sealed = self._manifest.get("seal", "")
+        return str(self.folder), self.target, self._opened.number, self._threads, self._bad_states, sealed
+
+    def __setstate__(self, state: tuple[str, str, int, int, str, str]) -> None:
+        folder, target, partition, threads, bad_states, sealed = state
+        refuse_another(Path(folder), sealed)
+        Package.__init__(self, folder, target)
+        self.batch_threads, self.bad_states = threads, bad_states
+        if partition:
+            self._use(self._open(partition))
+
+    def __repr__(self) -> str:
+        return (
+            f"<Solver {self.name}: nq={self.nq}, nu={self.nu}, np={self.np}, ninputs={self.ninputs}, "
+            f"noutputs={self.noutputs}, target={self.target}>"
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        """Says why a package lacks a member that others have; Python calls it for what there is not."""
+        member: Any = getattr(type(self), name, None)
+        if hasattr(member, "__get__"):
+            return member.__get__(self)  # a property whose own AttributeError Python has put aside
+        if name in SOMETIMES:
+            raise AttributeError(self._why_not(name))
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    # -- what the model is ---------------------------------------------------------------------------------------------
+
+    @property
+    def target(self) -> str:
+        """What computes: ``c`` or ``numpy``."""
+        return self._target.name
+
+    @property
+    def parameters(self) -> Array:
+        """Default design parameters, (np,)."""
+        return self._arguments.defaults["p"].copy()
+
+    @property
+    def batch_threads(self) -> int:
+        """On how many threads the C works on a batch; one if not set. Small batches take fewer."""
+        return self._threads
+
+    @batch_threads.setter
+    def batch_threads(self, threads: int) -> None:
+        if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
+            raise ValueError(f"batch_threads is {threads!r}, expected a number of threads, at least 1")
+        self._threads = int(threads)
+        with self._making:
+            for opened in self._made.values():
+                opened.target.threads = self._threads
+
+    @property
+    def bad_states(self) -> str:
+        """What becomes of states of a batch that cannot be computed, such as singular ones and those with NaN: ``error``, unless
+        set to ``nan``; then their results are NaN, a warning names them, and the others are computed."""
+        return self._bad_states
+
+    @bad_states.setter
+    def bad_states(self, wanted: str) -> None:
+        if wanted not in BAD_STATES:
+            raise ValueError(f"bad_states is {wanted!r}; allowed are {' and '.join(map(repr, BAD_STATES))}")
+        self._bad_states = wanted
+
+    @property
+    def independent_names(self) -> tuple[str, ...]:
+        """Names of the coordinates that the others follow from; all of them in a model without loops."""
+        return tuple(self._opened.manifest.get("independent_names", self.coordinate_names))
+
+    @property
+    def independent_speed_names(self) -> tuple[str, ...]:
+        """Names of the speeds that the others follow from."""
+        return tuple(self._opened.manifest.get("independent_speed_names", self.speed_names))
+
+    @property
+    def operations(self) -> dict[str, Any]:
+        """Additions, multiplications, divisions and functions, by function and sweep.
+
+        ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` is what one more direction costs there,
+        ``"per_call"`` what all directions share. ``"start"`` computes constants, sines and cosines. A sweep that a function
+        runs twice counts twice; each column of a matrix is a direction; ``"solve_in_1"`` is a sweep over directions that
+        runs for values.
+        """
+        by_sweep = self._manifest["operations"]
+        run = {name: f.get("sweeps", ()) for name, f in self._manifest["functions"].items()}
+        return OperationCounts(
+            {name: {s: _times(by_sweep[s], sweeps.count(s)) for s in sweeps} for name, sweeps in run.items()}
+        )
+
+    @property
+    def _target(self) -> Target:
+        return self._opened.target
+
+    @property
+    def _functions(self) -> Mapping[str, Function]:
+        return self._opened.functions
+
+    # -- compiling -----------------------------------------------------------------------------------------------------
+
+    def prepare(self, *members: str) -> None:
+        """Compile now what members need, which is compiled else when they are first called.
+
+        Libraries are kept, beside the package or in the user's cache, so this takes time once. With the NumPy target there
+        is nothing to compile but for motions.
+
+        Parameters
+        ----------
+        *members : str
+            Such as ``"accelerations"``, ``"jacobians"``, ``"simulate"``; ``"batches"`` for large batches of `accelerations`
+            and `sensitivities`. Left out: all that the solver has.
+
+        Raises
+        ------
+        ValueError
+            There is no such member.
+        AttributeError
+            The package was generated without it.
+        NoCompilerError, CompileError
+
+        Examples
+        --------
+        >>> solver.prepare("simulate", "jacobians")  # doctest: +SKIP
+        """
+        known = {MEMBERS.get(n, n) for n in self._functions} | {*MADE_OF, "assemble", "batches"}
+        for member in members or sorted(m for m in known if m == "batches" or hasattr(self, m)):
+            if member in SOMETIMES:
+                getattr(self, member)  # says why a package lacks it
+            if member not in known:
+                if member in SOMETIMES:
+                    raise AttributeError(self._why_not(member))
+                raise ValueError(f"prepare: {member!r} is none of {', '.join(sorted(known))}")
+            self._prepare(member)
+
+    def _prepare(self, member: str) -> None:
+        opened = self._opened
+        target = opened.target
+        if not isinstance(target, CTarget):
+            return
+        if member == "batches":
+            target.batches.prepare()
+            return
+        needed = {*MADE_OF.get(member, ()), *(CLOSING if member == "assemble" else ()), member}
+        for name, f in opened.functions.items():
+            if name in needed or MEMBERS.get(name, name) in needed:
+                target.prepare(f)
+
+    # -- calls ---------------------------------------------------------------------------------------------------------
+
+    def _call(self, name: str, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None) -> Any:
+        """Results of a function, in `out` if there is one.
+
+        `given` are the arguments that it takes, and `seeds` those of a function over directions, as a user gives them, in the
+        order of `Function.order` and `Function.directions`. One state and a few, in plain arrays, go straight to the C.
+        """
+        if self._watched and seeds is not None:
+            self._look_at_directions(name, given, seeds)
+        found = self._one_state(name, given, seeds, out) or self._few_states(name, given, seeds, out)
+        if found is not None:
+            return found if out is None else tuple(found)
+        opened = self._opened
+        f = self._find(opened, name)
+        arrays, batch, bad = self._taken(f, given)
+        along = NO_SEEDS
+        if seeds is not None:
+            of = batch
+            along, batch = Seeds.take(self._arguments, dict(zip(f.directions, seeds, strict=True)), arrays, batch)
+            bad = bad if batch == of else spread(bad, of, batch)
+        shapes, results = f.whole_shapes(batch, along.k), [out] if seeds is None else out
+        taken = [] if out is None else places(results, f.results, shapes, self._arguments.dtype)
+        return tuple(self._compute(opened, f, arrays, batch, along, taken, bad))
+
+    def _taken(self, f: Function, values: Sequence[Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
+        """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error."""
+        given = f.named(values)
+        if self._bad_states == "error":
+            return *self._arguments.take(given, self._left_out), {}
+        return Lenient(self._manifest, self._arguments).without_bad(given, self._left_out)
+
+    def _compute(
+        self,
+        opened: Opened,
+        f: Function,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        seeds: Seeds,
+        taken: list[Array],
+        bad: Mapping[int, str] | None = None,
+    ) -> list[Array]:
+        """Results for arguments that have been checked, told where they are not finite; NaN for states that are bad."""
+        if not f.has_entries():
+            return taken or [empty(shape, self._arguments.dtype) for shape in f.whole_shapes(batch, seeds.k)]
+        # results that would be written over what is read are moved in the end
+        place: list[Array] = [] if overlap(taken, {**arrays, **seeds.of}) else taken
+        failed: dict[int, SingularJointError] | None = {} if batch and self._bad_states == "nan" else None
+        results = put(opened.target.compute(f, arrays, batch, seeds, place, failed), [] if place else taken)
+        if failed or bad:
+            told = {n: str(error) for n, error in (failed or {}).items()} | dict(bad or {})
+            spoil(results, f, told, batch)
+            tell_bad(self.name, dict(sorted(told.items())), batch)
+        else:
+            tell_infinite(opened, f, results, arrays, batch, seeds)
+        return results
+
+    def _has(self, name: str) -> bool:
+        """Whether a solver of the model has a function: it has been generated, or left out, which `_find` tells."""
+        return name in self._functions or MEMBERS.get(name, name) in self._manifest.get("left_out", ())
+
+    def _find(self, opened: Opened, name: str) -> Function:
+        f = opened.functions.get(name)
+        if f is None and name in WITHOUT_ENTRIES and not self._has(name):
+            f = function(name, WITHOUT_ENTRIES[name], self._shapes)
+            f = None if f.has_entries() else f
+        if f is None:
+            raise AttributeError(self._why_not(name))
+        return f
+
+    def _why_not(self, name: str) -> str:
+        """Why there is no function of that name."""
+        if name.startswith("driving_force") and not self.prescribed_names:
+            return f"{self.name} has no prescribed motion (section motion of the model file), so nothing is driven"
+        if name in ("reactions", "reaction_sensitivities"):
+            among = ", or name it among --functions" if "left_out" in self._manifest else ""
+            return f"{self.name} was generated without {name}: generate it with --reactions{among}"
+        if name.startswith(("frame", "point")):
+            return f"{self.name} was generated without {name}: generate it with --frames"
+        left_out = self._manifest.get("left_out", ())
+        if called := [MEMBERS.get(n, n) for n in MADE_OF.get(name, (name,)) if MEMBERS.get(n, n) in left_out]:
+            have = [f.get("member", n) for n, f in self._manifest["functions"].items()]
+            needed = f", which {name} needs" if name in MADE_OF else ""
+            return (
+                f"{self.name} was generated without {', '.join(called)}{needed}; generate it with "
+                f"--functions {','.join([*have, *called])}, or without --functions for all"
+            )
+        if self.closure_names:
+            return f"{self.name} has closed loops: {name!r} is defined for trees only" + _ON_INDEPENDENTS.get(name, "")
+        return f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
+
+    def _left_out(self, name: str, given: Mapping[str, Any]) -> Array | float:
+        """What a mapping leaves out of an argument: default parameters, else zeros."""
+        return self._arguments.defaults.get(name, 0.0)
+
+    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
+        """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
+
+
+_ON_INDEPENDENTS = dict.fromkeys(
+    ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),
+    "; mass_matrix is there, on the independent speeds",
+)
+MEMBERS = {
+    "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
+    "energy_sensitivities_transposed": "energy_gradients", "completion_sensitivities_transposed": "assemble_gradients",
+    "coordinate_rate_sensitivities_transposed": "coordinate_rate_gradients", "bias_force": "inverse_dynamics",
+    "bias_force_sensitivities": "inverse_dynamics_sensitivities", "completion_sensitivities": "assemble_sensitivities",
+}  # fmt: skip
+"""What generated functions, and members that are made of others, are called where functions are chosen."""
+
+
+MADE_OF = (
+    dict.fromkeys(
+        ("equilibrium", "linearize"),
+        (
+            "accelerations",
+            "sensitivities",
+            "coordinate_rates",
+            "coordinate_rate_sensitivities",
+            "assemble_sensitivities",
+        ),
+    )
+    | dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step"))
+    | {"diagnose": ("accelerations",)}
+)
+"""Members that are made of functions, and what these are called."""
+
+
+CLOSING = ("closure", "closing_step", "newton_step", "completion")
+"""Functions that `assemble` calls."""
+
+
+SOMETIMES = (
+    "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
+    "solve_mass_sensitivities",
+    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
+    "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
+    "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
+    "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
+    "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
+)  # fmt: skip
+"""Members that packages may lack."""
+
+
+def state(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> dict[str, Any]:
+    """Arguments of a state by name."""
+    return {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
+
+
+def seeds(dq: Any, du: Any, dp: Any, dinputs: Any, dt: Any) -> dict[str, Any]:
+    """Its seeds by name."""
+    return {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
+
+
+def _times(counts: Mapping[str, Mapping[str, int]], n: int) -> dict[str, dict[str, int]]:
+    """Operations of what runs n times."""
+    return {part: {k: n * v for k, v in of.items()} for part, of in counts.items()}

@@ -1,0 +1,72 @@
+"""Where results go: new arrays, or the caller's own of ``out=``."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Shape
+
+
+def empty(shape: Shape, dtype: Any = np.float64) -> Array:
+    """Room for results.
+
+    Raises
+    ------
+    MemoryError
+        Says how much was asked for.
+    """
+    try:
+        return np.empty(shape, dtype)
+    except (MemoryError, ValueError):
+        size = math.prod(shape) * 8 / 2**30
+        raise MemoryError(
+            f"results of shape {shape} take {size:,.0f} GiB, more than there is; call with fewer states or directions at a time"
+        ) from None
+
+
+def places(out: Any, names: Sequence[str], shapes: Sequence[Shape], dtype: Any = np.float64) -> list[Array]:
+    """The arrays of ``out=``, checked."""
+    if not isinstance(out, (tuple, list)) or len(out) != len(names):
+        raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
+    for name, x, shape in zip(names, out, shapes, strict=True):
+        wanted = f"expected a writeable C-contiguous array of {np.dtype(dtype)} of shape {shape}"
+        if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # whose mask would stay as it is
+            raise ValueError(f"out ({name}) is {type(x).__name__}, {wanted}")
+        if x.dtype != dtype or x.shape != shape:
+            raise ValueError(f"out ({name}) holds {x.dtype} and has shape {x.shape}, {wanted}")
+        if not x.flags.carray:
+            raise ValueError(f"out ({name}) is read-only, not contiguous or not aligned, {wanted}")
+    if both := overlapping(out):
+        first, second = (names[i] for i in both)
+        raise ValueError(
+            f"out ({first}) and out ({second}) share memory, so that one result would overwrite the other; expected arrays that "
+            f"do not overlap"
+        )
+    return list(out)
+
+
+def overlapping(arrays: Iterable[Array]) -> tuple[int, int] | None:
+    """Which two of some contiguous arrays share memory; None if none do."""
+    for (i, a), (j, b) in itertools.combinations(enumerate(arrays), 2):
+        if np.may_share_memory(a, b):
+            return i, j
+    return None
+
+
+def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
+    """Whether results would be written over arguments that are still read."""
+    given = (a for a in arrays.values() if isinstance(a, np.ndarray))
+    return any(np.may_share_memory(a, b) for a, b in itertools.product(taken, given))
+
+
+def put(results: Sequence[Array], out: Sequence[Any]) -> list[Any]:
+    """Results in the arrays of the caller's, if there are any; there is none for what is not asked for."""
+    for place, result in zip(out, results, strict=False):
+        if place is not None:
+            place[...] = result
+    return list(out) or list(results)

@@ -1,0 +1,237 @@
+"""The library of a package: compiled once, kept beside the package or in the user's cache, known by what it was made of."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import shlex
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import CompileError, NoCompilerError
+from .compiler import CFLAGS, COMMAND, STANDARD, Stop, compiler_version, find_compiler, optimization, processor, run_all
+from .compiling import waiting
+from .manifest import refuse_another
+from .user_cache import PRIVATE, in_cache, make_private, trusted, user_cache
+
+FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
+"""Of what is compiled apart, unless the environment says. Four directions: a motion with them is a twentieth faster by -O3, for
+more time to compile. Long double: it is needed at once, but derivatives near a pose take most of their time in it, and twice as
+long by -O0."""
+
+_INCLUDE = re.compile(rb'^ *# *include "([^"]+)"', re.MULTILINE)
+
+
+class Build:
+    """How the C of a package becomes a library.
+
+    The library's name holds three keys, of the source; of flags and processor; of the compiler, and a digest of the
+    library itself: opening one that a full disk or a broken copy cut short would kill the process. It appears under that
+    name only when it is complete, so several processes may build at once.
+
+    Parameters
+    ----------
+    folder : Path
+        The package.
+    name : str
+        The model's name.
+    sources : list of str
+        C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where there is one, ``<name>_motion.c``.
+    part : str
+        The library of some functions, where it is not to have all.
+    number, units
+        What it is called in C, and its units, which are compiled side by side; see ``libraries`` of ``model.json``.
+    sealed : str
+        The seal of the package's manifest when it was opened: a package that was generated anew since is refused.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        sources: Sequence[str] = (),
+        part: str = "",
+        number: int = 0,
+        units: Sequence[int] = (),
+        sealed: str = "",
+    ):
+        self.folder = folder
+        self.sealed = sealed
+        self.name = name
+        self.part = part
+        self.number = number
+        self.units = units
+        self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
+        motion = folder / f"{name}_motion.c"
+        if not sources and motion.is_file():
+            self.sources.append(motion)
+        self.flags = optimization()
+        try:
+            self.compiler = find_compiler()
+        except NoCompilerError as error:
+            self.compiler, self.complaint = [], error
+        self.places = [folder]
+        self.stop = Stop()
+        with contextlib.suppress(RuntimeError):  # a user without a home
+            self.places.append(user_cache() / name)
+
+    def key(self) -> str:
+        """Beginning of the library's name; ``*`` for the compiler if there is none."""
+        source = hashlib.sha256()
+        for text in _texts(self.sources):
+            source.update(text)
+        machine = short_key(*STANDARD, *self.flags, processor())
+        compiler = short_key(*self.compiler, compiler_version(tuple(self.compiler))) if self.compiler else "*"
+        part = f".{self.part}" if self.part else ""
+        return f"{self.name}{part}-{source.hexdigest()[:16]}-{machine}-{compiler}"
+
+    def exists(self) -> bool:
+        """Whether its sources are there: packages have what their functions need."""
+        return all(s.is_file() for s in self.sources)
+
+    def found(self, key: str = "") -> Path | None:
+        """The library if it exists; one that is damaged is removed, one of the cache that others can write to is not used."""
+        for place in self.places:
+            for found in sorted(place.glob(f"{key or self.key()}-*.so")):
+                if not trusted(found):
+                    continue
+                with contextlib.suppress(OSError):
+                    if found.stem.endswith(f"-{digest(found)}"):
+                        return found
+                    found.unlink()
+        return None
+
+    def library(self, rebuild: bool = False) -> Path:
+        """The library; compiled unless it exists.
+
+        Raises
+        ------
+        NoCompilerError, CompileError, PackageError
+        """
+        refuse_another(self.folder, self.sealed)
+        key = self.key()
+        found = None if rebuild else self.found(key)
+        if found is not None:
+            return found
+        if not self.compiler:
+            raise self.complaint
+        refusals = []
+        for place in self.places:
+            try:
+                if in_cache(place):
+                    make_private(place)
+                else:
+                    place.mkdir(parents=True, exist_ok=True)
+                with tempfile.TemporaryDirectory(prefix=".build-", dir=place, ignore_cleanup_errors=True) as temporary:
+                    made = Path(temporary) / "library.so"
+                    with waiting(f"{self.name}{self.part and f' ({self.part})'}"):
+                        self._compile(made, place / f"{self.name}.log")
+                    library = place / f"{key}-{digest(made)}.so"
+                    if in_cache(place):
+                        made.chmod(PRIVATE)
+                    os.replace(made, library)
+                return library
+            except (
+                OSError
+            ) as error:  # read-only, not ours, open to others, full, or a folder is where the library shall be
+                refusals.append(str(error))
+        raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
+
+    def _compile(self, output: Path, log_file: Path) -> None:
+        refused, log = self._run(self.flags, output)
+        complaints = [line for line in log.splitlines() if not line.startswith(COMMAND)]
+        if refused and "-march=native" in self.flags and any("march" in line for line in complaints):
+            refused, log = self._run([f for f in self.flags if f != "-march=native"], output)
+        if not refused and output.exists():
+            with contextlib.suppress(OSError):
+                log_file.unlink()
+            return
+        log = log or f"{shlex.join(self.compiler)} reported no error, but wrote no library\n"
+        if not self._compiles(output):
+            log = f"{shlex.join(self.compiler)} compiles no C: it fails on a file of one line too; set CC to a C compiler\n{log}"
+        log_file.write_text(log, encoding="utf-8")
+        sources = ", ".join(map(str, self.sources))
+        first = "\n".join(log.splitlines()[:12])
+        raise CompileError(f"the C compiler failed on {sources}; the whole log is in {log_file}:\n{first}")
+
+    def _compiles(self, output: Path) -> bool:
+        """Whether the compiler compiles anything."""
+        source, made = output.with_name("one_line.c"), output.with_name("one_line.o")
+        source.write_text("int one_line(void) { return 0; }\n", encoding="utf-8")
+        refused, _ = run_all([[*self.compiler, "-c", "-o", str(made), str(source)]], self.stop)
+        return not refused and made.exists()
+
+    def _run(self, flags: list[str], output: Path) -> tuple[bool, str]:
+        """Compile the sources, several at once, and link them; whether that was refused, and the log."""
+        common = [*self.compiler, *STANDARD, *flags]
+        if len(self.sources) == 1:
+            return run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]], self.stop)
+        library = [f"-DORDERNM_LIBRARY={self.number}"] if self.part else []
+        first, *others = self.sources
+        tasks = [(first, f"{first.stem}_{n}", [*library, f"-DORDERNM_UNIT={n}"]) for n in self.units]
+        tasks = (tasks or [(first, first.stem, library)]) + [(s, s.stem, library) for s in others]
+        objects = [output.with_name(f"{stem}.o") for _, stem, _ in tasks]
+        parts = [
+            [*(f for f in common if f != "-shared"), *defined, "-c", "-o", str(o), str(s)]
+            for (s, _, defined), o in zip(tasks, objects, strict=True)
+        ]
+        refused, log = run_all(parts, self.stop)
+        if refused:
+            return refused, log
+        return run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]], self.stop)
+
+
+def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
+    """Of C files and of what they include, each once."""
+    known, waiting = set(sources), [*reversed(sources)]
+    while waiting:
+        file = waiting.pop()
+        text = file.read_bytes()
+        yield text
+        for name in _INCLUDE.findall(text):
+            found = file.parent / os.fsdecode(name)
+            if found not in known and found.is_file():
+                known.add(found)
+                waiting.append(found)
+
+
+def build_apart(folder: Path, name: str, part: str, sealed: str = "") -> Build:
+    """How ``NAME_<part>.c`` becomes a library: "states", "four" or "precise", which include ``NAME.c``, or "threads"."""
+    build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], sealed=sealed)
+    if part in FLAGS and CFLAGS not in os.environ:
+        build.flags = list(FLAGS[part])
+    if part == "threads":
+        build.flags.append("-pthread")
+    return build
+
+
+def builds(folder: Path, manifest: Mapping[str, Any], sealed: str = "") -> dict[str, Build]:
+    """What a package is compiled to, by name: under "" all of it; and libraries of some functions, the first first."""
+    name, sources = manifest["name"], manifest.get("sources", ())
+    parts = manifest.get("libraries", {})
+    found = {
+        part: Build(folder, name, part=part, number=x["number"], units=x["units"], sealed=sealed)
+        for part, x in parts.items()
+    }
+    return {"": Build(folder, name, sources, sealed=sealed)} | found
+
+
+def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False, further: bool = False) -> Build:
+    """What is compiled when a package is generated: what most calls need, or all; of further partitions what motions call."""
+    found = builds(folder, manifest)
+    whole, *first = found.values()
+    if everything or not first:
+        return whole
+    return found.get("motion", first[0]) if further else first[0]
+
+
+def digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:8]
+
+
+def short_key(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]

@@ -1,0 +1,100 @@
+"""The discrete adjoint of a motion: gradients of weighted sums of outputs, from the end to the beginning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from .problem import REASONS, Segment
+
+
+@dataclass(slots=True)
+class Adjoint:
+    """Gradients by what a motion begins with and depends on.
+
+    Attributes
+    ----------
+    q, u : array (m, nq), (m, nu)
+        By independent entries of the initial state; others are zero.
+    p : array (m, np)
+    inputs : array (m, count, nsignals)
+    counts : dict of str to int
+    """
+
+    q: Array
+    u: Array
+    p: Array
+    inputs: Array
+    counts: dict[str, int]
+
+
+def segment_backwards(
+    motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, behind: tuple[Array, Array, Array],
+    integral_weights: Array, end_q: Array, end_u: Array, whole: tuple[Array, Array] | None = None,
+) -> Adjoint:  # fmt: skip
+    """Gradients of m functionals by what a segment of a motion, whose steps have been kept, begins with and depends on.
+
+    Parameters
+    ----------
+    motion : (library, ffi, system)
+    times : array (ntimes,)
+    weights : array (m, ntimes, noutputs)
+        Of outputs at these times, all of them within the segment.
+    behind : array (n,), (m, n, noutputs), (m, n)
+        Times of events of outputs that jump, weights of outputs behind them, and of these times.
+    integral_weights : array (m, nintegrals)
+    end_q, end_u : array (m, nq), (m, nu)
+        Of independent entries of the state at the segment's end; of all of them, where there is a `whole`.
+    whole : (array (nq,), array (nu,)), optional
+        The state at the segment's end, from which others are independent.
+    """
+    library, ffi, system = motion
+    problem, m = segment.problem, len(weights)
+    # steps that are made again are made as they were
+    system.precise = ffi.cast("const ordernm_precise *", segment.precise)
+    c = problem.in_c(ffi, system)
+    shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, *problem.inputs.values.shape)]
+    found = [np.zeros(s) for s in shapes]
+    g = ffi.new("ordernm_gradients *")
+    state = whole or (np.zeros(0), np.zeros(0))
+    held = [np.ascontiguousarray(x, float) for x in (times, weights, *behind, integral_weights, end_q, end_u, *state)]
+    pointers = [ffi.from_buffer("double[]", x) if x.size else ffi.NULL for x in (*held, *found)]
+    g.nfunctionals, g.ntimes, g.nbehind = m, len(times), len(behind[0])
+    members = (
+        "times", "weights", "behind", "behind_weights", "time_weights", "integral_weights", "end_q", "end_u", "whole_q",
+        "whole_u", "q", "u", "p", "inputs",
+    )  # fmt: skip
+    for name, pointer in zip(members, pointers, strict=True):
+        setattr(g, name, pointer)
+    room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
+    adjoint = library.ordernm_adjoint_begin(c, g, room)
+    if g.singular:
+        raise RuntimeError(f"the adjoint could not complete a state that the motion had completed ({g.singular})")
+    parts = zip(segment.steps, segment.known, segment.heads, strict=True)
+    for part, known, heads in reversed(list(parts)):
+        rows = part if heads is None else made_again(library, ffi, c, part, known, heads)
+        reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
+        if reason != "end":
+            raise RuntimeError(
+                f"the adjoint met a state that the motion had passed, and found it {reason} ({g.singular})"
+            )
+    library.ordernm_adjoint_end(adjoint)
+    q, u, p, inputs = found
+    return Adjoint(q, u, p, inputs, {"evaluations": g.evaluations, "transposes": g.transposes})
+
+
+def made_again(library: Any, ffi: Any, c: Any, first: Array, known: Array, heads: Array) -> Array:
+    """Rows of steps from the first, from what the method knew before it, and from the heads of all rows."""
+    rows = np.empty((len(heads), first.shape[1]))
+    rows[:, : heads.shape[1]] = heads
+    rows[0] = first[0]
+    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))  # which has to live as long as the motion
+    motion = library.ordernm_begin(c, room)
+    before = ffi.from_buffer("double[]", known) if known.size else ffi.NULL
+    reason = REASONS[library.ordernm_replay(motion, before, ffi.from_buffer("double[]", rows), len(rows))]
+    if reason != "end":
+        raise RuntimeError(f"steps that had been made could not be made again: {reason}")
+    return rows

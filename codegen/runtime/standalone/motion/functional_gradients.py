@@ -1,0 +1,335 @@
+"""Functionals of motions and their gradients, by sensitivities that are integrated along, or by the discrete adjoint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Numbers
+from ..calls.arguments import some
+from ..calls.non_finite import outputs_without
+from ..errors import SimulationError
+from ..trajectory.events import BY_STATE, Crossing, Event, crossing_speed
+from ..trajectory.events import DIRECTIONS as CROSSINGS
+from ..warning import warn
+from .adjoint import Adjoint, segment_backwards
+from .directions import Directions
+from .flat_poses import lost_directions, what_is_lost
+from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
+from .problem import Problem, Run
+from .simulation import MEANINGLESS, MOST_STEPS, Simulation, meaningless
+
+GRADIENTS = ("auto", "forward", "adjoint")
+
+MEMORY = 256 * 2**20
+"""Bytes for the steps of a motion, for the adjoint; beyond it they are made a second time."""
+
+COSTS = {False: (0.0, 3.0, 4.4, 9.0), True: (1.3, 0.8, 2.5, 3.5)}
+"""In motions without derivatives, of explicit methods and of the implicit one: a motion with directions, and every eight of
+them; the gradient of one functional by the adjoint; of up to eight."""
+
+
+@dataclass(slots=True, eq=False)
+class Weights:
+    """Derivatives of functionals by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals).
+
+    `behind` has the times (n,) of events of outputs that jump, derivatives by outputs behind these jumps (m, n, noutputs), and by
+    those of these times that a switch makes (m, n).
+    """
+
+    times: Array
+    outputs: Array
+    behind: tuple[Array, Array, Array]
+    integrals: Array
+
+
+class FunctionalGradients(Simulation):
+    """Functionals of motions."""
+
+    def judge(
+        self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,
+        inputs: Any = None, *, wrt: Sequence[str] | str = (), method: str = "auto", dq0: Numbers = None, du0: Numbers = None,
+        rtol: float = 1e-9, atol: Any = 1e-9, integrator: str = "dop853", step: float | None = None,
+        largest_step: float | None = None, most_steps: int = MOST_STEPS, memory: int = MEMORY,
+    ) -> Judged:  # fmt: skip
+        """Values of functionals of a motion, and their gradients, exact for the steps that are made.
+
+        Parameters
+        ----------
+        t : float, or (start, end)
+            The motion's end, s, or both ends.
+        functionals : one or several of `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`
+        q, u, p, inputs, dq0, du0, rtol, atol, step, largest_step, most_steps
+            As those of `simulate`.
+        wrt : sequence of str
+            What gradients are with respect to, as the `sensitivities` of `simulate`.
+        method : {"auto", "forward", "adjoint"}
+            Sensitivities along with the motion, or the discrete adjoint, whose cost does not grow with the number of parameters;
+            "auto" takes what costs less. Both give the same to rounding.
+        integrator : {"dop853", "radau", "rk4"}
+        memory : int
+            Bytes that the adjoint keeps steps in.
+
+        Returns
+        -------
+        Judged
+
+        Raises
+        ------
+        SimulationError
+            The motion ends before its time, or an event that is asked for does not come.
+        """
+        if method not in GRADIENTS:
+            raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, GRADIENTS))}")
+        ends = np.atleast_1d(np.asarray(t, float))
+        if ends.shape not in ((1,), (2,)):
+            raise ValueError(f"t is {t!r}, expected the end of the motion, or its start and end, s")
+        start, end = (0.0, float(ends[0])) if len(ends) == 1 else (float(ends[0]), float(ends[1]))
+        if not start < end:
+            raise ValueError(f"t is {t!r}: the motion would end before it begins, at {start:g} s")
+        self._find(self._opened, "outputs")
+        wanted = check_functionals(functionals, self.output_names, start, end)
+        times = {start, end}
+        for f in wanted:
+            times.update(
+                [f.t]
+                if isinstance(f, At)
+                else np.asarray(f.times, float).tolist()
+                if isinstance(f, LeastSquares)
+                else ()
+            )
+        events = list(dict.fromkeys(f.event for f in wanted if isinstance(f, AtEvent)))
+        integrals = list(dict.fromkeys(self.output_names.index(f.output) for f in wanted if isinstance(f, Integral)))
+        problem, directions = self._problem(
+            sorted(times), q, u, p, inputs, wrt, dq0, du0, rtol, atol, None, integrator, step, largest_step, most_steps
+        )
+        problem.integrals = tuple(integrals)
+        problem.atol = np.append(problem.atol, np.full(len(integrals), np.min(atol)))
+        problem.events = tuple(
+            (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
+        )
+        way = self._way(method, len(wanted), directions.k, integrator)
+        along = problem
+        if way != "forward":
+            problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
+        run = self._run(problem, keep_steps=way == "adjoint", memory=memory)
+        if way == "adjoint" and any(s.together for s in run.segments):
+            # whether the order of switches matters shows along directions only
+            way, problem = "forward", along
+            run = self._run(problem)
+        k = directions.k if way == "forward" else 0
+        if run.reason not in ("end", "event"):
+            shown = Directions(directions.names[:k], directions.dq, directions.du, directions.dp, None, True)
+            raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, shown, run))
+        crossings = self._first_crossings(events, problem, run, k)
+        values, weights = self._weighed(wanted, problem, run, crossings)
+        if way == "forward":
+            gradients = self._forward(wanted, problem, run, crossings, weights, k)
+        elif way == "adjoint":
+            back = self._backwards(run, weights)
+            gradients = back.q @ along.dq.T + back.u @ along.du.T + back.p @ directions.dp.T
+            if along.dinputs is not None:
+                gradients = gradients + np.einsum("mci,kci->mk", back.inputs, along.dinputs)
+            run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
+        else:
+            gradients = np.zeros((len(wanted), 0))
+        if directions.k:
+            self._look_at_growth(gradients, weights, directions, problem, run)
+            self._look_for_infinite(gradients, weights, directions, problem, run)
+            self._take_lost(gradients, weights, directions, run)
+        return Judged(values, gradients, directions.names, way, run.counts)
+
+    def _take_lost(self, gradients: Array, weights: Weights, directions: Directions, run: Run) -> None:
+        """NaN, and a warning, for gradients along directions that have no derivative behind a pose where a loop has lost rank."""
+        taken = []
+        for of in lost_directions(self, run, directions.dp):
+            times, of_outputs, of_times = weights.behind
+            behind = (
+                (weights.outputs[:, weights.times > of.t] != 0.0).any(axis=(1, 2))
+                | (of_outputs[:, times > of.t] != 0.0).any(axis=(1, 2))
+                | (of_times[:, times > of.t] != 0.0).any(axis=1)
+                | (weights.integrals != 0.0).any(axis=1)
+            )
+            if behind.any():
+                gradients[np.ix_(behind, of.directions)] = np.nan
+                taken.append(of)
+        if taken:
+            warn(what_is_lost(taken, directions.names))
+
+    def _look_at_growth(
+        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
+    ) -> None:
+        """Tell of gradients beyond all bounds: in parts of what is weighed, per part of what they are with respect to."""
+        q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
+        outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
+        outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # nobody asks for these
+        by = self._sizes_of_directions(directions, q, u, problem)[0]
+        by_behind = np.abs(weights.behind[1]).sum(axis=1) @ outputs + np.abs(weights.behind[2]).sum(axis=1)
+        whole = np.abs(weights.outputs).sum(axis=1) @ outputs + by_behind + np.abs(weights.integrals) @ integrals
+        if (np.isfinite(gradients) & (np.abs(gradients) * by > MEANINGLESS * whole[:, None])).any():
+            warn(meaningless("gradients have"))
+
+    def _look_for_infinite(
+        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
+    ) -> None:
+        """Warn of gradients that are not finite, with the outputs that make them so, where it is they at a time of the result."""
+        bad = ~np.isfinite(gradients)
+        if not bad.any():
+            return
+        by = some([directions.names[j] for j in np.flatnonzero(bad.any(axis=0))])
+        times, reason = np.searchsorted(weights.times, run.rows[:, 0]), ""
+        for row, place in zip(run.rows, times, strict=True):
+            asked = np.flatnonzero(weights.outputs[:, place].any(axis=0))
+            t, q, u = float(row[0]), self._of_rows(row, 1), self._of_rows(row, 2)
+            state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+            if len(asked) and (reason := outputs_without(run.opened, state, asked.tolist(), along=True, certain=True)):
+                reason = f": at t = {t:g} s {reason} is not"
+                break
+        warn(f"{self.name}: the gradients of judge by {by} are not finite{reason}")
+
+    def _weighed(
+        self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
+    ) -> tuple[Array, Weights]:
+        """Values of functionals, and what changes of outputs and integrals change them by."""
+        m, nt = len(wanted), len(run.rows)
+        t, outputs = run.rows[:, 0], self._of_rows(run.rows, 3)
+        integrals = self._of_rows(run.rows, 4, problem)
+        happened = sorted({c.t for c in crossings.values() if c.pace >= 0.0})
+        behind = np.array(sorted({c.t for c in crossings.values() if c.pace < 0.0}))
+        by_behind, by_time = np.zeros((m, len(behind), self.noutputs)), np.zeros((m, len(behind)))
+        times = np.array(sorted({*t.tolist(), *happened}))
+        places = np.searchsorted(times, t)
+        values = np.zeros(m)
+        by_output = np.zeros((m, len(times), self.noutputs))
+        by_integral = np.zeros((m, len(problem.integrals)))
+        ended = run.reason == "end"
+        for i, f in enumerate(wanted):
+            match f:
+                case Final() | At():
+                    at = problem.end if isinstance(f, Final) else f.t
+                    row = int(np.searchsorted(t, at))
+                    if row == nt or t[row] != at:
+                        raise SimulationError(
+                            f"{f.output} at t = {at:g} s is asked for, and an event has ended the motion at "
+                            f"{run.counts['t']:.9g} s; take AtEvent",
+                            None,
+                        )
+                    o = self.output_names.index(f.output)
+                    values[i] = outputs[row, o]
+                    by_output[i, places[row], o] = 1.0
+                case Integral():
+                    if not ended:
+                        raise SimulationError(
+                            f"the integral of {f.output}: an event has ended the motion before t = {problem.end:g} s",
+                            None,
+                        )
+                    n = problem.integrals.index(self.output_names.index(f.output))
+                    values[i] = integrals[-1, n]
+                    by_integral[i, n] = 1.0
+                case AtEvent():
+                    c = crossings[f.event]
+                    of = None if f.output == "t" else self.output_names.index(f.output)
+                    values[i] = c.t if of is None else c.outputs[of]
+                    jumped = c.pace < 0.0
+                    row = int(np.searchsorted(behind if jumped else times, c.t))
+                    if of is not None:
+                        (by_behind if jumped else by_output)[i, row, of] = 1.0
+                    rate = 1.0 if of is None else c.rates[of]
+                    if not jumped:
+                        g = self.output_names.index(f.event.output)
+                        by_output[i, row, g] -= rate / crossing_speed(c.rates, c.pace, g)
+                    elif c.pace == BY_STATE:
+                        by_time[i, row] = rate
+                case LeastSquares():
+                    rows = np.searchsorted(t, np.asarray(f.times, float))
+                    if rows.size and rows[-1] == nt:
+                        raise SimulationError(
+                            f"an event has ended the motion before the last sample, at {run.counts['t']:.9g} s", None
+                        )
+                    error, weight = f.residuals(outputs[rows], self.output_names)
+                    values[i] = 0.5 * float(np.sum(error * error))
+                    by_output[i, places[rows]] += error * weight
+        return values, Weights(times, by_output, (behind, by_behind, by_time), by_integral)
+
+    def _forward(
+        self,
+        wanted: list[Functional],
+        problem: Problem,
+        run: Run,
+        crossings: dict[Event, Crossing],
+        weights: Weights,
+        k: int,
+    ) -> Array:
+        """Gradients from sensitivities."""
+        doutputs = self._derivatives_of_rows(run.rows, problem, k, 3)  # (nt, k, noutputs)
+        dintegrals = self._derivatives_of_rows(run.rows, problem, k, 4)
+        places = np.searchsorted(weights.times, run.rows[:, 0])
+        found = np.zeros((len(wanted), k))
+        for i, of in enumerate(weights.outputs[:, places]):  # what has no weight may be infinite
+            rows, outputs = np.nonzero(of)
+            found[i] = of[rows, outputs] @ doutputs[rows, :, outputs]
+            asked = np.flatnonzero(weights.integrals[i])
+            found[i] += weights.integrals[i, asked] @ dintegrals[-1][:, asked].T
+        for i, f in enumerate(wanted):
+            if isinstance(f, AtEvent):
+                c = crossings[f.event]
+                found[i] = c.dt if f.output == "t" else c.doutputs[:, self.output_names.index(f.output)]
+        return found
+
+    def _backwards(self, run: Run, weights: Weights) -> Adjoint:
+        """Gradients by the adjoint, segment by segment from the end."""
+        m = len(weights.outputs)
+        end_q, end_u = np.zeros((m, self.nq)), np.zeros((m, self.nu))
+        total: Adjoint | None = None
+        whole: tuple[Array, Array] | None = None
+        for number, segment in reversed(list(enumerate(run.segments))):
+            start, end = segment.problem.start if number else -math.inf, segment.counts["t"]
+            within = (weights.times > start) & (weights.times <= end)
+            # behind the end of a segment is the beginning of the next one
+            times, of_outputs, of_times = weights.behind
+            begun = (times >= start) & ((times < end) | (number + 1 == len(run.segments)))
+            behind = times[begun], of_outputs[:, begun], of_times[:, begun]
+            motion = self._motion(segment.opened)
+            self._in_c(segment.opened).run_backwards(motion[2])
+            found = segment_backwards(
+                motion, segment, weights.times[within], weights.outputs[:, within], behind,
+                weights.integrals, end_q, end_u, whole,
+            )  # fmt: skip
+            if total is not None:
+                found.p += total.p
+                found.inputs += total.inputs
+                found.counts = {name: n + total.counts[name] for name, n in found.counts.items()}
+            total = found
+            # the state at a change has been completed by the partition before
+            end_q, end_u, whole = found.q, found.u, (segment.problem.q, segment.problem.u)
+        assert total is not None
+        return total
+
+    @staticmethod
+    def _way(method: str, m: int, k: int, integrator: str) -> str:
+        """How gradients are computed."""
+        if not k:
+            return "none"
+        if method != "auto":
+            return method
+        some, every_eight, one, up_to_eight = COSTS[integrator == "radau"]
+        forward = some + every_eight * -(-k // 8)
+        adjoint = one if m == 1 else up_to_eight * -(-m // 8)
+        return "forward" if forward <= adjoint else "adjoint"
+
+    def _first_crossings(self, events: list[Event], problem: Problem, run: Run, k: int) -> dict[Event, Crossing]:
+        """Where each event happened first."""
+        found: dict[Event, Crossing] = {}
+        for i, row in run.events:
+            if events[i] not in found:
+                found[events[i]] = self._crossing(events[i], row, problem, k)
+        for e in events:
+            if e not in found:
+                raise SimulationError(
+                    f"the event {e.output} = {e.level:g} has not come until t = {run.counts['t']:.9g} s", None
+                )
+        return found

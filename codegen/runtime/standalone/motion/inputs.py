@@ -1,0 +1,146 @@
+"""Inputs over time as the integrators take them: one B-spline for all signals, or constant numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Array
+from .splines import spline_weights
+
+JOINED = {0: "held from one time to the next", 1: "joined by straight lines"}
+"""What splines without a continuous velocity are, by their degree."""
+
+SMOOTH = "give (times, values, 'cubic'), a cubic spline through the values, or (times, control points, 'spline')"
+"""What serves instead."""
+
+ROUNDED = 1e-12
+"""Jumps up to this, in parts of the largest value, and for velocities per mean distance of knots, are rounding."""
+
+Linear = Callable[[Array], Array]
+"""From a caller's values of a signal (n,) to control points (count,)."""
+
+
+@dataclass(slots=True)
+class Inputs:
+    """Inputs over time: a B-spline, or constant numbers.
+
+    Before the first and after the last knot they stay as they are there.
+
+    Attributes
+    ----------
+    degree : int
+    knots : array (count + degree + 1,) or None
+        None for constant inputs, of which count is 1.
+    values : array (count, nsignals)
+        Control points: of degree 0 and 1 the values themselves.
+    moving : tuple of int
+        The signals that prescribed motion reads: behind all signals, inputs have a rate and an acceleration of each.
+    given : tuple of array (n,)
+        The numbers that a caller gave for each signal; empty where these are the control points.
+    control : tuple of callable
+        For each signal, what makes control points of them.
+    """
+
+    degree: int
+    knots: Array | None
+    values: Array
+    moving: tuple[int, ...] = ()
+    given: tuple[Array, ...] = ()
+    control: tuple[Linear, ...] = ()
+
+    # -- over time -----------------------------------------------------------------------------------------------------
+
+    def at(self, t: float) -> Array:
+        """Inputs (ninputs,) at a time."""
+        return self._inputs(t, 0)
+
+    def rate(self, t: float) -> Array:
+        """Their time derivatives (ninputs,)."""
+        return self._inputs(t, 1)
+
+    def _inputs(self, t: float, order: int) -> Array:
+        values = self.derivative(t, order)
+        if not self.moving:
+            return values
+        of = list(self.moving)
+        rates = np.stack([self.derivative(t, order + n)[of] for n in (1, 2)], axis=-1)
+        return np.concatenate([values, rates.reshape(-1)])
+
+    def derivative(self, t: float, order: int, before: bool = False) -> Array:
+        """A derivative by time (nsignals,) of some order; at a knot that of the piece behind it, or of that `before` it."""
+        if self.knots is None:
+            return self.values[0] if not order else np.zeros(self.values.shape[1])
+        if order and not self.knots[self.degree] <= t <= self.knots[len(self.values)]:
+            return np.zeros(self.values.shape[1])
+        place, weights = spline_weights(self.knots, self.degree, len(self.values), t, order, before)
+        found: Array = weights @ self.values[place : place + len(weights)]
+        return found
+
+    def check_moving(self, names: Sequence[str], start: float, end: float) -> None:
+        """Refuse inputs that prescribed motion reads, and that jump, or have a velocity that jumps, in a motion.
+
+        Raises
+        ------
+        ValueError
+            A real mechanism would feel an impulse there, which would be lost.
+        """
+        changing = [i for i in self.moving if np.ptp(self.values[:, i]) > 0.0]
+        if self.knots is None or not changing:
+            return
+        lost = "other bodies would not feel the impulse"
+        if self.degree < 2:
+            raise ValueError(
+                f"inputs: prescribed motion follows {names[changing[0]]!r}, which is {JOINED[self.degree]}: its velocity would "
+                f"jump, and {lost}; {SMOOTH}"
+            )
+        knots = np.unique(self.knots)
+        size = np.abs(self.values).max(axis=0)
+        for t in knots[(knots > start) & (knots < end)].tolist():
+            for order, what in enumerate(("value", "velocity")):
+                one, other = self.derivative(t, order, before=True), self.derivative(t, order)
+                if order:  # held outside
+                    one, other = one * (t > self.knots[self.degree]), other * (t < self.knots[len(self.values)])
+                allowed = ROUNDED * size * (len(knots) / (knots[-1] - knots[0])) ** order
+                for i in changing:
+                    if abs(other[i] - one[i]) > allowed[i]:
+                        raise ValueError(
+                            f"inputs: the {what} of {names[i]!r}, which prescribed motion follows, jumps from {one[i]:.6g} to "
+                            f"{other[i]:.6g} at t = {t:.9g} s, and {lost}; {self._instead(t)}"
+                        )
+
+    def _instead(self, t: float) -> str:
+        assert self.knots is not None
+        ends = {self.knots[self.degree]: "before its first", self.knots[len(self.values)]: "after its last"}
+        if t not in ends:
+            return SMOOTH
+        return f"an input is held {ends[t]} time: give values for all of the motion, or a spline that begins and ends at rest"
+
+    # -- a caller's values ---------------------------------------------------------------------------------------------
+
+    def counts(self) -> tuple[int, ...]:
+        """How many numbers each signal was given by."""
+        return tuple(map(len, self.given)) or (len(self.values),) * self.values.shape[1]
+
+    def value(self, signal: int, row: int) -> float:
+        """One of them."""
+        return float(self.given[signal][row] if self.given else self.values[row, signal])
+
+    def direction(self, signal: int, row: int | None) -> Array:
+        """How control points (count,) change with one of them; with all of them together where there is no `row`."""
+        if row is None:
+            return np.ones(len(self.values))
+        if self.given:
+            return self.control[signal](np.eye(1, len(self.given[signal]), row)[0])
+        return np.eye(1, len(self.values), row)[0]
+
+    def changed(self, values: Mapping[tuple[int, int], float]) -> Inputs:
+        """The same with other numbers, by signal and row."""
+        new, given = self.values.copy(), [x.copy() for x in self.given]
+        for (signal, row), x in values.items():
+            (given[signal] if given else new[:, signal])[row] = x
+        for signal in {s for s, _ in values} if given else ():
+            new[:, signal] = self.control[signal](given[signal])
+        return replace(self, values=new, given=tuple(given))

@@ -1,0 +1,97 @@
+"""The integrators of a package, which are the same in all packages: compiled when first used, kept in the user's cache."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import threading
+from pathlib import Path
+from typing import Any
+
+from ..errors import CompileError, PackageError
+from ..files.build import Build, build_apart
+from ..files.user_cache import user_cache
+
+FOLDER = "motion"
+HEADER = "motion.h"
+
+_opened: dict[Path, tuple[Any, Any]] = {}
+_opening = threading.Lock()
+
+
+def motion_library(folder: Path) -> tuple[Any, Any]:
+    """The library of the C files in ``motion/`` of a package, and the cffi object that knows its declarations.
+
+    Raises
+    ------
+    NoCompilerError, CompileError, PackageError
+    """
+    if folder in _opened:  # as it is but once: no lock then
+        return _opened[folder]
+    from cffi import FFI
+
+    with _opening:
+        if folder not in _opened:
+            sources = sorted(f.name for f in (folder / FOLDER).glob("*.c"))
+            if not sources:
+                raise PackageError(f"{folder} has no C files in {FOLDER}/: generate it again")
+            build = Build(folder / FOLDER, FOLDER, sources)
+            with contextlib.suppress(RuntimeError):  # a user without a home; else packages share one library
+                build.places.insert(0, user_cache() / FOLDER)
+            ffi = FFI()
+            ffi.cdef(declarations((folder / FOLDER / HEADER).read_text(encoding="utf-8")))
+            path = build.library()
+            try:
+                _opened[folder] = ffi.dlopen(str(path)), ffi
+            except OSError as error:
+                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+        return _opened[folder]
+
+
+_apart: dict[tuple[Path, str, str, str], tuple[Any, Any]] = {}
+
+
+def _library_apart(folder: Path, name: str, part: str, sealed: str, declaration: str) -> tuple[Any, Any]:
+    """The cffi interface and the library of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
+    from cffi import FFI
+
+    key = folder, name, part, sealed
+    with _opening:
+        if key not in _apart:
+            ffi = FFI()
+            ffi.cdef(declaration)
+            path = build_apart(folder, name, part, sealed).library()
+            try:
+                _apart[key] = ffi, ffi.dlopen(str(path))
+            except OSError as error:
+                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+        return _apart[key]
+
+
+def precise_functions(folder: Path, name: str, sealed: str) -> int:
+    """The address of the table of functions of ``NAME_precise.c``.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+    ffi, library = _library_apart(folder, name, "precise", sealed, f"const void *{name}_precise(void);")
+    return int(ffi.cast("intptr_t", getattr(library, f"{name}_precise")()))
+
+
+def four_lanes(folder: Path, name: str, sealed: str) -> int:
+    """The address of the function of ``NAME_four.c`` that gives a system its functions over four directions.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+    ffi, library = _library_apart(folder, name, "four", sealed, f"void {name}_four(void *);")
+    return int(ffi.cast("intptr_t", getattr(library, f"{name}_four")))
+
+
+def declarations(header: str) -> str:
+    """A C header without comments, and without what only the preprocessor and C++ read."""
+    text = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
+    text = re.sub(r"#ifdef __cplusplus.*?#endif", "", text, flags=re.DOTALL)
+    return re.sub(r"^#.*$", "", text, flags=re.MULTILINE)

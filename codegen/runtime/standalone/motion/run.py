@@ -1,0 +1,408 @@
+"""Running a motion: slices of time, Ctrl-C between them, room for results, other independent coordinates on the way."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..assembly.partitions import Partitions
+from ..assembly.states import States
+from ..calls.arguments import Seeds
+from ..calls.targets import Opened, partitions_of
+from ..errors import CompileError, NoCompilerError, SingularLoopError
+from ..files.compiling import seconds_waited
+from ..warning import warn
+from .library import four_lanes, motion_library, precise_functions
+from .problem import REASONS, Problem, Run, Segment
+from .switches import event_order_matters, not_held, order_matters, passed_late, touched
+
+SLICE = 0.1
+"""Seconds that the integrator runs between two looks at Ctrl-C."""
+
+ROWS = 256
+"""Rows of results that there is room for at first, where nobody knows how many there will be."""
+
+POOR = 30.0
+"""Condition of loops from which on other independent coordinates are looked at."""
+
+POOR_OF_CONSTANT_STEPS = 10.0
+"""The same of steps of constant size, which do not become smaller there."""
+
+BETTER = 4.0
+"""They are taken if their condition is less by this factor."""
+
+COARSE = 3e-6
+"""The sum of errors of constant steps, relative to the state, from which on there is a warning."""
+
+SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
+"""Counts of segments that add up."""
+
+FLAT_POSES = 64
+"""Poses at which a loop has lost rank that a motion notes; those that come later are mostly the same ones."""
+
+NO_POSES: Array = np.empty((0, 0))
+
+Progress = Callable[[float, float], None]
+
+
+class MotionRun(States, Partitions):
+    """Runs motions."""
+
+    def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
+        """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
+        try:
+            address = self._in_c(opened).motion_system()
+            library, ffi = motion_library(self.folder)
+        except NoCompilerError as error:
+            raise NoCompilerError(f"motions are integrated in compiled code, and {error}") from None
+        return library, ffi, ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
+
+    def _run(
+        self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
+    ) -> Run:
+        """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
+        self._ask_for_functions(problem, keep_steps)
+        opened, began, waited = self._opened, time.perf_counter(), seconds_waited()
+        several = len(partitions_of(self._manifest)) > 1
+        rows: list[Array] = []
+        segments: list[Segment] = []
+        events: list[tuple[int, Array]] = []
+        constant = problem.fixed or problem.method == "rk4"
+        left = replace(problem, poor=POOR_OF_CONSTANT_STEPS if constant else POOR) if several else problem
+        before: Array | None = None
+        tried: set[int] = set()
+        while True:
+            segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
+            if before is not None:
+                self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
+            events += _new_events(events, segment) if segment.events else []
+            rows.append(found[1:] if before is not None and not len(left.times) else found)
+            segments.append(segment)
+            if segment.grazed:
+                warn(touched(segment.opened.manifest, segment.grazed - 1))
+            if segment.not_held and (len(problem.dp) or keep_steps):
+                warn(not_held(segment.opened.manifest, segment.not_held - 1))
+            if segment.late:
+                warn(passed_late(segment.opened.manifest, *segment.late))
+            if segment.ordered and segment.together:
+                warn(order_matters(segment.opened.manifest, *segment.together))
+            if segment.event_ordered and segment.together:
+                output, level, *_ = segment.problem.events[segment.event_together - 1]
+                event = f"{self.output_names[output]} = {level:g}"
+                warn(event_order_matters(segment.opened.manifest, *segment.together[:2], event))
+            if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
+                break
+            tried = {opened.number} if segment.counts["t"] > left.start else tried | {opened.number}
+            other, left = self._go_on(opened, left, segment, last, tried)
+            if other is opened and segment.reason != "poor":
+                break
+            opened, before = other, last
+        total, (_, t) = sum(s.coarse[0] for s in segments), max(s.coarse[1:] for s in segments)
+        if total > COARSE:
+            warn(
+                f"steps of {problem.step:g} s do not resolve the motion, least at t = {t:.9g} s, where loops may come near "
+                f"a loss of rank: errors of steps add up to about {total:.1g} of the state; take smaller ones, or method='dop853'"
+            )
+        waited = seconds_waited() - waited
+        times = {"seconds": time.perf_counter() - began - waited} | ({"compiling": waited} if waited else {})
+        counts = segment.counts | {"partitions_changed": len(segments) - 1} | times
+        if len(segments) > 1:
+            of_segments = [s.counts for s in segments]
+            counts |= {name: sum(c[name] for c in of_segments) for name in SUMMED}
+            counts |= {name: max(c[name] for c in of_segments) for name in ("condition", "stiffness")}
+        unused: tuple[str, ...] = () if several else ("partitions_changed",)
+        if not self.closure_names:
+            unused += ("closing_steps", "condition")
+        if problem.method != "radau":
+            unused += ("jacobians", "factorizations")
+        if problem.method != "dop853" or problem.fixed:
+            unused += ("stiffness",)
+        for name in unused:
+            del counts[name]
+        reason = problem.kink if segment.reason == "end" and problem.kink else segment.reason
+        whole = np.concatenate(rows) if len(rows) > 1 else rows[0]
+        return Run(whole, reason, counts, segment.singular, segment.component, events, segments, last)
+
+    def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
+        """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
+        if "left_out" not in self._manifest:
+            return
+        along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
+        several = len(partitions_of(self._manifest)) > 1
+        jacobian = problem.method == "radau"
+        wanted = {
+            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs,
+            "state_rate_sensitivities": along or jacobian,
+            "completion_sensitivities": (along or several) and bool(self.closure_names),
+            "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
+            "coordinate_rates": bool(problem.events),
+            "sensitivities_transposed": backwards, "output_sensitivities_transposed": backwards,
+            "coordinate_rate_sensitivities_transposed": backwards and self.coordinate_names != self.speed_names,
+            "completion_sensitivities_transposed": backwards and bool(self.closure_names),
+        }  # fmt: skip
+        for name, needed in wanted.items():
+            if needed:
+                self._find(self._opened, name)
+
+    def _prepare(self, member: str) -> None:
+        if member not in ("simulate", "judge"):
+            super()._prepare(member)
+            return
+        opened = self._opened
+        system = self._motion(opened)[2]
+        if member == "judge" and "sensitivities_transposed" in opened.functions:
+            self._in_c(opened).run_backwards(system)
+        name = opened.manifest["name"]
+        if (opened.folder / f"{name}_four.c").is_file():
+            _four(opened)
+        if (opened.folder / f"{name}_precise.c").is_file():
+            _precise(opened)
+
+    @property
+    def _gives_outputs(self) -> bool:
+        """Whether rows of results have outputs: not where functions were chosen without them."""
+        return bool(self.output_names) and "outputs" in self._functions
+
+    # -- other independent coordinates ---------------------------------------------------------------------------------
+
+    def _go_on(
+        self, opened: Opened, problem: Problem, segment: Segment, last: Array, tried: set[int]
+    ) -> tuple[Opened, Problem]:
+        """The partition with which a motion goes on, and what is left of it.
+
+        Partitions that were `tried` from the same time on, this one among them, are not taken again: where a constant step is
+        poor with each of them, it is made with the last.
+        """
+        k = len(problem.dp)
+        q, u = (self._of_rows(last, i).copy() for i in (1, 2))
+        dq, du = (self._derivatives_of_rows(last, problem, k, i).copy() for i in (1, 2))
+        conditions = self.condition(q, problem.p, problem.inputs.at(float(last[0])), float(last[0]))
+        conditions[list(tried)] = math.inf
+        other = int(np.argmin(conditions))
+        here, there = segment.condition, float(conditions[other])
+        t = segment.counts["t"]
+        better = there * BETTER < here
+        if not better and there < here * BETTER:  # where a loop loses rank with any independents
+            growth = [
+                math.inf if k in tried - {opened.number} else self._growth(self._open(k), q, problem.p)
+                for k in range(len(conditions))
+            ]
+            other = int(np.argmin(growth))
+            better = growth[other] * BETTER < growth[opened.number]
+        if better:
+            opened = self._open(other)
+        left = replace(
+            problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t],
+            looked_at=0.0 if better else here, kept=[],
+            step=problem.step if problem.fixed or problem.method == "rk4" else segment.next_step,
+            most_steps=max(problem.most_steps - segment.counts["steps"] - segment.counts["rejected"], 1),
+        )  # fmt: skip
+        return opened, left
+
+    def _growth(self, opened: Opened, q: Array, p: Array) -> float:
+        """How fast the fastest speed is for independent ones of one; infinite where a loop has lost rank."""
+        f = self._find(opened, "completion_sensitivities")
+        free = [self.speed_names.index(n) for n in opened.manifest["independent_speed_names"]]
+        units = np.eye(self.nu)[free]
+        try:
+            *_, du = opened.target.compute(
+                f, {"q": q, "u": np.zeros(self.nu), "p": p}, (), Seeds({"du": units}, len(free))
+            )
+        except SingularLoopError:
+            return math.inf
+        return float(np.abs(du).max())
+
+    def _carry_integrals(self, problem: Problem, before: Array, rows: list[Array], last: Array) -> None:
+        """Integrals, which every segment begins at zero, go on from those of the segment before."""
+        if not problem.integrals:
+            return
+        k = len(problem.dp)
+        for part in (*rows, last):
+            self._of_rows(part, 4, problem)[...] += self._of_rows(before, 4, problem)
+            self._derivatives_of_rows(part, problem, k, 4)[...] += self._derivatives_of_rows(before, problem, k, 4)
+
+    # -- rows of results -----------------------------------------------------------------------------------------------
+
+    def _of_rows(self, rows: Array, part: int, problem: Problem | None = None) -> Array:
+        """The values of a part, (..., n), of rows (..., row): t, q, u, outputs, integrals."""
+        integrals = len(problem.integrals) if problem else 0
+        start, size, _ = places_in_rows(self.nq, self.nu, self.noutputs, integrals)[part]
+        return rows[..., start : start + size]
+
+    def _derivatives_of_rows(self, rows: Array, problem: Problem, k: int, part: int) -> Array:
+        """Their derivatives, (..., k, n); a view."""
+        parts = places_in_rows(self.nq, self.nu, self.noutputs, len(problem.integrals))
+        values = parts[-1][0] + parts[-1][1]
+        _, size, before = parts[part]
+        start = values + k * before
+        found: Array = rows[..., start : start + k * size].reshape(*rows.shape[:-1], k, size)
+        return found
+
+    # -- one partition -------------------------------------------------------------------------------------------------
+
+    def _segment(
+        self, opened: Opened, problem: Problem, progress: Progress | None, keep_steps: bool, memory: int
+    ) -> tuple[Segment, Array, Array]:
+        """Run a motion with a partition: what came of it, rows of results, and one of the state at its end."""
+        library, ffi, system = self._motion(opened)
+        left = len(problem.dp) % 8
+        if 1 < left <= 4 and problem.method != "radau" and (address := _four(opened)):
+            ffi.cast("void (*)(ordernm_system *)", address)(system)
+        c = problem.in_c(ffi, system)
+        room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
+        motion = library.ordernm_begin(c, room)
+        size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c) if keep_steps else 1
+        r = ffi.new("ordernm_results *")
+        flat = NO_POSES
+        if self.closure_names:
+            flat = np.empty((FLAT_POSES, 1 + 2 * self.nq))
+            r.flat, r.flat_capacity = ffi.from_buffer("double[]", flat), len(flat)
+        full: list[Array] = []
+        steps: list[Array] = []
+        known: list[Array] = []
+        heads: list[Array | None] = []
+        events: list[tuple[int, Array]] = []
+        most = max(memory // (4 * 8 * step_size), 2)  # rows of a part: two are whole at a time, others are let go
+        if problem.events:
+            places = np.empty((ROWS + 2 * len(problem.events), library.ordernm_event_size(c)))
+            which = ffi.new("int[]", len(places))
+            r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
+
+        def more_rows() -> Array:
+            rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
+            r.rows, r.capacity, r.count = ffi.from_buffer("double[]", rows), len(rows), 0
+            return rows
+
+        def more_steps() -> Array:
+            rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
+            r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
+            known.append(np.zeros(library.ordernm_known_size(c)))
+            r.known = ffi.from_buffer("double[]", known[-1]) if known[-1].size else ffi.NULL
+            return rows
+
+        def more_events() -> None:
+            events.extend((which[i], places[i].copy()) for i in range(r.events_count))
+            r.events_count = 0
+
+        rows = more_rows()
+        kept = more_steps() if keep_steps else None
+        told, precise = time.perf_counter(), 0
+        while True:
+            try:
+                reason = REASONS[library.ordernm_go(motion, r, SLICE)]
+                if progress is not None and (reason == "end" or time.perf_counter() - told >= 0.9 * SLICE):
+                    told = time.perf_counter()
+                    progress(r.t, problem.end)
+            except KeyboardInterrupt:
+                reason = "interrupted"
+            if reason == "imprecise":
+                precise = _precise(opened)
+                r.as_is = not precise
+                system.precise = ffi.cast("const ordernm_precise *", precise)
+            elif reason == "full":
+                if r.count == r.capacity:
+                    full.append(rows)
+                    rows = more_rows()
+                if kept is not None and r.steps_count == r.steps_capacity:
+                    steps.append(kept[: r.steps_count])
+                    heads.append(None)
+                    if 8 * sum(x.size for x in steps) > memory // 2:
+                        let_go(steps, heads, library.ordernm_head_size(c))
+                    kept = more_steps()
+                if problem.events and r.events_count + 2 * len(problem.events) > r.events_capacity:
+                    more_events()
+            elif reason != "paused":
+                break
+        if problem.events:
+            more_events()
+        if kept is not None:
+            steps.append(kept[: r.steps_count])
+            heads.append(None)
+        last = rows[:0]
+        # where a constant step is poor it is one of its stages that is, not the state from which a row is made
+        poor = r.condition_here if reason == "poor" else None
+        if reason not in ("end", "event", "interrupted"):
+            state = np.zeros(size)
+            if not library.ordernm_row(motion, r, ffi.from_buffer("double[]", state)):
+                last = state
+        counts = {
+            "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
+            "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,
+            "factorizations": r.factorizations, "stiffness": r.stiffness,
+        }  # fmt: skip
+        found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
+        segment = Segment(
+            opened,
+            problem,
+            reason,
+            counts,
+            r.singular,
+            r.component,
+            steps,
+            known,
+            heads,
+            events,
+            r.condition_here if poor is None else poor,
+            r.next_step,
+            precise,
+            r.grazed,
+            r.not_held,
+            (r.together_at, r.together_with - 1, r.together - 1) if r.together_with else None,
+            bool(r.ordered),
+            r.event_together,
+            bool(r.event_ordered),
+            (r.coarse, r.coarsest, r.coarse_at),
+            (r.late_at, r.late - 1) if r.late else None,
+            flat[: r.flat_count].copy() if flat.size else flat,
+        )
+        return segment, found, last
+
+
+@lru_cache(64)
+def places_in_rows(nq: int, nu: int, noutputs: int, integrals: int) -> tuple[tuple[int, int, int], ...]:
+    """Of t, q, u, outputs and integrals in a row of results: where they begin, how many there are, and of how many derivatives
+    come before theirs."""
+    sizes = (1, nq, nu, noutputs, integrals)
+    return tuple((sum(sizes[:i]), size, sum(sizes[1:i])) for i, size in enumerate(sizes))
+
+
+def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple[int, Array]]:
+    """Events of a segment without those that happened as the one before ended: by rounding they may happen again at once."""
+    start = segment.problem.start
+    met = {which for which, row in before if row[0] >= start}
+    beyond = start + 1e-12 * (1.0 + abs(start))
+    return [(which, row) for which, row in segment.events if which not in met or row[0] > beyond]
+
+
+def _precise(opened: Opened) -> int:
+    """The address of the functions in long double, compiled when first asked for; 0 where that fails."""
+    name = opened.manifest["name"]
+    try:
+        return precise_functions(opened.folder, name, opened.package.get("seal", ""))
+    except (CompileError, NoCompilerError) as error:
+        warn(f"{name}: loops are closed with less accuracy near a pose where they lose rank: {error}")
+        return 0
+
+
+def _four(opened: Opened) -> int:
+    """The address of what lets a partition integrate along four directions at once; 0 where it cannot be compiled: eight do."""
+    try:
+        return four_lanes(opened.folder, opened.manifest["name"], opened.package.get("seal", ""))
+    except (CompileError, NoCompilerError) as error:
+        warn(f"{opened.manifest['name']}: motions with two to four directions take the time of eight: {error}")
+        return 0
+
+
+def let_go(steps: list[Array], heads: list[Array | None], head: int) -> None:
+    """Keep of the first part that is whole what it takes to make its steps again: of each so many numbers."""
+    for i, part in enumerate(steps):
+        if heads[i] is None and len(part) > 1:
+            steps[i], heads[i] = part[:1].copy(), part[:, :head].copy()
+            return

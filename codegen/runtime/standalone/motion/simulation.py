@@ -1,0 +1,581 @@
+"""Integration over time, with sensitivities: what a user asks for made a problem of ``motion.h``, run, and its results named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Numbers, all_finite, filled, is_finite, largest, normalise
+from ..calls.non_finite import culprit, outputs_without
+from ..errors import SimulationError, SingularJointError
+from ..files.manifest import ALLOWED
+from ..trajectory.events import DIRECTIONS as CROSSINGS
+from ..trajectory.events import Crossing, Event, crossing, take_events
+from ..trajectory.trajectory import FINISHED, INTERRUPTED, Trajectory
+from ..warning import warn
+from .directions import Directions, take_sensitivities
+from .flat_poses import lost_directions, what_is_lost
+from .inputs import Inputs
+from .problem import METHODS, Problem, Run
+from .run import MotionRun, Progress, places_in_rows
+from .signals import take_inputs
+from .switches import switch_words
+
+CLOSED = 1e-10
+"""Scaled residual of an initial state that needs no assembly."""
+
+MOST_STEPS = 1_000_000
+"""So many steps are made unless a caller allows more."""
+
+STEPS_OF_PRESCRIBED = 100
+"""Where nothing is integrated, steps have no error, and results are wanted between the ends of the motion all the same."""
+
+SMALLEST_TOLERANCE = 1e-14
+"""Relative errors below it are rounding."""
+
+DEAD_POINT = "as at a dead point"
+"""Words in the reason why a motion ended where other independent coordinates may serve."""
+
+HARDLY_DETERMINED = 1e6
+"""Condition of loops from which on an early end is said to have to do with it."""
+
+BEHIND = np.logspace(-12, -3, 10)
+"""s, behind the end of a motion, in parts of later times: where forces are looked at that may have no value there."""
+
+MEANINGLESS = 1e10
+"""Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
+
+
+ENDED = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}
+"""Reasons of trajectories that have not failed, by those of motions."""
+
+
+class Simulation(MotionRun):
+    """Integration over time."""
+
+    _names: Trajectory | None = None
+    """What the trajectories of the last motion's sensitivities have in common."""
+
+    def simulate(
+        self, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
+        sensitivities: Sequence[str] | str = (), dq0: Numbers = None, du0: Numbers = None, rtol: float = 1e-9,
+        atol: Any = 1e-9, atol_sensitivities: Any = None, method: str = "dop853", step: float | None = None,
+        largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), progress: Progress | None = None,
+        on_failure: str = "raise",
+    ) -> Trajectory:  # fmt: skip
+        """Integrate the motion over time, and its derivatives with it (Eqs. 2, 3), in compiled code.
+
+        Parameters
+        ----------
+        t : float or (nt,)
+            Times of results, rising; the motion begins at the first. A number T means from 0 to T, at the steps' ends.
+        q, u : (nq,) and (nu,), optional
+            The initial state; dependent speeds follow from closure, loops that are open are closed, and a warning says so. What
+            is left out is the model's initial state, whose dependence on parameters is part of the derivatives.
+        p : (np,), optional
+        inputs : (nsignals,), or (times, values), or (times, values, kind), or function, or spline, or mapping, optional
+            Constants; or values (ntimes, nsignals), by `kind` held from each time on ("hold"), joined by straight lines
+            ("linear", if not said), by a spline through them ("cubic", "quintic"), or control points of a cubic B-spline whose
+            knots are times ("spline", ntimes + 2 of them); a function of time, which a spline of degree 9 replaces; SciPy's
+            `BSpline` or `PPoly`; or by name any of these for one signal. Before their first and after their last time signals
+            are held. Those that prescribed motion reads need a continuous velocity, and bring their rates and accelerations.
+        sensitivities : sequence of str
+            What derivatives are with respect to: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
+            coordinates and speeds, ``inputs.NAME`` for a number added to an input, ``inputs.NAME[i]`` for its i-th value. A
+            parameter that is a vector, and the joint of several freedoms, stand for their entries.
+        dq0, du0 : (k, nq) and (k, nu), optional
+            Derivatives of the initial state in place of those that follow from `sensitivities`; independent entries are read.
+        rtol : float
+        atol : float or (nq + nu,)
+            The error of a step that is allowed in each independent coordinate and speed: atol + rtol times its size.
+        atol_sensitivities : float or (k,), optional
+            The same for derivatives, with the same rtol. Left out: steps are chosen for the state alone; then derivatives are
+            those of the computed motion to rounding all the same.
+        method : {"dop853", "radau", "rk4"}
+            Dormand and Prince's of order 8; Radau IIA of order 5 for stiff models; the classical one with constant `step`.
+        step, largest_step : float, optional
+            The first step, or that of "rk4", s; none is larger than `largest_step`.
+        most_steps : int
+        events : sequence of `Event` or str, optional
+            Outputs that cross a level, zero for a mere name; a motion ends at the first one with `stop`. See `Trajectory.events`.
+        progress : callable, optional
+            Called as ``progress(time, end)`` about ten times a second; KeyboardInterrupt in it ends the motion there.
+        on_failure : {"raise", "return"}
+            What is done when a motion cannot go on: `SimulationError` with the trajectory so far, or the latter with a warning.
+
+        Returns
+        -------
+        Trajectory
+
+        Raises
+        ------
+        SimulationError
+            Names time and cause; its `trajectory` has everything before it.
+        AssemblyError, ValueError
+        """
+        if on_failure not in ("raise", "return"):
+            raise ValueError(f"on_failure is {on_failure!r}; allowed are 'raise' and 'return'")
+        problem, directions = self._problem(
+            t, q, u, p, inputs, sensitivities, dq0, du0, rtol, atol, atol_sensitivities, method, step, largest_step, most_steps
+        )  # fmt: skip
+        wanted = take_events(self.output_names, events) if events != () else ()
+        if wanted:
+            problem.events = tuple(
+                (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in wanted
+            )
+        run = self._run(problem, progress)
+        trajectory = self._trajectory(problem, directions, run)
+        self._without_lost(run, problem, directions, trajectory)
+        if wanted:
+            trajectory.events = tuple(self._crossing(wanted[i], row, problem, directions.k) for i, row in run.events)
+        if run.reason == "end":
+            for e in wanted:
+                if e.stop:
+                    warn(
+                        f"the event {e.output} = {e.level:g} has not come until t = {problem.end:g} s; the motion was not stopped"
+                    )
+        if run.reason not in ("end", "interrupted", "event"):
+            message = self._why_it_ended(problem, run)
+            if on_failure == "raise":
+                raise SimulationError(message, trajectory)
+            warn(message)
+        if run.counts.get("stiffness", 0.0) > 0:
+            warn(
+                f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
+                f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
+            )
+        if directions.k and self._largest_growth(trajectory, directions, problem, run.rows) > MEANINGLESS:
+            warn(meaningless("sensitivities have"))
+        return trajectory
+
+    def _without_lost(self, run: Run, problem: Problem, directions: Directions, trajectory: Trajectory) -> None:
+        """NaN, and a warning, for derivatives that do not exist behind a pose where a loop has lost rank."""
+        lost = lost_directions(self, run, directions.dp) if directions.k else []
+        for of in lost:
+            behind = np.ix_(of.directions, trajectory.t > of.t)
+            for derivatives in (trajectory.dq, trajectory.du, trajectory.doutputs):
+                derivatives[behind] = np.nan
+            for row in (row for _, row in run.events if row[0] > of.t):
+                for part in (1, 2, 3, 4):
+                    self._derivatives_of_rows(row, problem, directions.k, part)[of.directions] = np.nan
+        if lost:
+            warn(what_is_lost(lost, directions.names))
+
+    def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem, rows: Array) -> float:
+        """The largest change of an independent entry, in parts of its size, per part of what it changes with; or a bound of it.
+
+        Its size is the largest in the motion of all with its unit; so the same motion in other units of length, mass and time
+        has the same growth. Dependent entries are left out: they have no derivatives where a loop loses rank.
+        """
+        sizes = np.abs(rows).max(axis=0)
+        q, u = (self._of_rows(sizes, i) for i in (1, 2))
+        bound = 0.0
+        if not directions.given:
+            start = 1 + self.nq + self.nu + self.noutputs
+            changed = sizes[start : start + directions.k * (self.nq + self.nu)]
+            bound = _bound_of_growth(largest(changed), problem, [*q.tolist(), *u.tolist()])
+        if 0.0 < bound < MEANINGLESS:
+            return bound
+        by, q, u = self._sizes_of_directions(directions, q, u, problem)
+        growth = 0.0
+        for free, derivatives, size in (
+            (places(self.independent_names, self.coordinate_names), trajectory.dq, q),
+            (places(self.independent_speed_names, self.speed_names), trajectory.du, u),
+        ):
+            changes = np.abs(derivatives).max(axis=1)[:, free] * by[:, None] / size[free]
+            growth = max(growth, float(changes.max(initial=0.0)))
+        return growth
+
+    def _sizes_of_directions(
+        self, directions: Directions, q: Array, u: Array, problem: Problem
+    ) -> tuple[Array, Array, Array]:
+        """Steps along directions that change something by all of itself, and sizes of q and u, from largest entries."""
+        q = largest_of_unit(q, self._manifest["coordinate_units"])
+        u = largest_of_unit(u, self._manifest["speed_units"])
+        return direction_sizes(directions, (q, u, problem.p, problem.inputs.values)), q, u
+
+    # -- what is asked for ---------------------------------------------------------------------------------------------
+
+    def _problem(
+        self, t: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any, sensitivities: Sequence[str] | str, dq0: Numbers,
+        du0: Numbers, rtol: float, atol: Any, atol_sensitivities: Any, method: str, step: float | None,
+        largest_step: float | None, most_steps: int,
+    ) -> tuple[Problem, Directions]:  # fmt: skip
+        """A motion from what a user gives, checked."""
+        if "state_rates" not in self._functions:
+            raise AttributeError(self._why_not("simulate"))
+        start, end, times = _interval(t)
+        if method not in METHODS:
+            raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
+        if method == "rk4" and step is None:
+            raise ValueError("method 'rk4' takes constant steps: give step, s")
+        for name, x in (("rtol", rtol), ("step", step), ("largest_step", largest_step), ("most_steps", most_steps)):
+            if x is not None and not (isinstance(x, (int, float, np.number)) and math.isfinite(x) and x > 0):
+                raise ValueError(f"{name} is {x!r}, expected a positive number")
+        if rtol < SMALLEST_TOLERANCE:
+            raise ValueError(
+                f"rtol is {rtol:g}, below the rounding of floating-point numbers; allowed are {SMALLEST_TOLERANCE:g} and more"
+            )
+        p_all = self._arguments.defaults["p"] if p is None else self._arguments.take({"p": p}, self._left_out)[0]["p"]
+        if p_all.ndim != 1:
+            raise ValueError(
+                f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; ordernm.simulate_many takes more"
+            )
+        spline = take_inputs(self.signal_names, inputs, self.moving_inputs, (start, end))
+        spline.check_moving(self.signal_names, start, end)
+        end, times, kink = self._before_kinks(start, end, times, p_all, spline)
+        directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
+        dq, du = directions.dq, directions.du
+        of_model = None
+        if directions.k and not directions.given and (q is None or u is None) and not self._initial_is_fixed:
+            of_model = self.initial_sensitivities(p_all, dp=directions.dp)
+            dq = dq + (of_model[2] if q is None else 0.0)
+            du = du + (of_model[3] if u is None else 0.0)
+        first = {"p": p_all, "inputs": spline.at(start), "t": start}
+        if of_model and q is None and u is None and not self.prescribed_names:
+            q_all, u_all = of_model[:2]
+        else:
+            q_all, u_all = self._first_state(q, u, first)
+        allowed = _tolerances("atol", atol, (self.nq + self.nu,))
+        allowed_directions = None
+        if atol_sensitivities is not None:
+            allowed_directions = _tolerances("atol_sensitivities", atol_sensitivities, (directions.k,))
+        problem = Problem(
+            start, end, q_all, u_all, p_all, spline, times, dq, du, directions.dp, directions.dinputs, float(rtol),
+            allowed, allowed_directions, method, float(step or 0.0),
+            float(largest_step or (0.0 if self.nq + self.nu else (end - start) / STEPS_OF_PRESCRIBED)), int(most_steps),
+        )  # fmt: skip
+        problem.kink = kink
+        return problem, directions
+
+    def _before_kinks(
+        self, start: float, end: float, times: Array, p: Array, inputs: Inputs
+    ) -> tuple[float, Array, str]:
+        """End and times of a motion, and why it goes no farther; `PrescribedBranches` looks, where there may be a reason."""
+        return end, times, ""
+
+    def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
+        """A consistent initial state at parameters, and inputs and a time, which prescribed motion makes use of."""
+        p = rest["p"]
+        if q is None and u is None and self._initial_is_fixed:
+            q_all, u_all = self._initial[0].copy(), self._initial[1].copy()
+            normalise(q_all, self._arguments.quaternions)
+            return q_all, u_all
+        if q is None and u is None and not self.prescribed_names:
+            return self.initial_state(p)
+        first = self._first_values(p) if q is None or u is None else (q, u)
+        given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, **rest}
+        arrays, batch = self._arguments.take(given, self._left_out)
+        if batch:
+            raise ValueError(f"q, u have leading axes {batch}, expected (nq,) and (nu,): one motion at a time")
+        if self.closure_names and q is not None:
+            gaps = np.abs(self.closure(arrays["q"], arrays["u"], **rest)[0])
+            gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
+            if gap > CLOSED:
+                closed = self.assemble(arrays["q"], arrays["u"], **rest)
+                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # not one whose redundant conditions cannot be met
+                    warn(
+                        f"the initial state is open by {gap:.3g} (scaled); assembled: dependent coordinates have been changed"
+                    )
+                return closed
+        q_all, u_all = self.assemble(arrays["q"], arrays["u"], **rest)
+        if self.closure_names and u is not None and q is not None:
+            off = float(np.abs(u_all - arrays["u"]).max())
+            if off > 1e-6 * (1.0 + float(np.abs(u_all).max())):
+                warn(
+                    f"the initial speeds do not keep the loops closed; dependent ones have been changed, by up to {off:.3g}"
+                )
+        return q_all, u_all
+
+    # -- what comes of it ----------------------------------------------------------------------------------------------
+
+    def _trajectory(self, problem: Problem, directions: Directions, run: Run) -> Trajectory:
+        """Rows of results as arrays with names."""
+        rows, nt, k = run.rows, len(run.rows), directions.k
+        (_, *parts, _), shown = places_in_rows(self.nq, self.nu, self.noutputs, 0), self._shown
+        t = rows[:, 0].copy()
+        q, u, outputs = [rows[:, start : start + size].copy() for start, size, _ in parts]
+        if k:
+            derivatives = [self._derivatives_of_rows(rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)]
+        else:
+            derivatives = [np.empty((0, nt, size)) for _, size, _ in parts]
+        if shown:
+            self._look_at_outputs(problem, run, outputs, derivatives[2])
+        arrays = {
+            "t": t, "q": q, "u": u, "dq": derivatives[0], "du": derivatives[1], "outputs": outputs[:, :shown],
+            "doutputs": derivatives[2][..., :shown], "p": problem.p.copy(),
+            "inputs": problem.inputs.values[0] if problem.inputs.knots is None else None,
+        }  # fmt: skip
+        later: dict[str, Any] = {"energy": None, "closure": None}
+        if "energies" in self._functions and nt:
+            later["energy"] = lambda: self._energies_over(t, q, u, problem)
+        if self.closure_names and nt:
+            later["closure"] = lambda: self._gaps_over(t, q, u, problem)
+        ended = ENDED.get(run.reason) or self._why_it_ended(problem, run)
+        stats = {"method": problem.method, "reason": ended, **run.counts}
+        if self._names is None or self._names.sensitivity_names != directions.names:
+            self._names = self._no_motion(directions.names)
+        return self._names.like_this(arrays, later, stats)
+
+    @property
+    def _shown(self) -> int:
+        """How many outputs trajectories have."""
+        return self.noutputs if self._gives_outputs else 0
+
+    def _no_motion(self, sensitivity_names: tuple[str, ...]) -> Trajectory:
+        """A trajectory without times, which has the names and units of all."""
+        manifest, shown, k = self._manifest, self._shown, len(sensitivity_names)
+        q, u, outputs = (np.empty((0, n)) for n in (self.nq, self.nu, shown))
+        dq, du, doutputs = (np.empty((k, *x.shape)) for x in (q, u, outputs))
+        return Trajectory(
+            self.name, [], q, u, dq, du, outputs, doutputs, coordinate_names=self.coordinate_names,
+            speed_names=self.speed_names, output_names=self.output_names[:shown], parameter_names=self.parameter_names,
+            input_names=self.signal_names, sensitivity_names=sensitivity_names,
+            coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
+            output_units=manifest.get("output_units", ())[:shown], parameter_units=manifest.get("parameter_units", ()),
+        )  # fmt: skip
+
+    def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
+        """An event from its row of results."""
+        values = [self._of_rows(row, i) for i in (1, 2, 3)]
+        derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
+        sizes = np.cumsum([self.nq, self.nu, self.noutputs, k])
+        *rates, dt, (pace,) = np.split(row[len(row) - sizes[-1] - 1 :], sizes)
+        index = self.output_names.index(event.output)
+        return crossing(
+            event, index, float(row[0]), values, derivatives, rates, float(pace), dt if pace < 0.0 else None
+        )
+
+    def _look_at_outputs(self, problem: Problem, run: Run, outputs: Array, doutputs: Array) -> None:
+        """Warn of outputs without a finite value, or derivative, at a time of the result."""
+        if all_finite(outputs) and (not doutputs.size or all_finite(doutputs)):
+            return
+        of = ~(np.isfinite(outputs) & np.isfinite(doutputs).all(axis=0))
+        if not of.any():
+            return
+        row, among = int(np.argwhere(of)[0, 0]), np.flatnonzero(of.any(axis=0)).tolist()
+        t, q, u = float(run.rows[row, 0]), self._of_rows(run.rows[row], 1), self._of_rows(run.rows[row], 2)
+        state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+        found = outputs_without(run.opened, state, among, along=bool(len(doutputs)))
+        warn(f"{self.name}: outputs of simulate, or their derivatives, are not finite at t = {t:g} s: {found}")
+
+    def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
+        """Kinetic and potential energy over time, (nt, 2)."""
+        inputs = self._inputs_over(t, problem)
+        return self._call("energies", (q, u, problem.p, inputs, t))[0]
+
+    def _inputs_over(self, t: Array, problem: Problem) -> Array:
+        return np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
+
+    def _gaps_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
+        """The largest scaled residual of closure over time, (nt,), of all conditions, dropped ones too."""
+        gaps = self.closure(q, u, problem.p, self._inputs_over(t, problem), t)[0]
+        found: Array = np.abs(gaps).max(axis=1, initial=0.0)
+        return found
+
+    def _why_it_ended(self, problem: Problem, run: Run) -> str:
+        """The cause in words, with time and what was in the way."""
+        condition = run.counts.get("condition", 0.0)
+        if condition < HARDLY_DETERMINED and run.reason != "undetermined":
+            return self._cause(problem, run)
+        way = (
+            "a package with two partitions (generate with --partitions 2) changes to other independent coordinates before"
+            if len(self.partitions) == 1
+            else f"none of the package's {len(self.partitions)} choices of independent coordinates serves there"
+        )
+        return (
+            f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "
+            f"{condition:.2g}), {DEAD_POINT}: {way}"
+        )
+
+    def _what_is_infinite(self, problem: Problem, run: Run) -> str:
+        """The force without a finite value, or derivative, at the end of a motion or just behind it; empty if there is none."""
+        t, q, u = problem.start, problem.q, problem.u
+        last = run.last if len(run.last) else run.rows[-1] if len(run.rows) else None
+        if last is not None:
+            t, q, u = float(last[0]), self._of_rows(last, 1), self._of_rows(last, 2)
+        state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+        elements = (
+            run.reason != "singular"
+        )  # a force element without direction is that itself, not what follows from it
+        if found := culprit(run.opened, state, along=elements and bool(len(problem.dq)), elements=elements):
+            return found
+        try:
+            qdot, udot = self._call("state_rates", tuple(state.values()))
+        except SingularJointError:
+            return ""
+        for h in BEHIND * (1.0 + abs(t)):
+            behind = {
+                "q": q + h * qdot,
+                "u": u + h * udot,
+                "p": problem.p,
+                "inputs": problem.inputs.at(t + h),
+                "t": t + h,
+            }
+            if found := culprit(run.opened, behind, along=False, elements=elements):
+                return f"just behind, {found}"
+        return ""
+
+    def _cause(self, problem: Problem, run: Run) -> str:
+        """The same without what loops have to do with it."""
+        at = f"at t = {run.counts['t']:.9g} s"
+        manifest = run.opened.manifest
+        names = [f"q.{n}" for n in manifest["independent_names"]] + [
+            f"u.{n}" for n in manifest["independent_speed_names"]
+        ]
+        names += [f"integral {i}" for i in range(len(problem.integrals))]
+        if not self.independent_speed_names:  # dependent coordinates are followed by their rates
+            names += [f"q.{n}" for n in self.coordinate_names]
+        entry = names[min(run.component, len(names) - 1)] if names else "nothing"
+        match run.reason:
+            case "singular":
+                error = self._in_c(run.opened).singular(run.singular, f" {at}")
+                found = self._what_is_infinite(problem, run)
+                found = found and f"a result is not finite: {found}"
+                return f"the motion ends {at}: {found or error}"
+            case "open loop":
+                return (
+                    f"the motion ends {at}: Newton's method does not close the loops any more; they may be at the end of their "
+                    f"reach, or at a configuration where the dependent coordinates are not determined"
+                )
+            case "step collapsed":
+                found = self._what_is_infinite(problem, run)
+                return f"the motion ends {at}: steps have become too small to go on, because of {entry}; " + (
+                    f"a result is not finite: {found}"
+                    if found
+                    else "it may be without bounds there, jump, or be known less exactly than rtol and atol ask for"
+                )
+            case "undetermined":
+                constant = problem.fixed or problem.method == "rk4"
+                allowing = "steps of this size" if constant else "rounding, rtol and atol"
+                return (
+                    f"the motion ends {at}: there, or just behind, small errors of the independent speeds, as {allowing} "
+                    f"allow, become large ones of dependent speeds"
+                )
+            case "apart":
+                return f"the motion ends {at}: {self._why_apart(run)}"
+            case "not finite":
+                return f"the motion ends {at}: the time derivative of {entry} is not finite" + (
+                    f": {found}" if (found := self._what_is_infinite(problem, run)) else ""
+                )
+            case "too many steps":
+                made = run.counts["steps"] + run.counts["rejected"]
+                return (
+                    f"the motion ends {at} after {made} steps, kept small by {entry}; "
+                    f"allow more with most_steps, or loosen rtol and atol; method='radau' serves stiff models"
+                )
+            case "sliding":
+                return (
+                    f"the motion ends {at}: where {switch_words(manifest, run.component)} changes its branch, forces on both "
+                    f"sides push the motion back, so that it sticks or slides there, which is in neither branch; smooth the "
+                    f"change, as by tanh or step(x, from, to)"
+                )
+            case "accumulated":
+                return (
+                    f"the motion ends {at}: {switch_words(manifest, run.component)} changes its branch faster and faster; "
+                    f"smooth the change, as by tanh or step(x, from, to)"
+                )
+            case _:
+                return run.reason
+
+    def _why_apart(self, run: Run) -> str:
+        """Which dropped condition would open, and what to do."""
+        manifest = run.opened.manifest
+        condition = self.closure_names[run.component]
+        loop = condition.rpartition(".")[0]
+        allowed = ALLOWED * manifest["loop_tolerance"]
+        return (
+            f"behind it condition {condition} would be open by more than {allowed:g}. It was dropped since "
+            f"it follows from others within loop_tolerance where the package was generated, and it does not follow there: the "
+            f"motion would go on as one of another mechanism. Make the lengths of loop {loop} fit exactly, exchange its `from` "
+            f"and `to`, along whose axes conditions are kept, or generate from an initial state behind this pose"
+        )
+
+
+def meaningless(what: str) -> str:
+    """What is said of derivatives that have grown beyond all bounds."""
+    return (
+        f"{what} grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says nothing about "
+        f"anything but infinitely small changes; shorten the time"
+    )
+
+
+def largest_of_unit(sizes: Array, units: Sequence[str]) -> Array:
+    """For each entry the largest size of those with the same unit; 1 where all are zero."""
+    largest: dict[str, float] = {}
+    for size, unit in zip(sizes, units, strict=True):
+        largest[unit] = max(largest.get(unit, 0.0), float(size))
+    return np.array([largest[unit] or 1.0 for unit in units])
+
+
+def _bound_of_growth(changed: float, problem: Problem, entries: list[float]) -> float:
+    """What growth is no larger than where directions are named, so of length one, in a tenth of its time; 0 if not known.
+
+    `changed` is the largest derivative; `entries` are the largest sizes of coordinates and speeds over time: those of a unit
+    are no less, unless all are zero.
+    """
+    sizes = [x for x in entries if x > 0.0]
+    most = max([1.0, *sizes, largest(problem.p), largest(problem.inputs.values)])
+    return changed * most / min([1.0, *sizes])
+
+
+def places(names: Sequence[str], among: Sequence[str]) -> list[int]:
+    """Where names stand among others."""
+    at = {name: i for i, name in enumerate(among)}
+    return [at[name] for name in names]
+
+
+def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Array]) -> Array:
+    """(k,): how large a step along each direction is that changes what it is with respect to by all of itself.
+
+    `sizes` are those of q, u, p, and of the inputs' control points (count, nsignals); zeros are taken as 1.
+    """
+    seeds = (directions.dq, directions.du, directions.dp, directions.dinputs)
+    moved = np.zeros(directions.k)
+    for seed, size in zip(seeds, sizes, strict=True):
+        if seed is not None and seed.any():
+            parts = np.abs(seed) / np.where(size == 0.0, 1.0, np.abs(size))
+            moved = np.maximum(moved, parts.reshape(directions.k, -1).max(axis=1))
+    return np.divide(1.0, moved, where=moved > 0.0, out=np.zeros(directions.k))
+
+
+def _interval(t: Any) -> tuple[float, float, Array]:
+    """Start, end and times of results."""
+    if type(t) is float and 0.0 < t < math.inf:
+        return 0.0, t, np.empty(0)
+    try:
+        times = np.asarray(t, float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"t: {error}; expected a number of seconds, or times (nt,)") from None
+    if times.ndim > 1 or not times.size or not is_finite(times.reshape(-1)):
+        raise ValueError(
+            f"t has shape {times.shape}, or entries that are not finite; expected seconds, or rising times (nt,)"
+        )
+    if times.ndim == 0:
+        if times <= 0:
+            raise ValueError(f"t is {float(times):g} s, expected a positive number, or times (nt,)")
+        return 0.0, float(times), np.empty(0)
+    if len(times) < 2 or not _rise(times):
+        raise ValueError("t: times must rise, from the beginning of the motion to its end; at least two are needed")
+    return float(times[0]), float(times[-1]), times
+
+
+def _rise(times: Array) -> bool:
+    """Whether each time is later than the one before."""
+    return bool(times[1] > times[0]) if len(times) == 2 else bool((times[1:] > times[:-1]).all())
+
+
+def _tolerances(name: str, given: Any, shape: tuple[int, ...]) -> Array:
+    """One tolerance, or one for each."""
+    if type(given) is float and 0.0 < given < math.inf:
+        return filled(shape, given)
+    try:
+        found = np.broadcast_to(np.asarray(given, float), shape).copy()
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is {given!r}, expected a positive number, or {shape[0]} of them") from None
+    if not (np.isfinite(found).all() and (found > 0).all()):
+        raise ValueError(f"{name} has entries that are not positive, expected errors that are allowed")
+    return found

@@ -1,0 +1,170 @@
+"""B-splines: their values and derivatives, interpolation, and one in the place of others (C. de Boor's algorithms)."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array
+
+MOST_DEGREE = 9
+"""As in ``motion.h``."""
+
+
+def spline_weights(
+    knots: Array, degree: int, count: int, t: float, order: int = 0, before: bool = False
+) -> tuple[int, Array]:
+    """The B-splines that are not zero at a time, or their derivatives: the number of the first, and degree + 1 values.
+
+    Outside of the knots as at the first or the last of them. At a knot they are those of the piece behind it, or of that
+    `before` it. Derivatives are differences of splines of a degree less.
+    """
+    x = min(max(t, knots[degree]), knots[count])
+    at = piece(knots, degree, count, x, before)
+    if order > degree:
+        return at - degree, np.zeros(degree + 1)
+    value = np.ones(1)
+    for j in range(1, degree + 1):
+        new, differs = np.zeros(j + 1), j > degree - order
+        for i in range(j):
+            left, right = knots[at + 1 - j + i], knots[at + 1 + i]
+            part = value[i] / (right - left)
+            new[i] += -j * part if differs else (right - x) * part
+            new[i + 1] += j * part if differs else (x - left) * part
+        value = new
+    return at - degree, value
+
+
+def piece(knots: Array, degree: int, count: int, t: float, before: bool = False) -> int:
+    """The number of the knot that the piece of a spline at a time begins with."""
+    at = int(np.searchsorted(knots, t, "left" if before else "right")) - 1
+    at = min(max(at, degree), count - 1)
+    while knots[at] == knots[at + 1]:  # pieces of no length, beside the first or the last one
+        at += 1 if knots[at] <= knots[degree] else -1
+    return at
+
+
+# -- through values --------------------------------------------------------------------------------------------------
+
+
+def knots_through(t: Array, degree: int) -> tuple[int, Array]:
+    """Degree, at most that one, and knots of the spline through values at some times, which has no knots next to its ends."""
+    degree = min(degree, len(t) - 1)
+    inner = t[(degree + 1) // 2 : len(t) - (degree + 1) // 2]
+    if degree % 2 == 0:  # between the times
+        inner = 0.5 * (t[degree // 2 : len(t) - degree // 2 - 1] + t[degree // 2 + 1 : len(t) - degree // 2])
+    return degree, np.concatenate([[t[0]] * (degree + 1), inner, [t[-1]] * (degree + 1)])
+
+
+@dataclass(frozen=True)
+class Through:
+    """From values at times (n,) or (n, m) to control points of the spline through them.
+
+    The matrix is banded and totally positive: elimination needs no pivots.
+    """
+
+    knots: Array
+    degree: int
+    t: Array
+
+    def __call__(self, values: Array) -> Array:
+        n, k = len(self.t), self.degree
+        band = np.zeros((n, 2 * k + 1))  # row i holds columns i - k to i + k
+        for i, t in enumerate(self.t.tolist()):
+            first, weights = spline_weights(self.knots, k, n, t)
+            band[i, first - i + k : first - i + 2 * k + 1] = weights
+        x = np.array(values, float)
+        for i in range(n):
+            for j in range(i + 1, min(i + k + 1, n)):
+                at = i - j + k
+                if band[j, at]:
+                    factor = band[j, at] / band[i, k]
+                    band[j, at : at + k + 1] -= factor * band[i, k:]
+                    x[j] -= factor * x[i]
+        for i in reversed(range(n)):
+            width = min(k, n - 1 - i)
+            x[i] = (x[i] - band[i, k + 1 : k + 1 + width] @ x[i + 1 : i + 1 + width]) / band[i, k]
+        return x
+
+
+# -- one in the place of another -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Rewritten:
+    """From control points (n,) of a spline to those of the same function on other knots, of a degree that is no less.
+
+    A control point is the polar form of a piece at the knots that follow it: that of degree d at D arguments is the mean of those
+    at any d of them (L. Ramshaw).
+    """
+
+    knots: Array
+    degree: int
+    onto: Array
+    onto_degree: int
+
+    def __call__(self, values: Array) -> Array:
+        n, k, degree = len(values), self.degree, self.onto_degree
+        first, last = self.knots[k], self.knots[n]
+        found = np.empty(len(self.onto) - degree - 1)
+        for i in range(len(found)):
+            own = self.onto[i : i + degree + 2]
+            longest = int(np.argmax(np.diff(own)))  # a piece where the B-spline is not zero
+            middle = 0.5 * (own[longest] + own[longest + 1])
+            if not first <= middle <= last:
+                found[i] = self._end(values, middle < first)
+                continue
+            at = piece(self.knots, k, n, middle)
+            sets = list(itertools.combinations(own[1:-1].tolist(), k))
+            found[i] = sum(self._polar(values, at, s) for s in sets) / len(sets)
+        return found
+
+    def _end(self, values: Array, is_first: bool) -> float:
+        """What the signal is held at, before its first or after its last time."""
+        n, k = len(values), self.degree
+        at, weights = spline_weights(self.knots, k, n, float(self.knots[k if is_first else n]), before=not is_first)
+        return float(weights @ values[at : at + k + 1])
+
+    def _polar(self, values: Array, at: int, arguments: tuple[float, ...]) -> float:
+        k, t = self.degree, self.knots
+        d = values[at - k : at + 1].tolist()
+        for r, u in enumerate(arguments, 1):
+            for j in range(k, r - 1, -1):
+                left, right = t[at - k + j], t[at + 1 + j - r]
+                d[j] = ((right - u) * d[j - 1] + (u - left) * d[j]) / (right - left)
+        return float(d[k])
+
+
+def pieces(x: Array, c: Array) -> tuple[int, Array, Array]:
+    """Degree, knots and control points (count, m) of a function by pieces: at (x - x_i)^(k - j) stands c[j, i], (k + 1, n, m)."""
+    k = len(c) - 1
+    knots = np.repeat(x, k + 1)
+    h = np.diff(x)[:, None]
+    values = np.zeros((k + 1, len(x) - 1, c.shape[2]))
+    binomial = np.ones(1)
+    for _ in range(k):
+        binomial = np.convolve(binomial, [1.0, 1.0])
+    for i in range(k + 1):  # of t^m, Bernstein's control point i is (i choose m)/(k choose m)
+        chosen = 1.0
+        for m in range(i + 1):
+            values[i] += chosen / binomial[m] * h**m * c[k - m]
+            chosen = chosen * (i - m) / (m + 1)
+    return k, knots, values.transpose(1, 0, 2).reshape(-1, c.shape[2])
+
+
+def common_knots(splines: list[tuple[int, Array]]) -> tuple[int, Array]:
+    """Degree and knots on which splines of some degrees and knots, each held outside of them, can be written together."""
+    degree = max(k for k, _ in splines)
+    first, last = min(t[k] for k, t in splines), max(t[-1 - k] for k, t in splines)
+    needed: dict[float, int] = {}
+    for k, t in splines:
+        start, end = t[k], t[-1 - k]
+        places, often = np.unique(t[(t > start) & (t < end)], return_counts=True)
+        several = [(x, degree - k + n) for x, n in zip(places.tolist(), often.tolist(), strict=True)]
+        several += [(float(x), degree) for x in (start, end)]  # continuous where it begins or ends to be held
+        for x, n in several:
+            needed[x] = max(needed.get(x, 0), n)
+    inner = [x for x in sorted(needed) if first < x < last for _ in range(needed[x])]
+    return degree, np.array([first] * (degree + 1) + inner + [last] * (degree + 1))

@@ -1,0 +1,171 @@
+"""How frames of bodies and points fixed in them move, and what is linear algebra over it: points from frames, with tangents."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Indices
+
+
+@dataclass(init=False, eq=False)
+class FrameMotion:
+    """Frames of bodies against the ground, along the ground's axes; or the derivatives of all that, directions first.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Bodies, n of them; asked for one by its name alone, arrays are without the axis n.
+    rotation : (..., n, 3, 3)
+        Ground components from body components.
+    position : (..., n, 3)
+        Of the origin, m.
+    angular_velocity : (..., n, 3)
+        rad/s.
+    velocity : (..., n, 3)
+        Of the origin, m/s.
+    angular_acceleration : (..., n, 3) or None
+        rad/s^2; None unless asked for.
+    acceleration : (..., n, 3) or None
+        Of the origin, without gravity, m/s^2; None unless asked for.
+    """
+
+    names: tuple[str, ...]
+    rotation: Array
+    position: Array
+    angular_velocity: Array
+    velocity: Array
+    angular_acceleration: Array | None
+    acceleration: Array | None
+
+    def __init__(self, names: tuple[str, ...], frames: Array, accelerations: Array | None):
+        self.names = names
+        self._frames, self._accelerations = frames, accelerations
+
+    def __getattr__(self, name: str) -> Any:
+        """An array, which is part of the numbers of the C; made when it is first accessed."""
+        if name not in PLACES:
+            raise AttributeError(f"FrameMotion has no attribute {name!r}")
+        whole = self._frames if name in OF_FRAMES else self._accelerations
+        found = None if whole is None else whole[..., PLACES[name]]
+        if name == "rotation" and found is not None:
+            found = found.reshape(*found.shape[:-1], 3, 3)
+        setattr(self, name, found)
+        return found
+
+    def of(self, places: Indices, ground: bool, tangents: bool) -> FrameMotion:
+        """Frames by their places among these; with the ground's behind the last one, which does not move, nor do its tangents."""
+        frames, accelerations = self._frames, self._accelerations
+        if ground:
+            frames = _with_one(frames, 0.0 if tangents else AT_REST)
+            accelerations = None if accelerations is None else _with_one(accelerations, 0.0)
+        return FrameMotion(
+            self.names, frames.take(places, -2), None if accelerations is None else accelerations.take(places, -2)
+        )
+
+
+OF_FRAMES = {
+    "rotation": slice(0, 9), "position": slice(9, 12), "angular_velocity": slice(12, 15), "velocity": slice(15, 18),
+}  # fmt: skip
+PLACES = OF_FRAMES | {"angular_acceleration": slice(0, 3), "acceleration": slice(3, 6)}
+"""Where arrays are in the 18 numbers of a frame and the 6 of its accelerations."""
+
+YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Components of cross products."""
+
+AT_REST = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, *[0.0] * 9])
+"""The numbers of the ground's frame."""
+
+
+def _with_one(x: Array, last: Array | float) -> Array:
+    """Numbers (..., n, m) with one more row behind them."""
+    found = np.empty((*x.shape[:-2], x.shape[-2] + 1, x.shape[-1]), x.dtype)
+    found[..., :-1, :], found[..., -1, :] = x, last
+    return found
+
+
+@dataclass(slots=True, eq=False)
+class PointMotion:
+    """Points fixed in bodies, along the ground's axes; or the derivatives of all that, directions first.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Points, n of them, those without a name by their body and place; asked for one alone, arrays are without the axis n.
+    position : (..., n, 3)
+        m.
+    velocity : (..., n, 3)
+        m/s.
+    acceleration : (..., n, 3) or None
+        Without gravity, m/s^2; None unless asked for.
+    """
+
+    names: tuple[str, ...]
+    position: Array
+    velocity: Array
+    acceleration: Array | None = None
+
+
+def frames_from(frames: Array, accelerations: Array | None, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
+    """Frames of some bodies from the numbers of all: (..., nbodies, 18) and (..., nbodies, 6) or None.
+
+    `bodies` is an index of the axis of bodies: None for all, a list, or the number of one, whose arrays are without that axis.
+    """
+    if bodies is not None:
+        frames = frames[..., bodies, :]
+        accelerations = None if accelerations is None else accelerations[..., bodies, :]
+    return FrameMotion(names, frames, accelerations)
+
+
+def alone(motion: PointMotion) -> PointMotion:
+    """The motion of the only one, without the axis n."""
+    x = motion.acceleration
+    return PointMotion(
+        motion.names, motion.position[..., 0, :], motion.velocity[..., 0, :], None if x is None else x[..., 0, :]
+    )
+
+
+def points_on(frames: FrameMotion, r: Array, names: tuple[str, ...]) -> PointMotion:
+    """Points r (..., n, 3) of frames, one of each.
+
+    They are at ``x + R r`` and have ``v + omega x R r`` and ``a + alpha x R r + omega x (omega x R r)``.
+    """
+    s, w = times(frames.rotation, r), frames.angular_velocity
+    found = PointMotion(names, frames.position + s, frames.velocity + cross(w, s))
+    if frames.acceleration is None or frames.angular_acceleration is None:
+        return found
+    return replace(
+        found, acceleration=frames.acceleration + cross(frames.angular_acceleration, s) + cross(w, cross(w, s))
+    )
+
+
+def point_tangents(
+    frames: FrameMotion, along: FrameMotion, r: Array, dr: Array | float, names: tuple[str, ...]
+) -> PointMotion:
+    """Their derivatives, from those of the frames and dr (k, ..., n, 3)."""
+    s, w = times(frames.rotation, r), frames.angular_velocity
+    ds, dw = times(along.rotation, r) + times(frames.rotation, dr), along.angular_velocity
+    found = PointMotion(names, along.position + ds, along.velocity + cross(dw, s) + cross(w, ds))
+    if along.acceleration is None or along.angular_acceleration is None or frames.angular_acceleration is None:
+        return found
+    turned = cross(along.angular_acceleration, s) + cross(frames.angular_acceleration, ds)
+    centripetal = cross(dw, cross(w, s)) + cross(w, cross(dw, s) + cross(w, ds))
+    return replace(found, acceleration=along.acceleration + turned + centripetal)
+
+
+def times(R: Array, r: Array | float) -> Array | float:
+    """Matrices times vectors; nothing of nothing."""
+    return 0.0 if isinstance(r, float) else np.add.reduce(R * r[..., None, :], axis=-1)
+
+
+def cross(a: Array, b: Array | float) -> Array | float:
+    """Cross products; nothing of nothing."""
+    if isinstance(b, float):
+        return 0.0
+    found: Array = a.take(YZX, -1) * b.take(ZXY, -1) - a.take(ZXY, -1) * b.take(YZX, -1)
+    return found
+
+
+__all__ = ["FrameMotion", "PointMotion", "alone", "frames_from", "point_tangents", "points_on"]

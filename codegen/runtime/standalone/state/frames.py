@@ -1,0 +1,409 @@
+"""Motions of bodies and of points fixed in them, without outputs that name them; their derivatives and Jacobians."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Numbers, Times
+from ..calls.arguments import some
+from ..calls.functions import Wanted, over_points
+from ..calls.package import Package
+from .frame_motion import FrameMotion, PointMotion, alone, frames_from, point_tangents, points_on
+
+MOST_CHOICES = 64
+"""Choices of points that are remembered."""
+
+Bodies = str | Sequence[str] | None
+"""Names of bodies, or one alone; left out: all."""
+Points = Any
+"""Names of the model's points or bodies, pairs of a body and a place in its frame, or one of these alone; left out: all of the
+model's points."""
+
+
+class Frames(Package):
+    """Motions of bodies and of points fixed in them."""
+
+    def frames(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        bodies: Bodies = None, accelerations: bool = False,
+    ) -> FrameMotion:  # fmt: skip
+        """Where bodies are, how they turn and move, and with `accelerations` how these change.
+
+        Needs a package that was generated with frames. Through closed loops as over a tree: dependent speeds follow from the
+        others, coordinates are taken as they are passed.
+
+        Parameters
+        ----------
+        u : (..., nu), optional
+            Zero if left out.
+        bodies : str or sequence of str, optional
+            One alone, whose arrays are without the axis n, or several; left out: all, in the order of the model.
+        accelerations : bool
+            Accelerations too, which take the forward dynamics.
+
+        Returns
+        -------
+        FrameMotion
+            In the ground frame.
+        """
+        chosen, names = self._bodies(bodies)
+        return self._frames((q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
+
+    def frame_sensitivities(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        bodies: Bodies = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
+        dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[FrameMotion, FrameMotion]:  # fmt: skip
+        """Motions of bodies, see `frames`, and their total derivatives along the seeds.
+
+        Returns
+        -------
+        FrameMotion
+        FrameMotion
+            Derivatives, with the k directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
+        """
+        chosen, names = self._bodies(bodies)
+        given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
+        if accelerations or chosen is not None:
+            return self._frames_along(given, along, accelerations, chosen, names)
+        values, tangents = self._call("frame_sensitivities", given, along)
+        return FrameMotion(names, values, None), FrameMotion(names, tangents, None)
+
+    def frame_jacobians(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        bodies: Bodies = None,
+    ) -> Array:  # fmt: skip
+        """Geometric Jacobians of bodies: what a unit of each speed adds to angular velocity and velocity of the origin.
+
+        Returns
+        -------
+        (..., n, 6, nu)
+            Rows: angular velocity, velocity, along the ground's axes. Columns of dependent speeds are zero, as what follows from
+            the independent ones is in the columns of these; so times u it is the velocity. It does not depend on u.
+        """
+        chosen, names = self._bodies(bodies)
+        _, along = self._by_speeds(q, p, inputs, t, chosen, names)
+        return _columns(along.angular_velocity, along.velocity)
+
+    def points(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        points: Points = None, accelerations: bool = False,
+    ) -> PointMotion:  # fmt: skip
+        """Where points fixed in bodies are, and how they move.
+
+        Parameters
+        ----------
+        u : (..., nu), optional
+            Zero if left out.
+        points : optional
+            A list of points or one alone, whose arrays are without the axis n: the name of a point of the model, that of a body
+            for its origin, or a pair of a body (or ``"ground"``) and a place (3,) in its frame, m. Left out: all points of the
+            model.
+        accelerations : bool
+            Accelerations too, which take the forward dynamics.
+
+        Returns
+        -------
+        PointMotion
+            In the ground frame.
+        """
+        chosen = self._chosen(points)
+        given = (q, self._moving_at(u), p, inputs, t)
+        if not accelerations and chosen.values is not None:
+            call = chosen.values, given
+            if (known := self._one_state(*call) or self._few_states(*call)) is not None:
+                return PointMotion(chosen.names, *known)
+        frames = self._frames(given, accelerations, None, chosen.names)
+        found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
+        return alone(found) if chosen.single else found
+
+    def point_sensitivities(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        points: Points = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
+        dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[PointMotion, PointMotion]:  # fmt: skip
+        """Motions of points, see `points`, and their total derivatives along the seeds.
+
+        The place of a point of the model in its body may depend on parameters, and that is part of the derivative along dp;
+        places that are given are constants.
+
+        Returns
+        -------
+        PointMotion
+        PointMotion
+            Derivatives, with the k directions first: ``position (k, ..., n, 3)`` and so on.
+        """
+        chosen = self._chosen(points)
+        given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
+        if not accelerations and chosen.along is not None and not self._watched:
+            call = chosen.along, given, along
+            if (known := self._one_state(*call) or self._few_states(*call)) is not None:
+                position, dposition, velocity, dvelocity = known
+                return PointMotion(chosen.names, position, velocity), PointMotion(chosen.names, dposition, dvelocity)
+        values, tangents = self._frames_along(given, along, accelerations, None, chosen.names)
+        frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
+        r = chosen.places(p)
+        found = points_on(frames, r, chosen.names)
+        found_along = point_tangents(frames, moved, r, chosen.moved_places(p, dp), chosen.names)
+        return (alone(found), alone(found_along)) if chosen.single else (found, found_along)
+
+    def point_jacobians(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        points: Points = None,
+    ) -> Array:  # fmt: skip
+        """Geometric Jacobians of points: what a unit of each speed adds to the angular velocity of its body and to its velocity.
+
+        Returns
+        -------
+        (..., n, 6, nu)
+            See `frame_jacobians`.
+        """
+        chosen = self._chosen(points)
+        values, tangents = self._by_speeds(q, p, inputs, t, None, chosen.names)
+        frames, along = chosen.carriers(values, False), chosen.carriers(tangents, True)
+        moved = point_tangents(frames, along, chosen.places(p), 0.0, chosen.names)
+        found = _columns(along.angular_velocity, moved.velocity)
+        return found[..., 0, :, :] if chosen.single else found
+
+    # -- what these are made of ----------------------------------------------------------------------------------------
+
+    def _moving_at(self, u: Numbers) -> Numbers:
+        """Speeds, zero where they are left out."""
+        return np.zeros(self.nu) if u is None else u
+
+    def _bodies(self, bodies: Bodies) -> tuple[Any, tuple[str, ...]]:
+        """Where bodies are among all, an index that one alone makes a number, and their names."""
+        known = self._known_bodies("frames")
+        if bodies is None:
+            return None, known
+        if isinstance(bodies, str):
+            return _place(bodies, known, "bodies"), (bodies,)
+        names = tuple(_several(bodies, "bodies"))
+        return [_place(n, known, "bodies") for n in names], names
+
+    def _chosen(self, points: Points) -> _Chosen:
+        """The points that are asked for; loops ask for the same."""
+        key = tuple(points) if isinstance(points, list) else points
+        try:
+            found = self._chosen_before.get(key)
+        except TypeError:  # places in lists and arrays
+            key = _as_tuples(points)
+            try:
+                found = self._chosen_before.get(key)
+            except TypeError:
+                return _Chosen(self, points)
+        if found is None:
+            found = _Chosen(self, points)
+            if len(self._chosen_before) < MOST_CHOICES:
+                found.prepare()
+                self._chosen_before[key] = found
+        return found
+
+    @functools.cached_property
+    def _chosen_before(self) -> dict[Any, _Chosen]:
+        return {}
+
+    def _known_bodies(self, member: str) -> tuple[str, ...]:
+        """Names of the model's bodies.
+
+        Raises
+        ------
+        AttributeError
+            The package was generated without frames.
+        """
+        found = self._body_names
+        if found is None:
+            raise AttributeError(self._why_not(member))
+        return found
+
+    @functools.cached_property
+    def _body_names(self) -> tuple[str, ...] | None:
+        """Names of the model's bodies; None in a package without frames."""
+        return tuple(self._manifest["bodies"]) if "bodies" in self._manifest else None
+
+    def _frames(self, given: Sequence[Any], accelerations: bool, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
+        found = self._call("frames", given)[0]
+        a = self._call("frame_accelerations", given)[0] if accelerations else None
+        return frames_from(found, a, bodies, names)
+
+    def _frames_along(
+        self,
+        given: Sequence[Any],
+        along: Sequence[Any],
+        accelerations: bool,
+        bodies: Any,
+        names: tuple[str, ...],
+    ) -> tuple[FrameMotion, FrameMotion]:
+        found = self._call("frame_sensitivities", given, along)
+        a = self._call("frame_acceleration_sensitivities", given, along) if accelerations else (None, None)
+        return frames_from(found[0], a[0], bodies, names), frames_from(found[1], a[1], bodies, names)
+
+    def _by_speeds(
+        self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Any, names: tuple[str, ...]
+    ) -> tuple[FrameMotion, FrameMotion]:
+        """Frames at rest, and their derivatives by each speed."""
+        unit = np.eye(self.nu)
+        return self._frames_along(
+            (q, np.zeros(self.nu), p, inputs, t), (None, unit, None, None, None), False, bodies, names
+        )
+
+
+class _Chosen:
+    """Points that were asked for.
+
+    Attributes
+    ----------
+    on : array of int
+        The body that carries each; behind the last body is the ground.
+    ground : bool
+        Whether it carries any.
+    given : array (n, 3)
+        Places in their bodies, where parameters do not move them.
+    names : tuple of str
+    single : bool
+        One was asked for alone.
+    moved : bool
+        Whether parameters move some of them in their bodies.
+    values, along : Wanted or None
+        Their motion by a single call of the C; None for a choice that is not remembered.
+    """
+
+    values: Wanted | None = None
+    along: Wanted | None = None
+
+    def __init__(self, solver: Frames, points: Points):
+        self.solver = solver
+        known = solver._known_bodies("points")
+        self.made: list[dict[str, Any]] = solver._manifest.get("points", [])
+        names = [point["name"] for point in self.made]
+        self.single = isinstance(points, str) or _is_pair(points)
+        asked = names if points is None else [points] if self.single else _several(points, "points")
+        self.of_model: list[int] = []
+        carriers: list[int] = []
+        places: list[Any] = []
+        called: list[str] = []
+        for point in asked:
+            number, at = -1, np.zeros(3)
+            if isinstance(point, str) and point in names:
+                number = names.index(point)
+                body, at = self.made[number]["body"], self.made[number]["at"]
+            elif isinstance(point, str):
+                if point not in (*known, "ground"):
+                    _place(point, [*names, *known], "points")
+                body = known.index(point) if point in known else -1
+            elif _is_pair(point):
+                body = -1 if point[0] == "ground" else _place(point[0], known, "points")
+                at = _vector(solver, point)
+            else:
+                raise ValueError(
+                    f"points: {point!r} is no point; expected the name of a point or a body, or a pair such as "
+                    f"({known[0]!r}, [0, 0, 0.1])"
+                )
+            carriers.append(body)
+            places.append(at)
+            self.of_model.append(number)
+            called.append(point if isinstance(point, str) else f"{point[0]} {[float(e) for e in at]}")
+        self.names = tuple(called)
+        self.on = np.array([b if b >= 0 else len(known) for b in carriers], int)
+        self.ground = -1 in carriers
+        self.given = np.array(places).reshape(-1, 3)
+        self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
+
+    def prepare(self) -> None:
+        """Make what calls the C for these points."""
+        functions, places = self.solver._functions, self.solver._shapes["point_places"]
+        table = np.empty((len(self.on), 5))
+        table[:, 0], table[:, 2:] = self.on, self.given
+        table[:, 1] = self.of_model if self.moved else -1
+        numbers = np.concatenate([[len(self.on)], table.reshape(-1)])
+        shape = (3,) if self.single else (len(self.on), 3)
+        if "frames" in functions:
+            f = over_points(functions["frames"], places, shape)
+            self.values = Wanted("frames", f.results[2:], f, numbers)
+        if "frame_sensitivities" in functions:
+            f = over_points(functions["frame_sensitivities"], places, shape)
+            self.along = Wanted("frame_sensitivities", f.results[4:], f, numbers)
+
+    def carriers(self, frames: FrameMotion, tangents: bool) -> FrameMotion:
+        """The frame of each point's body, from those of the bodies."""
+        return frames.of(self.on, self.ground, tangents)
+
+    def places(self, p: Numbers) -> Array:
+        """Places of all in their bodies, (..., n, 3)."""
+        if not self.moved:
+            return self.given
+        found = self.solver._call("point_places", (None, None, p, None, 0.0))[0]
+        return self._from(found, self.given)
+
+    def moved_places(self, p: Numbers, dp: Numbers) -> Array | float:
+        """Their derivatives, (k, ..., n, 3); 0.0 of places that do not move."""
+        if not self.moved or dp is None:
+            return 0.0
+        found = self.solver._call(
+            "point_place_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None)
+        )[1]
+        return self._from(found, np.zeros_like(self.given))
+
+    def _from(self, found: Array, others: Array) -> Array:
+        """Places (..., npoints, 3) of the model's points, and others of points that are given."""
+        parts = [
+            found[..., n, :] if n >= 0 else np.broadcast_to(others[i], found[..., 0, :].shape)
+            for i, n in enumerate(self.of_model)
+        ]
+        return np.stack(parts, axis=-2)
+
+
+def _several(given: Any, what: str) -> list[Any]:
+    """What is given as a list."""
+    try:
+        return list(given)
+    except TypeError:
+        raise ValueError(f"{what} is {given!r}, expected a name, or a list of those that are wanted") from None
+
+
+def _as_tuples(given: Any) -> Any:
+    """Lists and arrays as tuples, to look them up; what else there is stays as it is."""
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    return tuple(map(_as_tuples, given)) if isinstance(given, (list, tuple)) else given
+
+
+def _is_pair(point: Any) -> bool:
+    """Whether something is a body with a place, and not two names."""
+    return (
+        isinstance(point, (tuple, list))
+        and len(point) == 2
+        and isinstance(point[0], str)
+        and not isinstance(point[1], str)
+        and not _is_pair(point[1])
+    )
+
+
+def _vector(solver: Frames, point: Any) -> Array:
+    """The place of a pair."""
+    name = f"points: the place in {point[0]!r}"
+    found = solver._arguments._numbers(name, point[1])
+    if found.shape != (3,):
+        raise ValueError(f"{name} has shape {found.shape}, expected (3,): x, y, z in the body's frame, m")
+    if not np.isfinite(found.astype(float)).all():
+        raise ValueError(f"{name} is {found}, expected finite numbers")
+    return found
+
+
+def _place(name: Any, known: Sequence[str], what: str) -> int:
+    """Where a name stands among those that are known."""
+    if name in known:
+        return known.index(name)
+    near = difflib.get_close_matches(str(name), known, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise ValueError(f"{what}: {name!r} is not known; expected is any of {some(known)}{hint}")
+
+
+def _columns(angular: Array, linear: Array) -> Array:
+    """Jacobians (..., n, 6, nu) from derivatives by each speed (nu, ..., n, 3)."""
+    return np.moveaxis(np.concatenate([angular, linear], axis=-1), 0, -1)

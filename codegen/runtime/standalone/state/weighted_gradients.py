@@ -1,0 +1,139 @@
+"""Gradients of weighted sums of results: the transposes of the functions along seeds, in one sweep back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arrays import Array, Numbers, Times, lengths
+from ..assembly.states import States
+from ..calls.arguments import Seeds
+from ..calls.functions import ALONG, STATE, WEIGHTED, Wanted
+from ..calls.package import state
+
+WEIGHTS = {"dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
+           "dfull_u": "weights_u"}  # fmt: skip
+"""What the weights of generated functions are called here."""
+
+
+BY_ALL = {name: Wanted(name, ALONG) for name in WEIGHTED}
+"""Derivatives by everything, those too that the functions leave out since they are zero."""
+
+
+class Gradients(NamedTuple):
+    """Gradients of k weighted sums with respect to every argument; entries of dependent coordinates and speeds are zero.
+
+    Attributes
+    ----------
+    q : (k, ..., nq)
+    u : (k, ..., nu)
+    p : (k, ..., np)
+    inputs : (k, ..., ninputs)
+    t : (k, ...)
+    """
+
+    q: Array
+    u: Array
+    p: Array
+    inputs: Array
+    t: Array
+
+
+class WeightedGradients(States):
+    """Gradients, by the transposes of the sensitivities: the cost does not depend on the number of parameters."""
+
+    def gradients(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
+    ) -> Gradients:
+        """Gradients of ``sum_i weights_i udot_i``: ``weights^T J`` of all Jacobians of udot at once, exact to rounding.
+
+        Parameters
+        ----------
+        weights : (k, ..., nu)
+            Of the entries of udot, for each of k sums; (nu,) for one.
+
+        Returns
+        -------
+        Gradients
+        """
+        return self._gradients("sensitivities_transposed", (q, u, p, inputs, t), (weights,))
+
+    def output_gradients(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
+    ) -> Gradients:
+        """Gradients of weighted sums of the model's outputs; weights (k, ..., noutputs)."""
+        return self._gradients("output_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
+
+    def energy_gradients(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
+    ) -> Gradients:
+        """Gradients of weighted sums of kinetic and potential energy; weights (k, ..., 2)."""
+        return self._gradients("energy_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
+
+    def coordinate_rate_gradients(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
+    ) -> Gradients:
+        """Gradients of weighted sums of the time derivatives of the coordinates; weights (k, ..., nq)."""
+        name = "coordinate_rate_sensitivities_transposed"
+        return self._gradients(name, (q, u, p, inputs, t), (weights,))
+
+    def assemble_gradients(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        weights_q: Numbers = None, weights_u: Numbers = None,
+    ) -> Gradients:  # fmt: skip
+        """Gradients of weighted sums of the assembled state, with respect to what it is assembled from.
+
+        Parameters
+        ----------
+        weights_q, weights_u : (k, ..., nq) and (k, ..., nu), optional
+            Of the assembled coordinates and speeds.
+        """
+        arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
+        weights = {"dfull_q": weights_q, "dfull_u": weights_u}
+        (along, k), batch = Seeds.take(self._arguments, weights, arrays, batch, WEIGHTS)
+        before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
+        q_new: Array = self._assembled(arrays, batch)
+        if self._has("completion_sensitivities_transposed"):
+            given = {**arrays, "q": q_new}
+            name = "completion_sensitivities_transposed"
+            found = self._gradients(name, [given[n] for n in STATE], [along.get(d) for d in WEIGHTED[name]])
+        else:
+            wide = {
+                n: np.broadcast_to(along.get(f"dfull_{n}", 0.0), (k, *batch, *self._shapes[n])).astype(q_new.dtype)
+                for n in "qu"
+            }
+            found = self._filled({f"d{n}": x for n, x in wide.items()}, k, batch)
+        for i, length in before.items():
+            e, bar = q_new[..., i : i + 4], found.q[..., i : i + 4]
+            bar -= e * np.sum(e * bar, axis=-1, keepdims=True)
+            bar /= length
+        return found
+
+    def _gradients(self, name: str, given: Sequence[Any], weights: Sequence[Any]) -> Gradients:
+        opened = self._opened
+        if not self._watched:
+            call = BY_ALL[name], given, weights
+            gradients = self._one_state(*call) or self._few_states(*call)
+            if gradients is not None:
+                return Gradients(*gradients)
+        arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
+        named = dict(zip(WEIGHTED[name], weights, strict=True))
+        seeds, batch = Seeds.take(self._arguments, named, arrays, batch, WEIGHTS)
+        if not any(self._shapes[w[1:]][-1] for w in named):  # no outputs
+            return self._filled({}, seeds.k, batch)
+        f = self._find(opened, name)
+        if self._watched:
+            self._look_at_directions(name, given, (None, None, np.eye(self.np), None, None))
+        results = dict(zip(f.results, self._compute(opened, f, arrays, batch, seeds, []), strict=True))
+        return self._filled(results, seeds.k, batch)
+
+    def _filled(self, found: Mapping[str, Array], k: int, batch: tuple[int, ...]) -> Gradients:
+        """Gradients, zero with respect to what a function does not depend on."""
+        return Gradients(
+            *(
+                found[d] if d in found else np.zeros((k, *batch, *self._shapes[d[1:]]), self._arguments.dtype)
+                for d in ALONG
+            )
+        )

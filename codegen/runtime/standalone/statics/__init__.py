@@ -1,0 +1,1 @@
+"""Equilibria and linearised equations, with second derivatives."""

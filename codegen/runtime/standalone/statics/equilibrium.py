@@ -1,0 +1,274 @@
+"""States of rest: Newton's method in the tangent space, relaxation where that leads nowhere, and how they follow parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array
+from ..errors import AssemblyError, EquilibriumError
+
+NEWTON = 100
+"""Steps of Newton's method."""
+
+RELAXATION = 300
+"""Steps of relaxation."""
+
+HALVINGS = 30
+"""How often a step is halved before it is given up."""
+
+RADIUS = 0.5
+"""rad or m: the largest component of a first step; doubled whenever a step that was cut there turns out well."""
+
+POOR, GOOD = 0.5, 0.1
+"""Parts of the accelerations by which the linear equations may be wrong after a step of relaxation; below which it grows."""
+
+FINEST = 1e-16
+"""rad or m: no smaller steps are taken at a state of rest."""
+
+SINGULAR = 1e-12
+"""A singular value of the Jacobian below this part of the largest counts as zero."""
+
+NONE = 1e-14
+"""1/s^2: so does one below this, which is rounding of forces that balance: an oscillation would take two years."""
+
+KEPT = 1e-8
+"""A right side that is off the range of a singular Jacobian by less than this part of it is consistent."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium:
+    """A state of rest.
+
+    Attributes
+    ----------
+    q, u : (nq,) and (nu,)
+        The state, assembled; u is zero.
+    residual : float
+        The largest of the accelerations of the independent speeds that is left, rad/s^2 or m/s^2.
+    iterations : int
+        Steps of Newton's method and of relaxation.
+    relaxed : bool
+        Whether the mechanism was let sink to rest: Newton's method led nowhere from the guess, or it was asked for.
+    names : tuple of str
+        The parameters and inputs that were asked for.
+    dq : (k, nq)
+        The derivative of q with respect to each of them, exact to rounding; NaN along those with which there is no
+        equilibrium nearby (a neutral direction that they push along).
+    stable : bool or None
+        Whether small motions stay small by the linearised equations: no eigenvalue has a positive real part, to rounding.
+        None where these do not decide, as with a neutral direction, or near a loss of rank of a loop.
+    neutral : (m, nq)
+        Directions, of length one in the tangent space, along which the mechanism may be moved and is at rest still. With any,
+        q is the state that the least steps lead to, and dq the least change.
+    """
+
+    q: Array
+    u: Array
+    residual: float
+    iterations: int
+    relaxed: bool
+    names: tuple[str, ...]
+    dq: Array
+    stable: bool | None
+    neutral: Array
+    coordinate_names: tuple[str, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        said = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
+        if len(self.neutral):
+            most = [self.coordinate_names[int(np.argmax(np.abs(row)))] for row in self.neutral]
+            said += f", {len(most)} neutral direction{'s' * (len(most) > 1)} ({', '.join(most)} most)"
+        if self.names:
+            said += f", derivatives by {', '.join(self.names)}"
+        how = " after relaxation" if self.relaxed else ""
+        steps = f"{self.iterations} step{'s' * (self.iterations != 1)}{how}"
+        values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:12], self.q, strict=False))
+        more = ", ..." if len(self.q) > 12 else ""
+        return f"<Equilibrium: {values}{more}; {said}; residual {self.residual:.2g} after {steps}>"
+
+
+class Motions(NamedTuple):
+    """What a state at rest does.
+
+    Attributes
+    ----------
+    tangents : (n, nq)
+        How the coordinates change in each direction of the tangent space.
+    udot : (n,)
+        Accelerations of the independent speeds.
+    J : (n, n)
+        Their derivatives; columns are directions.
+    """
+
+    tangents: Array
+    udot: Array
+    J: Array
+
+
+class Search:
+    """Looks for a state of rest.
+
+    Parameters
+    ----------
+    motions : callable (q) -> Motions
+    udot : callable (q) -> (n,) array
+    retract : callable (q) -> q
+        Assembles coordinates that have been moved along tangents.
+    tolerance : float
+    """
+
+    def __init__(
+        self,
+        motions: Callable[[Array], Motions],
+        udot: Callable[[Array], Array],
+        retract: Callable[[Array], Array],
+        tolerance: float,
+    ):
+        self.motions, self.udot, self.retract, self.tolerance = motions, udot, retract, tolerance
+        self.iterations = 0
+
+    def is_rest(self, m: Motions) -> bool:
+        """Whether a state is one of rest."""
+        return rests(m.udot, m.J, self.tolerance)
+
+    def newton(self, q: Array) -> tuple[Array, Motions]:
+        """Newton's method from a guess, as far as it leads.
+
+        A step is as long as makes the next one of the same Jacobian shorter (Deuflhard's natural test): that compares motions
+        with motions, and is the same whether accelerations or forces are balanced, so that no inertia and no unit has a
+        weight in it. Where the Jacobian is singular the step is the least one.
+        """
+        radius = RADIUS
+        m = self.motions(q)
+        for _ in range(NEWTON):
+            if not np.isfinite(m.J).all():
+                break
+            inverse = _inverse(m.J)
+            step = -inverse @ m.udot
+            length, size = float(np.linalg.norm(step)), float(np.abs(step).max(initial=0.0))
+            near = self.is_rest(m)
+            if size <= (FINEST if near else 0.0):
+                break
+            fraction = first = min(1.0, radius / size)
+            for _ in range(1 if near else HALVINGS):
+                found = self._tried(q, m, fraction * step)
+                if found is not None:
+                    left = float(np.linalg.norm(inverse @ found[1]))
+                    if left <= (1.0 - 0.25 * fraction) * length * (0.5 if near else 1.0):
+                        break
+                fraction *= 0.5
+            else:
+                break
+            if fraction == first < 1.0:
+                radius *= 2.0
+            elif fraction < first:
+                radius = max(fraction * size, RADIUS)
+            self.iterations += 1
+            q, m = found[0], self.motions(found[0])
+        return q, m
+
+    def relax(self, q: Array) -> tuple[Array, Motions]:
+        """Sinking to rest, until the accelerations are small: the motion ``w' = udot``, in implicit steps that grow.
+
+        This is how the mechanism would creep in a viscous medium. Where forces have a potential it descends, whatever the
+        Jacobian does on the way, so what is found is stable. Steps grow as long as linear equations foretell what comes of
+        them, and turn into Newton's.
+        """
+        m = self.motions(q)
+        rate = float(np.linalg.norm(m.J)) or 1.0  # the reciprocal of the step, 1/s^2
+        radius = RADIUS
+        for _ in range(RELAXATION):
+            if not np.isfinite(m.J).all() or self.is_rest(m):
+                break
+            # a step must not reach over what it is to leave, along unstable directions
+            least = 2.0 * float(np.linalg.eigvals(m.J).real.max(initial=0.0))
+            rate = max(rate, least)
+            for _ in range(HALVINGS):
+                step = np.asarray(np.linalg.solve(rate * np.eye(len(m.J)) - m.J, m.udot), np.float64)
+                found = self._tried(q, m, step) if np.abs(step).max() <= radius else None
+                # the linear equations have said that the accelerations would be rate*step
+                if found is not None:
+                    error = float(np.linalg.norm(found[1] - rate * step) / np.linalg.norm(m.udot))
+                    if error <= POOR:
+                        break
+                rate *= 4.0
+            else:
+                break
+            radius *= 2.0 if np.abs(step).max() > 0.5 * radius else 1.0
+            rate *= 0.25 if error < GOOD else 1.0
+            self.iterations += 1
+            q, m = found[0], self.motions(found[0])
+        return q, m
+
+    def _tried(self, q: Array, m: Motions, step: Array) -> tuple[Array, Array] | None:
+        """Coordinates after a step, and accelerations there; None where the mechanism cannot go."""
+        try:
+            moved = self.retract(q + step @ m.tangents)
+            udot = self.udot(moved)
+        except (AssemblyError, np.linalg.LinAlgError):
+            return None
+        return (moved, udot) if np.isfinite(udot).all() else None
+
+    def find(self, q: Array, names: tuple[str, ...], relax: bool) -> tuple[Array, Motions, bool]:
+        """A state of rest: coordinates, what it does, and whether it was found by relaxation.
+
+        Raises
+        ------
+        EquilibriumError
+        """
+        q = self.retract(q)
+        tried: list[tuple[Array, Motions]] = []
+        for relaxed in (True, False) if relax else (False, True):
+            found = self.newton(self.relax(q)[0] if relaxed else q)
+            if self.is_rest(found[1]):
+                return *found, relaxed
+            tried.append(found)
+        best = min(tried, key=lambda found: _largest(found[1]))
+        worst = int(np.argmax(np.abs(best[1].udot)))
+        raise EquilibriumError(_largest(best[1]), names[worst], best[0])
+
+
+def rests(udot: Array, J: Array, tolerance: float) -> bool:
+    """Whether accelerations are none, against those that a small motion of one rad or m makes, or one unit."""
+    return bool(np.all(np.abs(udot) <= tolerance * (1.0 + np.abs(J).sum(axis=1))))
+
+
+def _largest(m: Motions) -> float:
+    found = float(np.abs(m.udot).max(initial=0.0))
+    return found if math.isfinite(found) else math.inf
+
+
+def followed(J: Array, pushes: Array) -> Array:
+    """w (k, n), how a state of rest moves where udot changes by pushes (k, n): ``J w = -push``, the implicit function theorem.
+
+    The least w where J is singular; NaN where none is consistent.
+    """
+    w = -pushes @ _inverse(J).T
+    left = np.abs(pushes + w @ J.T).max(axis=1, initial=0.0)
+    w[left > KEPT * np.abs(pushes).max(axis=1, initial=0.0)] = np.nan
+    return w
+
+
+def neutral_directions(J: Array) -> Array:
+    """w (m, n) along which udot does not change, orthonormal."""
+    _, sizes, rows = np.linalg.svd(J)
+    return np.asarray(rows[~_regular(sizes)], np.float64)
+
+
+def _regular(sizes: Array) -> NDArray[np.bool_]:
+    """Which singular values are not zero."""
+    found: NDArray[np.bool_] = sizes > max(SINGULAR * sizes.max(initial=0.0), NONE)
+    return found
+
+
+def _inverse(J: Array) -> Array:
+    """The pseudo-inverse, with which steps are the least ones."""
+    columns, sizes, rows = np.linalg.svd(J)
+    kept = _regular(sizes)
+    return np.asarray((rows[kept].T / sizes[kept]) @ columns[:, kept].T, np.float64)

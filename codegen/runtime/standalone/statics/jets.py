@@ -1,0 +1,193 @@
+"""Dual numbers over arrays: a value with its derivatives along directions, which NumPy's elementwise functions go through.
+
+No step is taken and nothing is subtracted that is not subtracted in the formula: derivatives are exact to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ....elementary import ON_ARRAYS, TABLE, Elementary
+from ..arrays import Array
+
+
+class Jet:
+    """An array and its derivatives along m directions.
+
+    Parameters
+    ----------
+    value : (...,) array
+    slope : (..., m) array
+        The derivatives, directions last: so axes of values broadcast by NumPy's rules, whatever their number.
+    """
+
+    __slots__ = ("slope", "value")
+
+    def __init__(self, value: Any, slope: Array):
+        self.value, self.slope = np.asarray(value, float), slope
+
+    def __getitem__(self, at: Any) -> Jet:
+        return Jet(self.value[at], self.slope[at])
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def __iter__(self) -> Iterator[Jet]:
+        return (self[i] for i in range(len(self)))
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *given: Any, **options: Any) -> Any:
+        rule = RULES.get(ufunc.__name__)
+        if rule is None or method != "__call__" or options:
+            return NotImplemented
+        return rule(*given)
+
+    def __add__(self, other: Any) -> Jet:
+        return _add(self, other)
+
+    def __radd__(self, other: Any) -> Jet:
+        return _add(self, other)
+
+    def __sub__(self, other: Any) -> Jet:
+        return _subtract(self, other)
+
+    def __rsub__(self, other: Any) -> Jet:
+        return _subtract(other, self)
+
+    def __mul__(self, other: Any) -> Jet:
+        return _multiply(self, other)
+
+    def __rmul__(self, other: Any) -> Jet:
+        return _multiply(self, other)
+
+    def __truediv__(self, other: Any) -> Jet:
+        return _divide(self, other)
+
+    def __rtruediv__(self, other: Any) -> Jet:
+        return _divide(other, self)
+
+    def __neg__(self) -> Jet:
+        return Jet(-self.value, -self.slope)
+
+    def __gt__(self, other: Any) -> Any:
+        return self.value > value_of(other)
+
+    def __ge__(self, other: Any) -> Any:
+        return self.value >= value_of(other)
+
+    def __lt__(self, other: Any) -> Any:
+        return self.value < value_of(other)
+
+    def __le__(self, other: Any) -> Any:
+        return self.value <= value_of(other)
+
+
+def value_of(x: Any) -> Any:
+    """The value of a jet, or a plain number."""
+    return x.value if isinstance(x, Jet) else x
+
+
+def _wide(x: Any) -> Array:
+    """Numbers with an axis that all directions share."""
+    found: Array = np.asarray(x, float)[..., None]
+    return found
+
+
+def _scaled(*terms: tuple[Any, Any]) -> Array:
+    """The sum of factors times slopes, of those that are jets."""
+    # what does not move contributes nothing, even where the factor is infinite
+    parts = [np.where(x.slope != 0.0, _wide(factor()) * x.slope, 0.0) for factor, x in terms if isinstance(x, Jet)]
+    found: Array = parts[0] if len(parts) == 1 else parts[0] + parts[1]
+    return found
+
+
+def _add(x: Any, y: Any) -> Jet:
+    if not isinstance(y, Jet):
+        return Jet(x.value + y, x.slope)
+    if not isinstance(x, Jet):
+        return Jet(x + y.value, y.slope)
+    return Jet(x.value + y.value, x.slope + y.slope)
+
+
+def _subtract(x: Any, y: Any) -> Jet:
+    if not isinstance(y, Jet):
+        return Jet(x.value - y, x.slope)
+    if not isinstance(x, Jet):
+        return Jet(x - y.value, -y.slope)
+    return Jet(x.value - y.value, x.slope - y.slope)
+
+
+def _multiply(x: Any, y: Any) -> Jet:
+    a, b = value_of(x), value_of(y)
+    return Jet(a * b, _scaled((lambda: b, x), (lambda: a, y)))
+
+
+def _divide(x: Any, y: Any) -> Jet:
+    a, b = value_of(x), value_of(y)
+    found = np.divide(a, b)
+    return Jet(found, _scaled((lambda: np.divide(1.0, b), x), (lambda: -found / b, y)))
+
+
+def _power(x: Any, y: Any) -> Jet:
+    a, b = value_of(x), value_of(y)
+    found = np.power(a, b)
+
+    def by_exponent() -> Any:
+        return found * np.log(np.where(np.equal(found, 0.0), 1.0, np.abs(a)))
+
+    return Jet(found, _scaled((lambda: np.where(np.equal(b, 0.0), 0.0, b * np.power(a, b - 1.0)), x), (by_exponent, y)))
+
+
+def choice(c: Any, x: Any, y: Any) -> Any:
+    """Stands for the function of that name in generated modules: x where c is 1, y where it is 0."""
+    holds = np.not_equal(value_of(c), 0.0)
+    value = np.where(holds, value_of(x), value_of(y))
+    slopes = [z.slope for z in (x, y) if isinstance(z, Jet)]
+    if not slopes:
+        return value
+    a, b = (z.slope if isinstance(z, Jet) else np.zeros(1) for z in (x, y))
+    return Jet(value, np.where(_wide(holds), a, b))
+
+
+def vanishing(x: Any, y: Any) -> Any:
+    """Stands for the function of that name in generated modules: the product, zero where x is, whatever y."""
+    a, b = value_of(x), value_of(y)
+    value = np.where(np.not_equal(a, 0.0), a * b, 0.0)
+    if not isinstance(x, Jet) and not isinstance(y, Jet):
+        return value
+    slope: Any = 0.0
+    if isinstance(x, Jet):
+        slope = np.where(x.slope != 0.0, _wide(b) * x.slope, 0.0)
+    if isinstance(y, Jet):
+        slope = slope + np.where(_wide(a) != 0.0, _wide(a) * y.slope, 0.0)
+    return Jet(value, slope)
+
+
+def _elementary(e: Elementary) -> Callable[..., Any]:
+    """The rule of an elementary function, from its derivatives."""
+    function = getattr(ON_ARRAYS, e.name)
+
+    def rule(*given: Any) -> Jet:
+        of = [value_of(x) for x in given]
+        found = function(*of)
+        if not any(isinstance(x, Jet) for x in given):
+            return found
+        terms = [(partial(slope, ON_ARRAYS, found, *of), x) for slope, x in zip(e.slopes, given, strict=True)]
+        return Jet(found, _scaled(*terms))
+
+    return rule
+
+
+ELEMENTARY: dict[str, Callable[..., Any]] = {e.spelled("numpy") or e.name: _elementary(e) for e in TABLE.values()}
+
+RULES: dict[str, Callable[..., Any]] = {
+    **ELEMENTARY, "add": _add, "subtract": _subtract, "multiply": _multiply, "divide": _divide, "power": _power,
+    "negative": Jet.__neg__, "floor": lambda x: np.floor(x.value), "absolute": ELEMENTARY["abs"],
+    "greater": lambda x, y: value_of(x) > value_of(y),
+    "less": lambda x, y: value_of(x) < value_of(y),
+    "greater_equal": lambda x, y: value_of(x) >= value_of(y), "less_equal": lambda x, y: value_of(x) <= value_of(y),
+}  # fmt: skip
+"""What NumPy's functions that generated statements call do to jets, by their names."""

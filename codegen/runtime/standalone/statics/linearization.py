@@ -1,0 +1,287 @@
+"""Linearised equations of motion: matrices, eigenvalues, modes, and the derivatives of these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array
+from ..warning import warn
+
+Complex = NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+
+REPEATED = 1e-7
+"""Eigenvalues nearer to each other than this, against the spread of all, count as repeated; so do ill-conditioned ones."""
+
+ZERO = 3e-7
+"""An eigenvalue below this part of the largest cannot be told from zero: a double one moves by the root of rounding."""
+
+NO_NUMBER = complex(np.nan, np.nan)
+
+SPLITS = 1e-9
+"""Derivatives of branches that differ by less than this, against the largest, are those of one eigenvalue."""
+
+UNDECIDED = 1e-5
+"""An error of an eigenvalue that is larger than this, against the largest eigenvalue, leaves the sign of its real part open."""
+
+
+class Matrices(NamedTuple):
+    """A (2n, 2n), B (2n, ninputs), C (m, 2n) and D (m, ninputs) of a linearisation; their derivatives with k in front."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+
+MODES_SHOWN = 20
+"""Modes that a `repr` lists."""
+
+
+class Modes(NamedTuple):
+    """Natural motions, one for each real eigenvalue and one for each pair of complex ones, slow ones first.
+
+    Attributes
+    ----------
+    eigenvalues : (k,) complex
+        1/s; of a pair the one with positive imaginary part.
+    frequencies : (k,)
+        Undamped natural frequencies, rad/s: absolute values of the eigenvalues.
+    damping : (k,)
+        Damping ratios, minus the real part over the absolute value; 1 of a decay, -1 of a growth without oscillation, NaN of
+        a zero eigenvalue.
+    shapes : (k, 2n) complex
+        Motions of the states, of length one.
+    """
+
+    eigenvalues: Complex
+    frequencies: Array
+    damping: Array
+    shapes: Complex
+
+    def __repr__(self) -> str:
+        rows = [f"{'rad/s':>12} {'damping':>10} {'eigenvalue, 1/s':>28}"]
+        rows += [
+            f"{w:12.6g} {z:10.3g} {x.real:13.6g} {x.imag:+13.6g}j"
+            for x, w, z in zip(self.eigenvalues[:MODES_SHOWN], self.frequencies, self.damping, strict=False)
+        ]
+        left = len(self.eigenvalues) - MODES_SHOWN
+        return "\n".join([f"Modes: {len(self.eigenvalues)}", *rows, *([f"and {left} more"] if left > 0 else [])])
+
+
+class Linearization:
+    """The linearised equations ``x' = A x + B du``, ``dy = C x + D du`` about a state; see `Solver.linearize`.
+
+    Attributes
+    ----------
+    A : (2n, 2n)
+        n is the number of independent speeds; the states are n small motions, then n changes of independent speeds.
+    B : (2n, ninputs)
+    C : (m, 2n)
+        m is the number of outputs that were asked for.
+    D : (m, ninputs)
+    state_names, input_names, output_names : tuple of str
+    parameter_names : tuple of str
+        What `sensitivities` and `eigenvalue_sensitivities` may be asked for: parameters, and inputs as ``inputs.motor``.
+    q, u : (nq,) and (nu,)
+        The state, assembled.
+    tangents : (n, nq)
+        How the coordinates change with each small motion.
+    at_rest : bool
+        Whether the state is an equilibrium.
+    """
+
+    def __init__(
+        self,
+        matrices: Matrices,
+        names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], tuple[str, ...]],
+        state: tuple[Array, Array, Array],
+        at_rest: bool,
+        derivatives: Callable[[Sequence[str], bool], Matrices],
+    ):
+        self.A, self.B, self.C, self.D = matrices
+        self.state_names, self.input_names, self.output_names, self.parameter_names = names
+        self.q, self.u, self.tangents = state
+        self.at_rest = at_rest
+        self._derivatives = derivatives
+
+    def __repr__(self) -> str:
+        where = "an equilibrium" if self.at_rest else "a state in motion"
+        return (
+            f"<Linearization about {where}: {len(self.A)} states, {len(self.input_names)} inputs, "
+            f"{len(self.output_names)} outputs>"
+        )
+
+    def eigenvalues(self) -> Complex:
+        """Eigenvalues of A, (2n,), 1/s, by absolute value; of a pair the one with negative imaginary part first."""
+        return self._solved()[0]
+
+    def modes(self) -> Modes:
+        """Natural frequencies, damping ratios and shapes."""
+        values, right = self._solved()
+        kept = values.imag >= 0.0
+        values, right = values[kept], right[:, kept]
+        size = np.abs(values)
+        with np.errstate(all="ignore"):
+            damping = np.where(size > 0.0, -values.real / size, np.nan)
+        return Modes(values, size, damping, right.T.copy())
+
+    def sensitivities(self, parameters: str | Sequence[str] | None = None, *, moving: bool | None = None) -> Matrices:
+        """Derivatives of A, B, C and D, exact to rounding: (k, 2n, 2n), (k, 2n, ninputs), (k, m, 2n), (k, m, ninputs).
+
+        Parameters
+        ----------
+        parameters : names, optional
+            Of parameters, or of inputs as ``inputs.motor``; all parameters if left out.
+        moving : bool, optional
+            Whether the state moves as the equilibrium does when parameters change. Left out: yes at an equilibrium. If not,
+            its independent coordinates and speeds are held.
+
+        Notes
+        -----
+        The matrices hold first derivatives of the dynamics, so these are second ones. They are computed by the statements of
+        the package's NumPy module, which are elementwise, on dual numbers: each number carries its derivatives along the k
+        parameters through the code that computes derivatives along the 2n states. No step is chosen, and no digit is lost.
+        """
+        asked = self.parameter_names[: self._parameters] if parameters is None else parameters
+        return self._derivatives(
+            [asked] if isinstance(asked, str) else list(asked), self.at_rest if moving is None else moving
+        )
+
+    def eigenvalue_sensitivities(
+        self, parameters: str | Sequence[str] | None = None, *, moving: bool | None = None
+    ) -> Complex:
+        """Derivatives of `eigenvalues`, (k, 2n), with respect to k parameters; arguments are those of `sensitivities`.
+
+        With left and right eigenvectors y and x they are ``y^H dA x / (y^H x)``. A repeated eigenvalue with as many
+        eigenvectors, in the columns of X and the rows of Y, splits: along each parameter alone its branches have the
+        derivatives that are the eigenvalues of ``(Y X)^-1 Y dA X``, in the order of their real, then imaginary parts. Where
+        they differ, a warning says so. With fewer eigenvectors there is no derivative: it is NaN in both parts, with a warning.
+        """
+        dA = self.sensitivities(parameters, moving=moving).A
+        values, right = self._solved()
+        repeated = _repeated(self.A, values, right)
+        found = np.full((len(dA), len(values)), NO_NUMBER)
+        if not repeated.all():
+            # a defective A has no inverse of its eigenvectors, and only simple eigenvalues are wanted
+            left = _left(self.A, values)
+            of_left = np.einsum("ij,jk->ik", left, right).diagonal()
+            with np.errstate(all="ignore"):
+                found = np.einsum("ia,kab,bi->ki", left, dA, right) / of_left
+        if repeated.any():
+            split, defective = [], []
+            for places in _clusters(self.A, values, repeated):
+                of = _derivatives_of_branches(self.A, values[places], dA)
+                found[:, places] = NO_NUMBER if of is None else of
+                if of is None:
+                    defective.append(values[places[0]])
+                elif np.abs(of - of.mean(axis=1, keepdims=True)).max(initial=0.0) > SPLITS * np.abs(of).max(
+                    initial=0.0
+                ):
+                    split.append(values[places[0]])
+            if defective:
+                some = ", ".join(f"{x:.4g}" for x in defective[:6])
+                warn(
+                    f"eigenvalues {some} are repeated, to rounding, with too few eigenvectors: their derivatives are NaN"
+                )
+            if split:
+                some = ", ".join(f"{x:.4g}" for x in split[:6])
+                warn(
+                    f"eigenvalues {some} are repeated, to rounding: derivatives are those of the branches that they split into "
+                    f"along each parameter alone, and do not add up along several"
+                )
+        return found
+
+    @property
+    def _parameters(self) -> int:
+        return sum(not name.startswith("inputs.") for name in self.parameter_names)
+
+    def _solved(self) -> tuple[Complex, Complex]:
+        """Eigenvalues in order, and their right eigenvectors as columns."""
+        values, right = np.linalg.eig(self.A)
+        values, right = values.astype(complex), right.astype(complex)
+        scale = np.abs(values).max(initial=0.0)
+        order = np.lexsort((values.imag, np.round(np.abs(values) / (scale or 1.0), 9)))
+        return values[order], right[:, order]
+
+
+def _left(A: Array, values: Complex) -> Complex:
+    """Left eigenvectors y^H as rows, for these eigenvalues."""
+    found, vectors = np.linalg.eig(A.T)
+    found, vectors = found.astype(complex), vectors.astype(complex)
+    rows, left = np.empty((len(values), len(values)), complex), list(range(len(found)))
+    for i, value in enumerate(values):
+        nearest = min(left, key=lambda j: abs(found[j] - value))
+        left.remove(nearest)
+        rows[i] = vectors[:, nearest]  # of A^T, not of A^H: y^H itself
+    return rows
+
+
+def _clusters(A: Array, values: Complex, repeated: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Places of eigenvalues that are the same to rounding."""
+    left, found = np.flatnonzero(repeated), []
+    while len(left):
+        same = np.abs(values[left] - values[left[0]]) <= 4 * REPEATED * np.abs(values).max(initial=0.0)
+        found.append(left[same])
+        left = left[~same]
+    return found
+
+
+def _derivatives_of_branches(A: Array, values: Complex, dA: Array) -> Complex | None:
+    """Derivatives of the branches (k, m) that an eigenvalue of m eigenvectors splits into; None where it has fewer."""
+    m = len(values)
+    shifted = A - values.mean() * np.eye(len(A))
+    left, size, right = np.linalg.svd(shifted)
+    if not size[-m] <= 1e3 * REPEATED * max(size[0], float(np.abs(A).max())):
+        return None
+    X, Y = right[-m:].conj().T, left[:, -m:].conj().T
+    both = Y @ X
+    if np.linalg.svd(both, compute_uv=False)[-1] < np.sqrt(REPEATED):
+        return None
+    found = np.linalg.eigvals(np.linalg.solve(both, Y @ dA @ X))
+    sign = 1.0 if values[0].imag >= 0.0 else -1.0  # conjugates in the order of their partners
+    order = np.lexsort((sign * found.imag, np.round(found.real, 12)), axis=-1)
+    return np.take_along_axis(found, order, axis=-1).astype(complex)
+
+
+def _repeated(A: Array, values: Complex, right: Complex) -> NDArray[np.bool_]:
+    """Which eigenvalues have another one beside them."""
+    apart = np.abs(values[:, None] - values[None, :])
+    np.fill_diagonal(apart, np.inf)
+    near: NDArray[np.bool_] = apart.min(axis=1, initial=np.inf) <= REPEATED * np.abs(values).max(initial=0.0)
+    return near
+
+
+def is_stable(A: Array, neutral: int) -> bool | None:
+    """Whether small motions stay small by ``x' = A x``; None where rounding, or a drift along neutral directions, leaves it open.
+
+    Parameters
+    ----------
+    A : (2n, 2n)
+    neutral : int
+        Number of neutral directions: of zero eigenvalues with which a motion stays where it has been put.
+    """
+    n = len(A) // 2
+    if not n:
+        return True
+    # time in units in which speeds and displacements have the same size
+    scale = np.repeat([1.0, float(np.sqrt(np.abs(A[n:, :n]).max())) or 1.0], n)
+    scaled = A * scale / scale[:, None]
+    values, right = np.linalg.eig(scaled)
+    try:
+        with np.errstate(all="ignore"):  # eigenvectors may be parallel, but for a number that can hardly be inverted
+            condition = np.linalg.norm(np.linalg.inv(right), axis=1) * np.linalg.norm(right, axis=0)
+    except np.linalg.LinAlgError:
+        condition = np.full(2 * n, np.inf)
+    largest = float(np.linalg.norm(scaled, 2))
+    error = 16.0 * n * EPS * largest * np.nan_to_num(condition, nan=np.inf, posinf=np.inf)
+    zero = np.abs(values) <= ZERO * largest
+    if np.any((values.real > error) & ~zero):
+        return False
+    open_ = (error > UNDECIDED * largest) & (values.real > -error) & ~zero
+    return None if open_.any() or np.count_nonzero(zero) > neutral else True

@@ -1,0 +1,276 @@
+"""Statics and linearisation: states of rest that follow parameters, and the linearised equations about any state."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Numbers, Times
+from ..assembly.partitions import Partitions
+from ..assembly.states import States
+from ..calls.arguments import some
+from ..calls.package import MADE_OF, state
+from ..state.dynamics import Dynamics
+from ..warning import warn
+from .equilibrium import Equilibrium, Motions, Search, followed, neutral_directions, rests
+from .linearization import Linearization, Matrices, is_stable
+from .named_directions import Directions, named_directions
+from .second_derivatives import SecondDerivatives
+from .tangent_equations import Motion, Point, TangentEquations
+from .tangent_space import TangentSpace
+
+POOR = 1e4
+"""A condition of a closure above which states of rest, stability and linearisations are reported as doubtful."""
+
+AT_REST = 1e-7
+"""A state whose accelerations are below this, against those of small motions, is an equilibrium to `linearize`."""
+
+
+class Statics(Dynamics, States, Partitions):
+    """Statics and linearisation."""
+
+    def equilibrium(
+        self, q: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        sensitivities: str | Sequence[str] = (), relax: bool = False, tolerance: float = 1e-9,
+    ) -> Equilibrium:  # fmt: skip
+        """A state of rest near a guess: u = 0 and udot = 0, for trees and loops.
+
+        Newton's method in the tangent space, with exact Jacobians, finds the equilibrium that the guess leads to, stable or
+        not. Where it leads to none, the mechanism is let sink to rest from the guess; where forces have a potential, what is
+        found then is stable. Forces that depend on speeds are taken at u = 0, those that depend on time at t. Steady rotation
+        is no state of rest: a mechanism that spins is out of scope.
+
+        Parameters
+        ----------
+        q : (nq,), optional
+            The guess; left out: the model's initial coordinates. Dependent ones follow.
+        p, inputs, t : (np,), (ninputs,), number
+        sensitivities : names, optional
+            Parameters, and inputs as ``inputs.motor``, by which q is differentiated: ``("length", "inputs.motor")``.
+        relax : bool, optional
+            Let the mechanism sink to rest first: where forces have a potential the equilibrium is stable, though it may not be
+            the one nearest to the guess.
+        tolerance : float, optional
+            The largest acceleration that counts as none, rad/s^2 or m/s^2, against one plus those that a small motion of
+            1 rad or 1 m would make. Newton's method goes on below it as long as it gets better, as a rule to rounding.
+
+        Returns
+        -------
+        Equilibrium
+            q, u, dq, stable, neutral and what was left. Near a loss of rank of a loop, where these are not determined, a
+            warning says so, and `stable` is None.
+
+        Raises
+        ------
+        EquilibriumError
+            None was found; names the coordinate with the largest acceleration.
+        AssemblyError
+            The guess cannot be closed.
+        """
+        self._needs_all("equilibrium")
+        along = named_directions(sensitivities, self.parameter_names, self.input_names)
+        at, space = self._point(q, 0.0, p, inputs, t), self._tangent_space()
+
+        def motions(q: Array) -> Motions:
+            return self._motions(space, at._replace(q=q))
+
+        f = self._functions["accelerations"]
+
+        def udot(q: Array) -> Array:
+            # a step may lead anywhere: no word of accelerations that are not finite
+            return self._opened.target.compute(f, at._replace(q=q).named(), ())[0][space.speeds]
+
+        def retract(q: Array) -> Array:
+            return self._moved(q, at.named())
+
+        search = Search(motions, udot, retract, tolerance)
+        found, m, relaxed = search.find(at.q, space.speed_names, relax)
+        at, n = at._replace(q=found), space.n
+        doubtful = self._look_at_rank("equilibrium", at, space, tolerance)
+        damping = self.sensitivities(*at, du=space.units)[1][:, space.speeds].T
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [m.J, damping]])
+        neutral = neutral_directions(m.J)
+        return Equilibrium(
+            at.q, at.u, float(np.abs(m.udot).max(initial=0.0)), search.iterations, relaxed, along.names,
+            self._following(at, m, space, along), None if doubtful else is_stable(A, len(neutral)),
+            neutral @ m.tangents, self.coordinate_names,
+        )  # fmt: skip
+
+    def linearize(
+        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        outputs: str | Sequence[str] | None = None,
+    ) -> Linearization:  # fmt: skip
+        """The linearised equations of motion about a state, ``x' = A x + B dinputs`` and ``dy = C x + D dinputs``, exact.
+
+        The states x are n small motions w along the independent speeds, ``state_names`` such as ``q.crank``, then n changes v
+        of these speeds, ``u.crank``. Small motions of quaternions are small rotations in the axes of their speeds,
+        ``rotation.ball.wx``, and positions of free joints move along theirs, ``displacement.bus.vx``: ``dq = N w`` where
+        ``qdot = N u``, so that A has no superfluous rows. Dependent coordinates and speeds follow, as everywhere.
+
+        Differentiating ``qdot = N u`` along a motion gives, D being derivatives with respect to q,
+
+            w' = v + N^+ (D(N u)[N w] - D(N w)[N u])        v' = D udot[N w] + (d udot/du) v
+
+        At rest w' = v. In motion the other term is not zero for quaternions and free joints, whose axes turn with the body:
+        w' = v + w x u for a rotation. About a state that moves, A is that of the instant, as are forces that depend on t.
+
+        Parameters
+        ----------
+        q : (nq,), optional
+            Left out: the model's initial coordinates. Dependent ones follow.
+        u : (nu,), optional
+            Left out: at rest.
+        p, inputs, t : (np,), (ninputs,), number
+        outputs : names, optional
+            The outputs in C and D; left out: all, if the package has their derivatives.
+
+        Returns
+        -------
+        Linearization
+            A, B, C, D with names; eigenvalues, modes, and derivatives of all these by parameters.
+        """
+        self._needs_all("linearize")
+        opened, space = self._opened, self._tangent_space()
+        at = self._point(q, 0.0 if u is None else u, p, inputs, t)
+        asked = self._asked_outputs(outputs)
+        equations = TangentEquations(self, space, at, [self.output_names.index(name) for name in asked])
+        udot, matrices = equations.matrices()
+        n = space.n
+        at_rest = not equations.moves and rests(udot, matrices.A[n:, :n], AT_REST)
+        self._look_at_rank("linearize", at, space, AT_REST if at_rest else np.inf)
+
+        @functools.cache
+        def second() -> SecondDerivatives:
+            return SecondDerivatives(opened)
+
+        def derivatives(names: Sequence[str], moving: bool) -> Matrices:
+            along = named_directions(names, self.parameter_names, self.input_names)
+            if self._opened is not opened:
+                raise ValueError("the partition was changed after linearize; call linearize again, or change it back")
+            if moving and not at_rest:
+                raise ValueError("moving=True, but the state is no equilibrium that could move with the parameters")
+            if moving:
+                m = Motions(equations.tangents, udot, matrices.A[n:, :n])
+                dq, du = self._following(at, m, space, along), np.zeros((len(along.names), self.nu))
+            else:
+                held = np.zeros((len(along.names), self.nq))
+                _, _, dq, du = self.assemble_sensitivities(*at[:3], dq=held, dp=along.p)
+            lost = np.isnan(dq).any(axis=1)
+            dq[lost] = 0.0
+            found = equations.derivatives(second(), Motion(dq, du, along.p, along.inputs))
+            for x in found:
+                x[lost] = np.nan
+            return found
+
+        names = (*space.names, *(f"u.{name}" for name in space.speed_names))
+        known = (*self.parameter_names, *(f"inputs.{name}" for name in self.input_names))
+        return Linearization(
+            matrices, (names, self.input_names, asked, known), (at.q, at.u, equations.tangents), at_rest, derivatives
+        )
+
+    # -- how -----------------------------------------------------------------------------------------------------------
+
+    def _needs_all(self, name: str) -> None:
+        """An error where the package lacks a function that a member is made of."""
+        if not set(MADE_OF[name]).isdisjoint(self._manifest.get("left_out", ())):
+            raise AttributeError(self._why_not(name))
+
+    def _tangent_space(self) -> TangentSpace:
+        return TangentSpace({**self._manifest, **self._opened.manifest})
+
+    def _point(self, q: Numbers, u: Any, p: Numbers, inputs: Numbers, t: Times) -> Point:
+        """One state, assembled; u may be 0.0 for rest."""
+        q = self.assemble(p=p)[0] if q is None else q
+        u = np.zeros(self.nu) if isinstance(u, float) else u
+        arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
+        if batch:
+            raise ValueError(
+                f"the arguments are a batch of shape {batch}, expected one state: call this for each of them"
+            )
+        q, u = self.assemble(arrays["q"], arrays["u"], *(arrays[name] for name in ("p", "inputs", "t")))
+        return Point(q, u, *(arrays[name] for name in ("p", "inputs", "t")))
+
+    def _motions(self, space: TangentSpace, at: Point) -> Motions:
+        tangents = self.coordinate_rates(at.q, space.units, *at[2:])
+        udot, dudot = self.sensitivities(*at, dq=tangents)
+        return Motions(tangents, udot[space.speeds], dudot[:, space.speeds].T)
+
+    def _look_at_rank(self, name: str, at: Point, space: TangentSpace, tolerance: float) -> bool:
+        """Whether a loop is so near a loss of rank that what is found of the state is doubtful, with a warning then.
+
+        Parameters
+        ----------
+        name : str
+            The function that was called.
+        at : Point
+            Closed; without speeds it is to be one of rest.
+        space : TangentSpace
+        tolerance : float
+            Of the accelerations of all speeds, dependent ones too: against those of small motions that move no coordinate by
+            more than 1 rad or 1 m.
+        """
+        if not self.closure_names:
+            return False
+        conditions = self.condition(at.q, at.p, at.inputs, at.t)
+        here = float(conditions[self.partition])
+        seen = [] if here <= POOR else [f"the condition of its closure is {here:.2g}"]
+        tangents = self.coordinate_rates(at.q, space.units, *at[2:])
+        if space.n and math.isfinite(tolerance):
+            udot, dudot = self.sensitivities(*at, dq=tangents)
+            sizes = np.maximum(1.0, np.abs(tangents).max(axis=1, keepdims=True))
+            left = np.abs(udot) - tolerance * (1.0 + np.abs(dudot / sizes).sum(axis=0))
+            worst = int(np.argmax(left))
+            if left[worst] > 0.0:
+                seen.append(f"udot.{self.speed_names[worst]} = {udot[worst]:.2g} is left, of a speed that is dependent")
+        if not seen:
+            return False
+        better = int(np.argmin(conditions))
+        instead = f"use_partition({better}), where the condition is {conditions[better]:.2g}, then call {name} again"
+        if conditions[better] > 0.1 * here:
+            instead = "diagnose says whether other independent coordinates (--partitions 2) would do"
+        values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:6], at.q, strict=False))
+        warn(
+            f"{name}: loop {self._poorest_loop(at)} is near a loss of rank at {values}{', ...' * (self.nq > 6)}: "
+            f"{' and '.join(seen)}. The place, stability, modes and derivatives are not determined there by the independent "
+            f"coordinates {', '.join(self.independent_names[:6])}{', ...' * (len(self.independent_names) > 6)}, and other "
+            f"branches may begin; {instead}"
+        )
+        return True
+
+    def _poorest_loop(self, at: Point) -> str:
+        """The loop whose closure has the worst condition."""
+        opened = self._opened
+        (conditions,) = opened.target.compute(opened.functions["conditions"], at._replace(q=at.q.copy()).named(), ())
+        loops: list[str] = opened.manifest["loops"]
+        return loops[int(np.argmax(conditions))]
+
+    def _following(self, at: Point, m: Motions, space: TangentSpace, along: Directions) -> Array:
+        """dq (k, nq): how an equilibrium moves along parameters and inputs; NaN where there is none beside it."""
+        if not along.names:
+            return np.zeros((0, self.nq))
+        pushes = self.sensitivities(*at, dp=along.p, dinputs=along.inputs)[1][:, space.speeds]
+        w = followed(m.J, pushes)
+        lost = np.isnan(w).any(axis=1)
+        w[lost] = 0.0
+        dq = self.assemble_sensitivities(*at[:3], dq=w @ m.tangents, dp=along.p)[2]
+        dq[lost] = np.nan
+        return dq
+
+    def _asked_outputs(self, outputs: str | Sequence[str] | None) -> tuple[str, ...]:
+        """Names of outputs; an error where one is not known, or has no derivatives."""
+        if outputs is None:
+            return self.output_names if "output_sensitivities" in self._functions else ()
+        asked = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        for name in asked:
+            if name not in self.output_names:
+                near = difflib.get_close_matches(str(name), self.output_names, 1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise ValueError(f"outputs: {name!r} is not known; expected is any of {some(self.output_names)}{hint}")
+        if asked:
+            self._find(self._opened, "output_sensitivities")
+        return asked

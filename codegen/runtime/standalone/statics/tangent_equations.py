@@ -1,0 +1,135 @@
+"""The matrices of the linearised equations of motion, and their derivatives with respect to parameters."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arrays import Array
+from ..calls.package import state
+from ..state.dynamics import Dynamics
+from .jets import Jet
+from .linearization import Matrices
+from .second_derivatives import SecondDerivatives
+from .tangent_space import TangentSpace
+
+NUMBERS = 4096
+"""Directions times parameters that go through the NumPy module at once: bounds the memory."""
+
+
+class Point(NamedTuple):
+    """A state, all of it arrays of one state."""
+
+    q: Array
+    u: Array
+    p: Array
+    inputs: Array
+    t: float
+
+    def named(self) -> dict[str, Any]:
+        """As arguments by name."""
+        return state(*self)
+
+
+class Motion(NamedTuple):
+    """How a state changes with m parameters: changes of its arrays, (m, n) each."""
+
+    q: Array
+    u: Array
+    p: Array
+    inputs: Array
+
+
+class TangentEquations:
+    """The linearised equations about a state.
+
+    With w the small motion along the tangents N and v the change of the independent speeds u, ``dq = N w`` and
+    ``d(qdot) = D(N u)[N w] + N v``. The left side is also ``d/dt(N w) = D(N w)[N u] + N w'``, so
+
+        w' = v + N^+ (D(N u)[N w] - D(N w)[N u]) = v + W w        v' = D udot[N w] + (d udot/du) v
+
+    W is the Lie bracket of the two motions: zero at rest and for joints whose speeds are rates of coordinates, and ``w x u`` for
+    a quaternion, whose small rotations turn with the body. The bracket of motions that keep loops closed keeps them closed,
+    so N^+ loses nothing.
+    """
+
+    def __init__(self, solver: Dynamics, space: TangentSpace, at: Point, outputs: list[int]):
+        self.solver, self.space, self.at, self.outputs = solver, space, at, outputs
+        n, ninputs = space.n, len(at.inputs)
+        self.tangents = solver.coordinate_rates(at.q, space.units, at.p)
+        self.seeds: dict[str, Any] = {
+            "dq": np.concatenate([self.tangents, np.zeros((n + ninputs, len(at.q)))]),
+            "du": np.concatenate([np.zeros((n, len(at.u))), space.units, np.zeros((ninputs, len(at.u)))]),
+            "dinputs": np.concatenate([np.zeros((2 * n, ninputs)), np.eye(ninputs)]),
+        }
+        self.moves = bool(at.u.any())
+
+    def matrices(self) -> tuple[Array, Matrices]:
+        """udot (n,) of the independent speeds, and the matrices."""
+        udot, dudot = self.solver.sensitivities(*self.at, **self.seeds)
+        dy = np.zeros((len(dudot), 0))
+        if self.outputs:
+            every = (self.seeds["dq"], self.seeds["du"], None, self.seeds["dinputs"], None)
+            dy = self.solver._call("output_sensitivities", self.at, every)[1][:, self.outputs]
+        own = self.space.speeds
+        return udot[own], self._matrices(self._bracket(), np.eye(self.space.n), dudot[:, own], dy)
+
+    def derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
+        """Derivatives of the matrices, m in front, where the state changes like that."""
+        width = max(1, NUMBERS // max(1, len(self.seeds["dq"])))
+        starts = range(0, max(1, len(along.p)), width)
+        parts = [self._derivatives(second, Motion(*(x[i : i + width] for x in along))) for i in starts]
+        return Matrices(*(np.concatenate(found) for found in zip(*parts, strict=True)))
+
+    def _derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
+        at, n = self.at, self.space.n
+        m = len(along.p)
+        dN = self.solver.coordinate_rate_sensitivities(
+            at.q, self.space.units, at.p, dq=along.q[:, None], dp=along.p[:, None]
+        )[1]  # (m, n, nq)
+        given = {
+            "q": Jet(at.q, along.q.T), "u": Jet(at.u, along.u.T), "p": Jet(at.p, along.p.T),
+            "inputs": Jet(at.inputs, along.inputs.T), "t": at.t,
+        }  # fmt: skip
+        slope = np.zeros((*self.seeds["dq"].shape, m))
+        slope[:n] = np.moveaxis(dN, 0, -1)
+        with_slope = {**self.seeds, "dq": Jet(self.seeds["dq"], slope)}
+        dudot = second.along("sensitivities", given, with_slope)[1].slope[:, self.space.speeds]
+        dy = np.zeros((len(dudot), 0, m))
+        if self.outputs:
+            dy = second.along("output_sensitivities", given, with_slope)[1].slope[:, self.outputs]
+        dW, none = self._bracket_derivatives(second, given, dN), np.zeros((n, n))
+        return self._matrices(dW, none, np.moveaxis(dudot, -1, 0), np.moveaxis(dy, -1, 0))
+
+    def _bracket(self) -> Array:
+        """W (n, n)."""
+        if not self.moves:
+            return np.zeros((self.space.n, self.space.n))
+        q, u, p = self.at[:3]
+        qdot, here = self.solver.coordinate_rate_sensitivities(q, u, p, dq=self.tangents)
+        there = self.solver.coordinate_rate_sensitivities(q, self.space.units, p, dq=qdot)[1][0]
+        return self.space.components(self.tangents, here - there).T
+
+    def _bracket_derivatives(self, second: SecondDerivatives, given: dict[str, Any], dN: Array) -> Array:
+        """Derivatives of W, (m, n, n)."""
+        m, n = dN.shape[:2]
+        if not self.moves:
+            return np.zeros((m, n, n))
+        tangents = Jet(self.tangents, np.moveaxis(dN, 0, -1))
+        qdot, here = second.along("coordinate_rate_sensitivities", given, {"dq": tangents})
+        units = {**given, "u": self.space.units}
+        there = second.along("coordinate_rate_sensitivities", units, {"dq": Jet(qdot.value[None], qdot.slope[None])})[1]
+        W = self._bracket()
+        change = here.slope - there.slope[0]  # (n, nq, m): of N W
+        found = [self.space.components(self.tangents, change[..., j] - W.T @ dN[j]).T for j in range(m)]
+        return np.array(found).reshape(m, n, n)
+
+    def _matrices(self, W: Array, one: Array, dudot: Array, dy: Array) -> Matrices:
+        """The matrices from W (..., n, n) and results along the seeds (..., 2n + ninputs, n or outputs)."""
+        n = self.space.n
+        dudot, dy = np.swapaxes(dudot, -1, -2), np.swapaxes(dy, -1, -2)
+        above = np.concatenate([W, np.broadcast_to(one, W.shape)], axis=-1)
+        A = np.concatenate([above, dudot[..., : 2 * n]], axis=-2)
+        B = np.concatenate([np.zeros_like(dudot[..., 2 * n :]), dudot[..., 2 * n :]], axis=-2)
+        return Matrices(A, B, dy[..., : 2 * n].copy(), dy[..., 2 * n :].copy())

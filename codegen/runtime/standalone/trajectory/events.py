@@ -1,0 +1,169 @@
+"""Events of a motion: outputs that cross a level, when they do, and how the time depends on what sensitivities are taken to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..calls.arguments import some
+
+DIRECTIONS = {"up": 1, "down": -1, "both": 0}
+
+GRAZING = 1e-8
+"""An output that crosses its level at less than this part of its pace touches it only: its time has no derivative."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An output of the model that crosses a level.
+
+    Attributes
+    ----------
+    output : str
+    level : float
+        In the output's unit.
+    direction : {"both", "up", "down"}
+        Crossings that count.
+    stop : bool
+        The motion ends there; else the event is recorded, and the motion goes on.
+    """
+
+    output: str
+    level: float = 0.0
+    direction: str = "both"
+    stop: bool = True
+
+
+@dataclass(slots=True, eq=False)
+class Crossing:
+    """An event that happened.
+
+    Attributes
+    ----------
+    event : Event
+    t : float
+    q, u, outputs : array (nq,), (nu,), (noutputs,)
+        The state there, one of the integrator's own.
+    rates : array (noutputs,)
+        Time derivatives of the outputs there.
+    pace : float
+        How fast the event's own output changes on the whole in the step that the event was in: its range over the step's size.
+        Where the output jumps over its level, -1 with an input, whose time depends on nothing, and -2 at a switch; the state and
+        its rates are those behind the jump.
+    dt : array (k,)
+        Derivatives of the time; NaN where the output only touches its level.
+    dq, du, doutputs : array (k, nq), (k, nu), (k, noutputs)
+        Total derivatives of the state there: the time moves along.
+    """
+
+    event: Event
+    t: float
+    q: Array
+    u: Array
+    outputs: Array
+    rates: Array
+    pace: float
+    dt: Array
+    dq: Array
+    du: Array
+    doutputs: Array
+
+    def __repr__(self) -> str:
+        return f"<{self.event.output} = {self.event.level:g} at t = {self.t:.9g} s>"
+
+
+PARTS = ("q", "u", "outputs", "rates", "dt", "dq", "du", "doutputs")
+"""What a crossing has beside its event, its time and its pace."""
+
+
+def rows_of(crossings: Sequence[Crossing]) -> Array:
+    """Crossings as rows of numbers, (n, row): time and pace, then `PARTS`."""
+    return np.array([np.concatenate([[c.t, c.pace], *(getattr(c, name).ravel() for name in PARTS)]) for c in crossings])
+
+
+def crossings_of(
+    rows: Array, events: Iterable[Sequence[Any]], nq: int, nu: int, noutputs: int, k: int
+) -> tuple[Crossing, ...]:
+    """Crossings from such rows, each with the fields of its event.
+
+    Raises
+    ------
+    ValueError
+        Rows of another length, or another number of them.
+    """
+    shapes = [(nq,), (nu,), (noutputs,), (noutputs,), (k,), (k, nq), (k, nu), (k, noutputs)]
+    ends = np.cumsum([2, *(math.prod(s) for s in shapes)])
+    found = []
+    for row, event in zip(rows, events, strict=True):
+        if row.shape != (ends[-1],):
+            raise ValueError(f"an event has {row.size} numbers, expected {ends[-1]}")
+        parts = {
+            name: x.reshape(shape) for name, x, shape in zip(PARTS, np.split(row, ends[:-1])[1:], shapes, strict=True)
+        }
+        found.append(Crossing(Event(*event), float(row[0]), pace=float(row[1]), **parts))
+    return tuple(found)
+
+
+def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
+    """Events as a caller gives them, checked.
+
+    Raises
+    ------
+    ValueError
+    """
+    given = (given,) if isinstance(given, (str, Event)) or not isinstance(given, Iterable) else tuple(given)
+    events = tuple(Event(e) if isinstance(e, str) else e for e in given)
+    for e in events:
+        if not isinstance(e, Event):
+            raise ValueError(f"events hold {e!r}, expected names of outputs, or Event(output, level, direction, stop)")
+        if e.output not in output_names:
+            raise ValueError(f"events: the model has no output {e.output!r}; it has {some(output_names)}")
+        if e.direction not in DIRECTIONS:
+            raise ValueError(f"events: direction is {e.direction!r}; allowed are {', '.join(map(repr, DIRECTIONS))}")
+        if not math.isfinite(e.level):
+            raise ValueError(f"events: the level of {e.output} is {e.level}, expected a finite number")
+    return events
+
+
+BY_STATE = -2.0
+"""The pace of an output that jumps over its level at a switch."""
+
+
+def crossing_speed(rates: Array, pace: float, index: int) -> float:
+    """The rate of an event's output among those of all, (noutputs,), with which its time depends on that output.
+
+    NaN where it only touches its level.
+    """
+    speed = float(rates[index])
+    return speed if abs(speed) > GRAZING * pace else np.nan
+
+
+def crossing(
+    event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array],
+    pace: float, given_dt: Array | None = None,
+) -> Crossing:  # fmt: skip
+    """An event with derivatives of its time and state (dt* = -dg/g', S* = S + f dt*).
+
+    Parameters
+    ----------
+    index : int
+        Of its output.
+    values, rates : q, u, outputs and their time derivatives there
+    derivatives : dq, du, doutputs at the fixed time, (k, ...)
+    pace : float
+        See `Crossing`.
+    given_dt : array (k,), optional
+        Derivatives of the time, of an output that jumps over its level.
+    """
+    q, u, outputs = values
+    dq, du, doutputs = derivatives
+    dt = given_dt if given_dt is not None else -doutputs[:, index] / crossing_speed(rates[2], pace, index)
+    moved = [d + dt[:, None] * r for d, r in zip((dq, du, doutputs), rates, strict=True)]
+    if given_dt is None:
+        moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
+    return Crossing(event, t, q, u, outputs, rates[2], pace, dt, *moved)

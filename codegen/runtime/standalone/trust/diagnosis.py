@@ -1,0 +1,285 @@
+"""What a diagnosis of a state says: rounding errors, condition numbers, distances to a loss of rank, and all that in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Array
+from .rounding import UNIT
+
+ALL_DIGITS = -math.log10(UNIT)
+"""Of a double: 15.95."""
+
+NEAR = 1e-4
+"""A closure whose distance to rank loss is less than this is told as near: so many digits of the accelerations are lost."""
+
+OPEN = 1e-9
+"""Of the distance to rank loss: loops that are open by more are told, since closing them moves dependent coordinates by more."""
+
+FEW_DIGITS = 8
+"""With fewer digits it is said whether forces cancel."""
+
+SHOWN = 6
+"""So many closures are told, the worst ones first, and so many speeds in a notebook."""
+
+
+class MassCondition(NamedTuple):
+    """The condition of the mass matrix of the independent speeds.
+
+    Attributes
+    ----------
+    condition : float
+        Its largest eigenvalue over the smallest, in SI units.
+    left : float
+        What a speed feels of its inertia where all other joints are free, in parts of that where they are held, so a number
+        without unit; the least of all speeds. The sweeps lose at most about as many digits as it has zeros, and mostly far fewer.
+    weakest : str
+        The speed that has it.
+    """
+
+    condition: float
+    left: float
+    weakest: str
+
+
+class ClosureCondition(NamedTuple):
+    """The condition of a closure matrix: conditions of loops by the speeds that they make dependent.
+
+    Linear conditions, and displacements, are in parts of the loops' characteristic length.
+
+    Attributes
+    ----------
+    loops : tuple of str
+        The loops, and couplings, that are closed together.
+    dependents : tuple of str
+        Speeds that they make dependent.
+    condition : float
+        As `Solver.condition` gives it: how far dependent speeds move per unit of what opens the loops, 1 at best.
+    distance : float
+        How far the nearest matrix is that has lost rank, in parts of the largest singular value, or of 1 where that is larger.
+    weakest : str
+        The dependent speed that the motion which is nearly free has most of.
+    couplings : tuple of str
+        Those of the loops that are couplings.
+    """
+
+    loops: tuple[str, ...]
+    dependents: tuple[str, ...]
+    condition: float
+    distance: float
+    weakest: str
+    couplings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis:
+    """How far the accelerations of a state, and their derivatives, are to be trusted; see `Solver.diagnose`.
+
+    Attributes
+    ----------
+    udot, udot_error : (nu,)
+        The accelerations, and estimates of their rounding errors, at least one unit of rounding.
+    argument_error : (nu,)
+        What they change by if every argument changes by a unit in its last place: what is lost before the computation begins.
+    dudot, dudot_error : (k, nu)
+        Derivatives, and estimates of their rounding errors.
+    speed_names, direction_names : tuple of str
+        Of the nu columns and of the k rows: ``q.crank``, or ``direction 1`` of given seeds.
+    mass : MassCondition or None
+        None where the package has no function that gives the mass matrix, or where it is very large.
+    closures : tuple of ClosureCondition
+        One for each set of loops that are closed together.
+    all_loops : ClosureCondition or None
+        All loops at once: small loops that lean on each other may be worse together.
+    distance : float
+        Of the conditions of all loops from a loss of rank whatever coordinates are independent, as in `ClosureCondition`; 1
+        without loops. Where it is much larger than that of a closure, other independent coordinates would do.
+    gap : float
+        How far loops are open, in the units of `closure`.
+    failure : str
+        Why there are no accelerations, or no derivatives; empty as a rule.
+    unit : float
+        Of rounding, of the package's scalar type.
+    """
+
+    udot: Array
+    udot_error: Array
+    argument_error: Array
+    dudot: Array
+    dudot_error: Array
+    speed_names: tuple[str, ...]
+    direction_names: tuple[str, ...]
+    mass: MassCondition | None
+    closures: tuple[ClosureCondition, ...]
+    all_loops: ClosureCondition | None
+    distance: float
+    gap: float
+    failure: str
+    unit: float = UNIT
+
+    @property
+    def at_work(self) -> Array:
+        """Accelerations, (nu,), that the forces at work would give if they did not cancel: what `argument_error` is a unit of
+        rounding of, at least those that are left."""
+        return np.fmax(np.abs(self.udot), self.argument_error / self.unit)
+
+    @property
+    def digits(self) -> Array:
+        """Decimal digits of each acceleration to trust, (nu,), up to 15.95; of one that is zero but for rounding, those of the
+        largest, or of what the forces at work would give."""
+        return trusted(self.udot[None], self.udot_error[None], self.at_work[None])[0]
+
+    @property
+    def derivative_digits(self) -> Array:
+        """The same of the derivatives, (k, nu); along each direction."""
+        return trusted(self.dudot, self.dudot_error)
+
+    @property
+    def nearest(self) -> ClosureCondition | None:
+        """The closure that is nearest to a loss of rank."""
+        return min(self.closures, key=lambda c: c.distance, default=None)
+
+    def lines(self) -> list[str]:
+        """The diagnosis in words."""
+        return list(self._lines())
+
+    def __repr__(self) -> str:
+        first, *rest = self.lines()
+        return "\n".join([f"Diagnosis: {first}", *(f"  {line}" for line in rest)])
+
+    def _repr_html_(self) -> str:
+        text = "<br>".join(escape(line) for line in self.lines())
+        order = np.argsort(self.digits, kind="stable")[:SHOWN]
+        rows = "".join(
+            f"<tr><td style='text-align:left'>udot.{escape(self.speed_names[i])}</td><td>{self.udot[i]:.6g}</td>"
+            f"<td>{self.udot_error[i]:.1e}</td><td>{self.argument_error[i]:.1e}</td><td>{_whole(self.digits[i])}</td></tr>"
+            for i in order
+        )
+        head = "".join(f"<th>{word}</th>" for word in ("", "value", "rounding", "by arguments", "digits"))
+        return f"<div><p>{text}</p><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+
+    def _lines(self) -> Iterator[str]:
+        if self.failure:
+            yield self.failure
+        if not self.failure or np.isfinite(self.udot_error).all():
+            yield from self._of_rounding()
+        if self.mass is not None and self.mass.condition > 1.0:
+            yield self._of_inertia(self.mass)
+        nearest = self.nearest
+        if nearest is not None and self.gap > OPEN * nearest.distance:
+            off = f"{self.gap / nearest.distance:.1g}" if nearest.distance > 0.0 else "any amount"
+            yield (
+                f"loops are open by {self.gap:.1g}, so that dependent coordinates may be off by {off}: "
+                f"the figures are those of this state, which no motion has; assemble it"
+            )
+        yield from self._of_closures()
+
+    def _of_rounding(self) -> Iterator[str]:
+        if not np.isfinite(self.udot).all():
+            yield "udot is beyond floating-point numbers, or has no value: no digit to trust"
+            return
+        if np.isinf(self.udot_error).any():
+            yield "rounding decides whether a loop, or a joint, is singular here: no digit of udot is to be trusted"
+            return
+        digits, names = self.digits, self.speed_names
+        if not len(digits):
+            yield "there are no speeds, so there are no accelerations whose digits could be lost"
+            return
+        if not np.isfinite(self.udot_error).all():
+            yield "rounding errors are not known: the rounding of operations cannot be directed on this machine"
+            return
+        i = int(np.argmin(digits))
+        least = f"udot.{names[i]}, {self.udot[i]:.6g} but for {self.udot_error[i]:.1e}"
+        yield f"udot: about {_whole(digits[i])} digits to trust; least of {least}"
+        share = float(self.udot_error[i] / self.at_work[i]) if self.at_work[i] > 0.0 else 0.0
+        if digits[i] < FEW_DIGITS and share < 10.0**-FEW_DIGITS:
+            yield (
+                f"udot.{names[i]} is what is left of forces that cancel: they would give about {self.at_work[i]:.2g}, of which "
+                f"the error is {share:.0e}"
+            )
+        if self.dudot.size:
+            of = self.derivative_digits
+            j, i = (int(x) for x in np.unravel_index(int(np.argmin(of)), of.shape))
+            yield (
+                f"derivatives: about {_whole(of[j, i])} digits to trust; least of udot.{names[i]} by {self.direction_names[j]}, "
+                f"{self.dudot[j, i]:.6g} but for {self.dudot_error[j, i]:.1e}"
+            )
+        by_arguments = trusted(
+            self.udot[None], np.fmax(self.argument_error, self.udot_error)[None], self.at_work[None]
+        )[0]
+        if by_arguments.min() < digits.min() - 1.0:
+            i = int(np.argmin(by_arguments))
+            yield (
+                f"a unit in the last place of the arguments changes udot.{names[i]} by {self.argument_error[i]:.1e}: of "
+                f"arguments that are themselves rounded about {_whole(by_arguments[i])} digits follow"
+            )
+
+    def _of_inertia(self, m: MassCondition) -> str:
+        """The mass matrix, and the joint whose inertia is the difference of large numbers."""
+        said = f"mass matrix: condition {_number(m.condition)}, which by itself costs no digits, since no mass matrix is formed"
+        if m.left > NEAR:
+            return said
+        return (
+            f"{said}; but {m.weakest} has {m.left:.1g} of its inertia where the other joints are free, and up to "
+            f"{min(-math.log10(m.left), ALL_DIGITS):.0f} digits may be lost: it carries, or holds, much heavier bodies"
+        )
+
+    def _of_closures(self) -> Iterator[str]:
+        worst = sorted(self.closures, key=lambda c: c.distance)
+        for c in worst[:SHOWN]:
+            joined = [name for name in c.loops if name not in c.couplings]
+            parts = _listed("loop", "loops", joined), _listed("coupling", "couplings", c.couplings)
+            loops = " and ".join(text for names, text in zip((joined, c.couplings), parts, strict=True) if names)
+            yield (
+                f"closure of {loops}: condition {_number(c.condition)}, {_away(c.distance)}; worst in {c.weakest}"
+                + self._why(c)
+            )
+        if len(worst) > SHOWN:
+            yield f"and {len(worst) - SHOWN} more closures, at worst {_away(worst[SHOWN].distance)}"
+        if self.all_loops is not None and len(self.closures) > 1:
+            yield f"all loops together: condition {_number(self.all_loops.condition)}, {_away(self.all_loops.distance)}"
+
+    def _why(self, c: ClosureCondition) -> str:
+        """What to do about a closure that is near a loss of rank."""
+        if c.distance > NEAR:
+            return ""
+        if self.distance > 100.0 * c.distance:
+            return (
+                f": a dead point of the independent coordinates that were chosen; with others it is {_away(self.distance)} "
+                f"(--partitions 2, or independent: [...] in the model)"
+            )
+        return ": the mechanism itself is near a singular pose, whatever is independent"
+
+
+def trusted(values: Array, errors: Array, at_work: Array | float = 0.0) -> Array:
+    """Decimal digits of values (k, n) with errors; a value below its error is zero, and compared with the largest of its row,
+    or with the sizes of what cancels."""
+    size = np.abs(values)
+    most = np.fmax(size.max(axis=-1, keepdims=True, initial=0.0), at_work)
+    with np.errstate(all="ignore"):
+        found = -np.log10(errors / np.where(size > errors, size, most))
+    found = np.where(errors == 0.0, ALL_DIGITS, found)
+    return np.clip(np.nan_to_num(found, nan=0.0, posinf=ALL_DIGITS, neginf=0.0), 0.0, ALL_DIGITS)
+
+
+def _whole(digits: float) -> int:
+    """Whole digits, none too many."""
+    return math.floor(digits)
+
+
+def _number(x: float) -> str:
+    return f"{x:.2g}" if math.isfinite(x) else "infinite"
+
+
+def _away(distance: float) -> str:
+    return f"{distance:.1g} from rank loss" if distance > 0.0 else "no rank left"
+
+
+def _listed(one: str, several: str, names: Sequence[str]) -> str:
+    return f"{one if len(names) == 1 else several} {', '.join(names[:SHOWN])}{', ...' if len(names) > SHOWN else ''}"
