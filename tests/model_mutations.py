@@ -33,6 +33,8 @@ from codegen.model.surfaces import COORDINATES
 
 ROOT = Path(__file__).parents[1]
 FILE = "m.yaml"
+PLACE = re.compile(rf"({FILE}|parts/\w+\.yaml):[1-9]\d*:[1-9]\d*: \S")
+"""Where a message says it is: the text itself, or a part that it includes."""
 
 MECHANISM = """\
 model: mechanism
@@ -442,7 +444,7 @@ def judge(text: str, limit: float = 10.0) -> Verdict:
             model = parse_model(text, FILE, ROOT / "examples")
     except ModelError as error:
         seconds = time.process_time() - start
-        bad = [line for line in str(error).split("\n") if not re.match(rf"{FILE}:[1-9]\d*:[1-9]\d*: \S", line)]
+        bad = [line for line in str(error).split("\n") if not PLACE.match(line)]
         if bad or not error.problems:
             return Verdict("failed", seconds, f"a message without a place: {bad[:1]}")
         long = [line for line in str(error).split("\n") if len(line) > 2000]
