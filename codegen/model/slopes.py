@@ -11,13 +11,14 @@ taken do not contribute (`CHOICE`). Where nothing of that helps, the result is i
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
 
 from ..elementary import LIKE_ITS_ARGUMENT, TABLE, TreeFunctions, named, tree_of
 from .expressions import Expression, combine
-from .grammar import AT_LEAST, CHOICE, VANISHING, Tree
+from .grammar import AT_LEAST, CHOICE, VANISHING, ExpressionError, Tree
 
 ZERO: Tree = ("number", 0)
 ONE: Tree = ("number", 1)
@@ -204,11 +205,11 @@ def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
     _add_terms(b, Fraction(times), terms)
     found, number = ZERO, terms.pop(ONE, Fraction(0))
     for term, factor in terms.items():
-        size = combine("*", _number(float(abs(factor))), term)
+        size = combine("*", _number(abs(factor)), term)
         found = combine("+" if factor > 0 else "-", found, size)
-    found = combine("+" if number > 0 else "-", found, _number(float(abs(number))))
+    found = combine("+" if number > 0 else "-", found, _number(abs(number)))
     left = number - Fraction(float(number))
-    return ("+", found, _number(float(left))) if left else found  # exact, in the digits of whoever computes it
+    return ("+", found, _number(left)) if left else found  # exact, in the digits of whoever computes it
 
 
 def _add_terms(e: Tree, factor: Fraction, terms: dict[Tree, Fraction]) -> None:
@@ -229,8 +230,10 @@ def _add_terms(e: Tree, factor: Fraction, terms: dict[Tree, Fraction]) -> None:
         del terms[term]
 
 
-def _number(value: float) -> Tree:
-    return Expression.number(value).tree
+def _number(value: Fraction) -> Tree:
+    if value > sys.float_info.max:
+        raise ExpressionError("the exponents of a product add up to too large a number; up to 1.8e308 are allowed")
+    return Expression.number(float(value)).tree
 
 
 def product(*factors: tuple[Tree, Tree]) -> Tree:

@@ -323,3 +323,20 @@ def test_entries_know_their_places() -> None:
     assert str(model.problem("bodies.arm.joint", "x")) == "m.yaml:4:3: bodies.arm.joint: x"
     assert str(model.problem("forces.f_2.value", "x")) == "m.yaml:12:5: forces.f_2.value: x"
     assert str(model.problem("loops", "x")) == "m.yaml: loops: x"
+
+
+@pytest.mark.parametrize("power", ["x**1e308*(x**1e308*10 + z)", "z + sqrt(x**1.7e308*x**1e308)*x"])
+def test_exponents_that_add_up_to_too_large_a_number(power: str) -> None:
+    """Each is a number; their sum is none."""
+    first, second = refused(f"""\
+model: valve
+bodies:
+  cam: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1, inertia: {{xx: 1, yy: 1, zz: 1}}}}
+  tappet: {{parent: ground, joint: {{type: prismatic, axis: z, at: [0, 0, 0.1]}}, mass: 1}}
+loops:
+  profile: {{joint: {{type: surface, equation: "{power}"}}, from: cam, to: tappet}}
+forces:
+  push: {{type: joint, joint: cam, value: "q.cam*sqrt(q.cam**1e308*q.cam**1.7e308)"}}
+""")
+    assert re.match(rf"{FILE}:6:.*up to 1.8e308", first)
+    assert re.match(rf"{FILE}:8:.*up to 1.8e308", second)
