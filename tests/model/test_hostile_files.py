@@ -341,3 +341,11 @@ loops:
         f"{ARM}forces:\n  push: {{type: joint, joint: arm, value: 'q.arm*sqrt(q.arm**1e308*q.arm**1.7e308)'}}\n"
     )
     assert re.match(rf"{FILE}:11:.*up to 1.8e308", message)
+
+
+def test_a_warning_hides_no_model_without_bodies() -> None:
+    text = "model: chain\nconstants: {n: 0}\nparameters: {L: {value: 1, min: 2}}\nbodies:\n  repeat k in 1..n:\n    rod(k): {mass: L}\n"
+    with pytest.raises(ModelError) as caught:
+        parse_model(text, FILE)
+    assert {p.severity for p in caught.value.problems} == {"error", "warning"}
+    assert "no bodies; a model has at least one" in str(caught.value)
