@@ -28,6 +28,7 @@ from .geometry import Geometry, advance, padded
 from .locking import nearly_locked, stopped
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
+from .tangles import closed_together
 from .vectors import Array
 from .velocities import Motion
 from .weighing import Weighed, weighed
@@ -121,8 +122,9 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
     check_couplings(model, chosen.drafts)
     warnings += [text for d in chosen.drafts for text in doubts_of(model, geometry, d, held)]
     warnings += _locked(geometry, chosen.drafts, q, random)
+    drafts = _closed_together(geometry, chosen.drafts, q, redundancy)
     found = replace(
-        _partition(geometry, chosen.drafts, q, [*warnings, *chosen.warnings], redundancy),
+        _partition(geometry, drafts, q, [*warnings, *chosen.warnings], redundancy),
         compared=chosen.compared,
         uncompared=chosen.uncompared,
         growth=chosen.growth_of_uncompared,
@@ -381,6 +383,24 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
         f"characteristic length, or rad, is left); they were moved, {moved}: give values under `initial` that fit"
     )
     return q
+
+
+def _closed_together(geometry: Geometry, drafts: list[Draft], q: Array, redundancy: Redundancy) -> list[Draft]:
+    """The ears as they are computed: those that couplings join as one, with the largest of their lengths.
+
+    Only where conditions are redundant does it matter, for what parameters open is then shared by the whole ear.
+    """
+    order = closed_together(geometry, [d.loops for d in drafts], {s for d in drafts for s in d.dependent})
+    found: list[Draft] = []
+    for loops in order:
+        parts = [d for d in drafts if d.loops[0] in loops]
+        rows, dependent = sum(d.rows for d in parts), [s for d in parts for s in d.dependent]
+        if rows - sum(len(redundancy.dropped.get(i, ())) for i in loops) == len(dependent):
+            found += parts
+            continue
+        geometry.lengths[list(loops)] = np.max(geometry.lengths[list(loops)])
+        found.append(Draft(loops, dependent, rows, parts[0].condition, all(d.certain for d in parts)))
+    return drafts if len(found) == len(drafts) else _judged(geometry, found, q)
 
 
 def _judged(geometry: Geometry, drafts: list[Draft], q: Array) -> list[Draft]:

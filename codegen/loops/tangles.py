@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import TypeVar
 
 from .ancestry import NewJoints
+from .disjoint_sets import DisjointSets
 from .geometry import Geometry
 
 T = TypeVar("T")
@@ -27,20 +29,62 @@ def untangled(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: se
     dependent : set of int
         Speeds.
     """
-    ears = list(ears)
+    joints = NewJoints(geometry.ancestry)
+    owner = {
+        k: i for loops in ears for i in loops for k in joints.of(geometry.starts[i], geometry.ends[i])
+    }  # the first loop that passes a body's joint
+    return _untangled(geometry, ears, owner, {*_bodies_of(geometry, dependent)})
+
+
+def closed_together(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: set[int]) -> list[tuple[int, ...]]:
+    """The ears that one system closes: a coupling is one with the ears whose cycles pass the joints that it relates.
+
+    Parameters are those of `untangled`.
+    """
+    joints, owner = NewJoints(geometry.ancestry), dict[int, int]()
+    couplings = geometry.couplings
+    for i in (i for loops in ears for i in loops if i not in couplings):
+        owner |= dict.fromkeys(joints.of(geometry.starts[i], geometry.ends[i]), i)
+    for i in (i for loops in ears for i in loops if i in couplings):
+        bodies = couplings[i].bodies
+        base = reduce(geometry.ancestry.meeting, bodies)
+        base = geometry.parent[base] if base in bodies else base
+        owner |= {k: i for body in bodies for k in joints.of(body, base)}
+    place = {i: n for n, loops in enumerate(ears) for i in loops}
+    sets = DisjointSets(len(ears))
+    for i, coupling in couplings.items():
+        for body in coupling.bodies:
+            sets.join(place[owner[body]], place[i])
+    together = joined(ears, [members for members in sets.members().values() if len(members) > 1], _as_one)
+    coupled = {body for coupling in couplings.values() for body in coupling.bodies}
+    return _untangled(geometry, together, owner, coupled.union(_bodies_of(geometry, dependent)))
+
+
+def _untangled(
+    geometry: Geometry, ears: Sequence[tuple[int, ...]], owner: Mapping[int, int], moved: set[int]
+) -> list[tuple[int, ...]]:
+    """The same, with the loop that each body on cycles belongs to, and the bodies that dependents move."""
+    ears, couplings = list(ears), geometry.couplings
+    outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
+    parent = {k: geometry.parent[k] for k in outward}
     while True:
-        new = NewJoints(geometry.ancestry)
-        owner = {
-            k: e for e, loops in enumerate(ears) for i in loops for k in new.of(geometry.starts[i], geometry.ends[i])
-        }
-        faces = [[k for i in loops for k in (geometry.starts[i], geometry.ends[i])] for loops in ears]
-        outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
-        moved = {k for k in outward if dependent.intersection(geometry.speeds[k])}
-        members = ear_members({k: geometry.parent[k] for k in outward}, owner, outward, faces, moved.__contains__)
+        place = {i: n for n, loops in enumerate(ears) for i in loops}
+        faces = [
+            [k for i in loops if i not in couplings for k in (geometry.starts[i], geometry.ends[i])] for loops in ears
+        ]
+        members = ear_members(parent, {k: place[i] for k, i in owner.items()}, outward, faces, moved.__contains__)
         found = tangles(members.before)
         if not found:
             return ears
-        ears = joined(ears, found, lambda several: tuple(sorted(i for loops in several for i in loops)))
+        ears = joined(ears, found, _as_one)
+
+
+def _bodies_of(geometry: Geometry, speeds: set[int]) -> list[int]:
+    return [int(geometry.speed_body[s]) for s in speeds]
+
+
+def _as_one(ears: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    return tuple(sorted(i for loops in ears for i in loops))
 
 
 def joined(things: Sequence[T], tangled: Sequence[Sequence[int]], join: Callable[[list[T]], T]) -> list[T]:

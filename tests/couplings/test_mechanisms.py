@@ -121,6 +121,34 @@ def check_mechanism(seed: int, folder: Path) -> None:
         assert max(transposes(solver, drawn[1:], rng).values()) < 1e-9
 
 
+@pytest.mark.parametrize("seed", [43, *(pytest.param(n, marks=pytest.mark.campaign) for n in (20, 23))])
+def test_derivatives_by_parameters_that_open_conditions_are_those_of_what_is_computed(
+    tmp_path: Path, seed: int
+) -> None:
+    """Couplings share ears with loops here: what a parameter opens is left by all of them together, in every engine."""
+    rng = np.random.default_rng(seed)
+    drawn = random_mechanism(np.random.default_rng(seed), bodies=(4, 6), loops=(1, 2))
+    assert not isinstance(drawn, Discarded)
+    model = with_couplings(rng, drawn.model, drawn.q, drawn.p, int(rng.integers(1, 3)))
+    assert any(len(ear.loops) > 1 and ear.redundant for ear in partition(model).ears)
+    codegen.generate(model, tmp_path / "mechanism", target="numpy")
+    solver = codegen.load(tmp_path / "mechanism")
+    engines, h = (DenseEngine(model), RecursiveEngine(model)), 1e-5
+    p, rest = np.array(drawn.p, dtype=float), drawn[4:]
+    q, u = solver.assemble(*drawn[1:])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for dp in np.eye(len(p)):
+            ends = []
+            for step in (h, -h):
+                state = (*solver.assemble(q, u, p + step * dp, *rest), p + step * dp, *rest)
+                ends.append(solver.accelerations(*state))
+                assert max(error(ends[-1], engine.accelerations(*state)) for engine in engines) < 1e-12
+            found = [of.sensitivities(q, u, p, *rest, dp=dp[None])[1][0] for of in (solver, *engines)]
+            assert error((ends[0] - ends[1]) / (2 * h), found[0]) < 1e-6
+            assert max(error(x, found[0]) for x in found[1:]) < 1e-10
+
+
 PARALLELOGRAM = """
 model: parallelogram
 gravity: [0.3, 0, -9.81]
