@@ -19,6 +19,7 @@ from ..model.positions import shortened
 from .files import Files
 from .mjcf_files import MjcfFiles
 from .mjcf_forces import PassiveForces, damper_law, disabled, spring_law, terms_of
+from .mjcf_numbers import problems_of_numbers
 from .naming import free_name, made_name
 from .placement import Placement, direction, of_quaternion, plus
 from .robot import (
@@ -151,6 +152,8 @@ class _Reader:
             self.robot.gravity = (0.0, 0.0, 0.0)
         self.names = self.unique("body", model.nbody)
         self.joint_names = self.unique("joint", model.njnt)
+        if wrong := problems_of_numbers(model, self.file, self.place):
+            raise ModelError(wrong)
         for b in range(1, model.nbody):
             self.body(b)
         for e in range(model.neq):

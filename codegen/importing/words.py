@@ -16,7 +16,7 @@ def number(value: float) -> str:
     """The shortest text that is read as the same number; whole ones without point."""
     if value == 0:
         return "0"
-    if value == int(value) and abs(value) < 1e15:
+    if abs(value) < 1e15 and value == int(value):
         return str(int(value))
     text = repr(float(value))
     if "e" in text:
