@@ -119,6 +119,9 @@ class PassiveForces:
         self.origin = origin
         self.place = place
         self.lengths: dict[int, Length | None] = {}
+        self.limited = {joints[j]: j for j in np.flatnonzero(model.jnt_actfrclimited)}
+        self.driven: dict[str, list[JointTerm]] = {joint: [] for joint in self.limited}
+        """Forces of actuators on joints where their sum has a range."""
 
     def read(self) -> None:
         """Add everything."""
@@ -126,6 +129,32 @@ class PassiveForces:
             self.tendon(t)
         for a in range(len(self.model.actuator_trntype)):
             self.actuator(a)
+        self.clamp()
+        self.lift()
+
+    def clamp(self) -> None:
+        """Add the forces of actuators on joints where their sum has a range."""
+        for joint, terms in self.driven.items():
+            if terms:
+                low, high = (number(float(v)) for v in self.model.jnt_actfrcrange[self.limited[joint]])
+                text = " + ".join(term.text for term in terms).replace("+ -", "- ")
+                of = tuple(name for term in terms for name in term.of)
+                self.robot.terms.append(JointTerm(joint, f"min(max({text}, {low}), {high})", of))
+
+    def lift(self) -> None:
+        """List joints whose actuators carry weight: within their range, and only where there are actuators that act."""
+        model = self.model
+        none = [
+            all(disabled(self.mujoco, model, word) for word in words) for words in (("GRAVITY",), ("SPRING", "DAMPER"))
+        ]
+        if any(none) or not np.any(model.body_gravcomp):
+            return
+        acts = len(model.actuator_trntype) > 0 and not disabled(self.mujoco, model, "ACTUATION")
+        for j in np.flatnonzero(getattr(model, "jnt_actgravcomp", ())):
+            if not acts or self.joints[j] in self.limited:
+                why = "within the range of its actuators" if acts else "no actuator acts, so MuJoCo leaves it out"
+                place = self.place("joint", model.joint(j).name, int(j))
+                self.robot.leave_out("actuatorgravcomp of a joint", place, Effect.DIFFERS, f"it carries weight; {why}")
 
     # ---- lengths -------------------------------------------------------------------------------------------------------
 
@@ -261,14 +290,15 @@ class PassiveForces:
             before = joint.armature[0] if joint.armature else 0.0
             self.robot.give_armature(joint, (before + value,), place)
 
-    def act(self, name: str, length: Length, text: str, factor: float) -> None:
-        """A force along a length: on joints, or between points."""
+    def act(self, name: str, length: Length, text: str, factor: float, driven: bool = False) -> None:
+        """A force along a length, on joints or between points; of an actuator that is `driven`, within the joints' ranges."""
         if not text:
             return
         count = text.count("{}")
         of = length.of * (count // len(length.of)) if length.of else ()
         for joint, own in length.factors.items():
-            self.robot.terms.append(JointTerm(joint, _scaled(factor * own, text), of))
+            terms = self.driven.get(joint, self.robot.terms) if driven else self.robot.terms
+            terms.append(JointTerm(joint, _scaled(factor * own, text), of))
         for k, (start, end, divisor) in enumerate(length.segments):
             whole = _scaled(factor / divisor, text)
             own_name = made_name(name) if len(length.segments) == 1 else f"{made_name(name)}_{k + 1}"
@@ -315,9 +345,14 @@ class PassiveForces:
         if model.actuator_forcelimited[a]:
             low, high = (number(float(v)) for v in model.actuator_forcerange[a])
             text = f"min(max({text}, {low}), {high})"
-        self.act(name or f"actuator_{a}", length, text, 1.0)
-        if to_joint and model.jnt_actfrclimited[target]:
-            robot.leave_out("actuatorfrcrange of a joint", place, Effect.STOPS)
+        self.act(name or f"actuator_{a}", length, text, 1.0, driven=True)
+        if (
+            kind == int(mujoco.mjtTrn.mjTRN_TENDON)
+            and getattr(model, "tendon_actfrclimited", np.zeros(target + 1))[target]
+        ):
+            robot.leave_out("actuatorfrcrange of a tendon", place, Effect.DIFFERS)
+        elif length.segments and self.limited:
+            robot.leave_out("actuatorfrcrange of joints that a tendon pulls", place, Effect.DIFFERS)
 
     def is_off(self, a: int) -> bool:
         """Whether the group of an actuator is disabled."""

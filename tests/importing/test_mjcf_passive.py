@@ -55,6 +55,14 @@ CASES = {
         "actuator": '<position joint="ja" kp="3" ctrlrange="0.5 1"/>', "flag": 'clampctrl="disable"',
     },
     "a limited force": {"actuator": '<position joint="ja" kp="30" forcerange="-2 1.5"/>'},
+    "a joint whose actuators have a range": {
+        "joint": 'actuatorfrcrange="-1 1.5"', "tendon": SUM.format(""),
+        "actuator": '<position joint="ja" kp="9"/><position tendon="t" kp="3" kv="1"/>'
+        '<general joint="ja" gear="2" biastype="affine" biasprm="1 0 -1"/>',
+    },
+    "weight that actuators carry": {
+        "body": 'gravcomp="0.7"', "joint": 'actuatorgravcomp="true"', "actuator": '<motor joint="jb"/>',
+    },
     "no actuation": {"actuator": '<position joint="ja" kp="30"/>', "flag": 'actuation="disable"'},
     "a tendon between joints": {"tendon": SUM.format('stiffness="3" damping="2" springlength="0.3"')},
     "a slack tendon": {"tendon": SUM.format('stiffness="3" springlength="-.2 .1"')},
@@ -100,6 +108,17 @@ SILENT = {
         "body": '><geom name="g" size=".05" pos="0 0 .2"/', "joint": "",
     },
     "friction of a tendon": {"tendon": SUM.format('frictionloss="0.4"')},
+    "weight that no actuator carries": {"body": 'gravcomp="0.7"', "joint": 'actuatorgravcomp="true"'},
+    "weight within a range": {
+        "body": 'gravcomp="0.7"', "joint": 'actuatorgravcomp="true" actuatorfrcrange="-1 1"',
+        "actuator": '<motor joint="jb"/>',
+    },
+    "a tendon whose actuators have a range": {
+        "tendon": SUM.format('actuatorfrcrange="-.1 .1"'), "actuator": '<position tendon="t" kp="9"/>',
+    },
+    "a range of joints along points": {
+        "joint": 'actuatorfrcrange="-1 1"', "tendon": PATH.format(""), "actuator": '<position tendon="t" kp="9"/>',
+    },
 }  # fmt: skip
 
 

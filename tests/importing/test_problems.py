@@ -272,7 +272,9 @@ def test_numbers_of_mjcf_that_are_none_are_refused_with_their_element(tmp_path, 
     elements |= {"relpose": "equality 1", "gravity": "gravity"}
     for key, element in elements.items():
         path.write_text(re.sub(rf'\b{key}="[-\d.]+', f'{key}="{value}', MJCF))
-        with pytest.raises(codegen.ModelError, match=r"robot\.xml:.*(is -?(nan|inf|[\d.e+]+); finite|MuJoCo)") as raised:
+        with pytest.raises(
+            codegen.ModelError, match=r"robot\.xml:.*(is -?(nan|inf|[\d.e+]+); finite|MuJoCo)"
+        ) as raised:
             codegen.import_model(path)
         assert element in str(raised.value) or "MuJoCo cannot" in str(raised.value)
 
