@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
 from typing import Final
 
 from ..model import ModelBuilder, ModelError
 from ..model.entries import RESERVED
 
-_NAME: Final = re.compile("[A-Za-z_][A-Za-z0-9_]*")
+_LONGEST: Final = 200
+"""Characters of a name: YAML reads keys of up to 1024."""
+_NAME: Final = re.compile(f"[A-Za-z_][A-Za-z0-9_]{{0,{_LONGEST - 1}}}")
 _YAML: Final = frozenset({"null"})
 """What YAML would not read as a name."""
 
@@ -20,8 +23,8 @@ def is_name(text: str) -> bool:
 
 
 def made_name(text: str) -> str:
-    """A name that looks like a text: other characters become ``_``."""
-    name = re.sub("[^A-Za-z0-9_]+", "_", text)
+    """A name that looks like a text: other characters become ``_``, and long ones are cut."""
+    name = re.sub("[^A-Za-z0-9_]+", "_", text)[: _LONGEST - 2]
     if not name.strip("_"):
         name = "link"
     if name[0].isdigit():
@@ -51,7 +54,7 @@ def names_for(texts: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]
 
 def free_name(wanted: str, used: Iterable[str]) -> str:
     """The name, or the first of NAME_2, NAME_3, ... that is not used."""
-    taken = set(used)
+    taken = used if isinstance(used, AbstractSet) else set(used)
     name, k = wanted, 1
     while name in taken:
         k += 1

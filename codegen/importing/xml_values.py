@@ -14,7 +14,7 @@ from .placement import Array, of_quaternion, pi_multiple
 from .robot import Effect, Place
 from .xml_reading import Element
 
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _LARGEST: Final = 1e150
 """Of numbers whose squares are still numbers."""
 _LONGEST: Final = 400

@@ -97,6 +97,16 @@ def test_files_that_are_none_are_told(tmp_path):
             codegen.import_model(path)
 
 
+def test_long_names_are_cut_and_digits_are_those_of_numbers(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.replace("forearm", "f" * 3000).replace('"tool"', f'"{"f" * 3001}"'))
+    found = codegen.import_model(path, keep_fixed=True)
+    assert max(map(len, found.model.coordinate_names)) <= 210
+    path.write_text(ARM.replace('<mass value="2"/>', '<mass value="\u0663"/>'))
+    with pytest.raises(codegen.ModelError, match="value of <mass> holds '\u0663'; a finite number"):
+        codegen.import_model(path)
+
+
 def test_depth_and_entities_do_no_harm():
     with pytest.raises(codegen.ModelError, match="levels of nesting"):
         parse_xml("<a>" * (MAX_DEPTH + 1) + "</a>" * (MAX_DEPTH + 1), "x")
