@@ -73,6 +73,10 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
         left = set().union(*map(_imported, left)) - modules
     modules |= {f"{module.rpartition('.')[0]}.__init__".lstrip(".") for module in modules}
     found = {f"{CARRIED}/{m.replace('.', '/')}.py": carried_text(m) for m in sorted(modules)}
+    found |= {
+        f"{CARRIED}/{file.relative_to(STANDALONE).as_posix()}": file.read_text(encoding="utf-8")
+        for file in sorted(STANDALONE.glob("*/*.c"))
+    }
     if "FunctionalGradients" in sections_of(manifest):
         found |= {
             f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))

@@ -156,8 +156,8 @@ def disagreement(target: Any, f: Any, given: dict[str, Any], sizes: tuple[int, .
 
 def check_few(target: Any, f: Any, taken: dict[str, Any], along: dict[str, Any], found: list[Array]) -> None:
     """The call of small batches gives the same, where there is one that takes these arguments."""
-    given = [taken.get(n, 0.0 if n == "t" else None) for n in f.order]
-    small = target.few_states(f.name, given, [along.get(s) for s in f.directions] if f.seeds else None)
+    given = tuple([taken.get(n, 0.0 if n == "t" else None) for n in f.order])
+    small = target.calls[f.name](given, tuple([along.get(s) for s in f.directions]) if f.seeds else None, None)
     for name, x, y in zip(f.results, small or (), found, strict=small is not None):
         scale = np.max(np.abs(y), initial=1e-3)
         assert x.shape == y.shape and np.max(np.abs(x - y), initial=0.0) <= ALIKE * scale, (f.name, name)

@@ -13,7 +13,7 @@ from random_models import random_seeds, random_state, random_tree
 import codegen
 from codegen.runtime import CompileError
 from codegen.runtime.standalone.arrays import LONG, all_finite
-from codegen.runtime.standalone.calls import batches, few_states
+from codegen.runtime.standalone.calls import batches, single_calls
 from codegen.runtime.standalone.errors import SingularForceError, SingularJointError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -85,8 +85,8 @@ def package(request, tmp_path_factory):
 def at_once(monkeypatch):
     """Functions over several states are compiled at the first batch, and work on small ones too."""
     monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
-    monkeypatch.setattr(few_states, "FEW", 0)
-    monkeypatch.setattr(few_states, "FEW_ALONG", 0)
+    monkeypatch.setattr(single_calls, "FEW", 0)
+    monkeypatch.setattr(single_calls, "FEW_ALONG", 0)
 
 
 def load(folder, **options):

@@ -8,7 +8,7 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError, Jacobians
-from codegen.runtime.standalone.files import caller
+from codegen.runtime.standalone.calls import caller
 from codegen.runtime.standalone.state.jacobians import JACOBIANS
 
 SEEDS = ("dq", "du", "dp", "dinputs")

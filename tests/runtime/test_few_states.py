@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime.standalone.calls import few_states
+from codegen.runtime.standalone.calls.single_calls import NoCalls
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 N = 9
@@ -32,15 +32,19 @@ def states(solver):
 def counted(solver, monkeypatch):
     """How many batches were small, and were not passed on."""
     found = []
-    run = solver._few_states
+    calls = solver._calls
 
-    def counting(*given):
-        results = run(*given)
-        if any(np.ndim(x) == 2 for x in given[1]):
-            found.append((given[0], results is not None))
-        return results
+    class Counted(dict):
+        def __missing__(self, wanted):
+            def counted(given, seeds, out):
+                results = calls[wanted](given, seeds, out)
+                if any(np.ndim(x) == 2 for x in given):
+                    found.append((getattr(wanted, "name", wanted), results is not None))
+                return results
 
-    monkeypatch.setattr(solver, "_few_states", counting)
+            return counted
+
+    monkeypatch.setattr(solver, "_calls", Counted())
     return found
 
 
@@ -95,8 +99,8 @@ def test_bad_batches_have_the_errors_of_large_ones(solver, states, monkeypatch):
     q_short = q.copy()
     cases = [(q, spoilt), (q, u[:-1]), (q[:, :-1], u), (q.astype(object), u), (q_short, u.astype(np.float32))]
     messages = []
-    for few in (few_states.FEW, 0):
-        monkeypatch.setattr(few_states, "FEW", few)
+    for calls in (solver._calls, NoCalls()):
+        monkeypatch.setattr(solver, "_calls", calls)
         for given in cases:
             try:
                 messages.append(np.asarray(solver.accelerations(*given)).tobytes())

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.runtime.standalone.calls.single_calls import NoCalls
 from codegen.runtime.standalone.state.frame_motion import PointMotion
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -49,18 +50,26 @@ def folders(tmp_path_factory):
 def both(request, folders):
     """A solver, and the same without the faster path; how many calls have taken it."""
     fast, general = (codegen.load(folders / request.param, "c") for _ in range(2))
-    general._one_state = general._target.one_state = lambda *call: None
-    taken = []
-    run = fast._one_state
+    general._calls = general._target.calls = NoCalls()
+    fast._calls = Counted(fast._calls)
+    return fast, general, fast._calls.taken
 
-    def counted(*call):
-        found = run(*call)
-        if found is not None:
-            taken.append(call[0])
-        return found
 
-    fast._one_state = counted
-    return fast, general, taken
+class Counted(dict):
+    """The calls of a solver; lists which have gone straight to the C."""
+
+    def __init__(self, calls):
+        super().__init__()
+        self.calls, self.taken = calls, []
+
+    def __missing__(self, wanted):
+        def counted(given, seeds, out):
+            found = self.calls[wanted](given, seeds, out)
+            if found is not None:
+                self.taken.append(wanted)
+            return found
+
+        return counted
 
 
 def draw(solver, rng, k=None):
@@ -264,15 +273,6 @@ def test_directions_of_any_number_take_turns(both):
     assert taken.count("sensitivities") >= 5
 
 
-def test_many_results_are_written_at_once(both, monkeypatch):
-    from codegen.runtime.standalone.calls import single_calls
-
-    fast, general, _ = both
-    monkeypatch.setattr(single_calls, "LARGEST", 3)
-    for name, given, named in calls(fast):
-        same(getattr(fast, name)(*given, **named), getattr(general, name)(*given, **named))
-
-
 def test_threads_do_not_disturb_each_other(both):
     fast, general, _ = both
     k = 3
@@ -294,17 +294,6 @@ def test_threads_do_not_disturb_each_other(both):
     for thread in threads:
         thread.join()
     assert not wrong
-
-
-def test_a_call_within_a_call_has_memory_of_its_own(both):
-    fast, general, _ = both
-    (q, u, p, inputs, t), *_ = draw(fast, np.random.default_rng(5))
-    calls = fast._target.single_calls
-    expected = general.accelerations(q, u, p, inputs, t)
-    memory = calls.take()  # as a call that is interrupted has it
-    same(fast.accelerations(q, u, p, inputs, t), expected)
-    calls.free.append(memory)
-    same(fast.accelerations(q, u, p, inputs, t), expected)
 
 
 # ---- out= ------------------------------------------------------------------------------------------------------------

@@ -20,20 +20,24 @@ def four_bar(request, packages):
 def evaluations(four_bar, monkeypatch):
     """Names of the generated functions without directions that were called."""
     called = []
-    values, one_state = four_bar._target.compute, four_bar._one_state
+    values, calls = four_bar._target.compute, four_bar._calls
 
     def counted(f, *arguments, **named):
         called.append(f.name)
         return values(f, *arguments, **named)
 
-    def counted_alone(name, *arguments):
-        found = one_state(name, *arguments)
-        if found is not None:
-            called.append(getattr(name, "name", name))
-        return found
+    class Counted(dict):
+        def __missing__(self, wanted):
+            def counted_alone(given, seeds, out):
+                found = calls[wanted](given, seeds, out)
+                if found is not None:
+                    called.append(getattr(wanted, "name", wanted))
+                return found
+
+            return counted_alone
 
     monkeypatch.setattr(four_bar._target, "compute", counted)
-    monkeypatch.setattr(four_bar, "_one_state", counted_alone)
+    monkeypatch.setattr(four_bar, "_calls", Counted())
     return called
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,13 +25,15 @@ class Loops(States):
         super()._use(opened)
         self._assembly = Assembly(opened)
 
-    def _consistent(self, given: Sequence[Any]) -> tuple[Array, Array] | None:
+    def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
         if not self.closure_names:
             return super()._consistent(given)
         speeds = self._one_state("completion", given) if self._is_closed(given) else None
         return None if speeds is None else (given[0].copy(), speeds[0])
 
-    def _consistent_along(self, given: Sequence[Any], seeds: Sequence[Any]) -> tuple[Array, Array, Array, Array] | None:
+    def _consistent_along(
+        self, given: tuple[Any, ...], seeds: tuple[Any, ...]
+    ) -> tuple[Array, Array, Array, Array] | None:
         if not self.closure_names:
             return super()._consistent_along(given, seeds)
         if self._watched or not self._is_closed(given):
@@ -39,7 +41,7 @@ class Loops(States):
         found = self._one_state("completion_sensitivities", given, seeds)
         return None if found is None else (given[0].copy(), *found)
 
-    def _is_closed(self, given: Sequence[Any]) -> bool:
+    def _is_closed(self, given: tuple[Any, ...]) -> bool:
         """Whether that is one state in plain arrays whose coordinates assembly leaves as they are."""
         if self._arguments.quaternions:
             return False
@@ -112,7 +114,7 @@ class Loops(States):
             return super()._completed_along(q_new, arrays, batch, dq_new, du_new, rest)
         given = {**arrays, "q": q_new, "u": super()._completed(q_new, arrays, batch)}
         along = dq_new, du_new, rest["dp"], rest["dinputs"], rest["dt"]
-        return q_new, *self._call("completion_sensitivities", [given[n] for n in STATE], along)
+        return q_new, *self._call("completion_sensitivities", tuple([given[n] for n in STATE]), along)
 
 
 def _place(number: int, batch: Shape) -> tuple[int, ...]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import weakref
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Numbers
+from ..arrays import Numbers
 from ..calls.arguments import Seeds
 from ..calls.functions import STATE, Wanted
 from ..calls.package import Package
+from ..calls.single_calls import Call
 from ..calls.targets import Opened
 from ..warning import warn
 from .assembly import allowed_gaps
@@ -25,23 +27,32 @@ CLOSING = frozenset({
 """Functions that measure loops or close them: `closure` gives the residuals, and assembly issues a warning of its own."""
 
 
+class WatchedCalls(dict[Any, Call]):
+    """Calls that warn first where dropped conditions are open."""
+
+    def __init__(self, solver: Redundancy, calls: Mapping[Any, Call]):
+        super().__init__()
+        self.solver, self.calls = weakref.proxy(solver), calls
+
+    def __missing__(self, wanted: str | Wanted) -> Call:
+        name, call = wanted if isinstance(wanted, str) else wanted.name, self.calls[wanted]
+
+        def watched(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
+            self.solver._look_at_state(name, given)
+            return call(given, seeds, out)
+
+        return watched
+
+
 class Redundancy(Package):
     """Warns of directions that open redundant conditions, and of states where dropped conditions are open."""
 
     def _use(self, opened: Opened) -> None:
         super()._use(opened)
         if opened.manifest.get("dropped"):
-            plain = self._one_state
+            self._calls = WatchedCalls(self, self._calls)
 
-            def looked_at(
-                wanted: str | Wanted, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None
-            ) -> Sequence[Array] | None:
-                self._look_at_state(wanted if isinstance(wanted, str) else wanted.name, given)
-                return plain(wanted, given, seeds, out)
-
-            self._one_state = looked_at
-
-    def _look_at_state(self, name: str, given: Sequence[Any]) -> None:
+    def _look_at_state(self, name: str, given: tuple[Any, ...]) -> None:
         """Warn where conditions that were dropped are open by more than they may be."""
         opened = self._opened
         f = opened.functions.get(name)
@@ -63,7 +74,7 @@ class Redundancy(Package):
                 f"generated, and {name} is of a mechanism without it"
             )
 
-    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
+    def _look_at_directions(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...]) -> None:
         opened, dp = self._opened, seeds[STATE.index("p")]
         if opened.manifest.get("dropped"):
             self._look_at_state(name, given)

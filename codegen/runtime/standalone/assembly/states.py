@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -194,14 +194,16 @@ class States(Package):
                 return self.initial_state(p)[name == "u"]
         return self._initial_values(p)[name == "u"]
 
-    def _consistent(self, given: Sequence[Any]) -> tuple[Array, Array] | None:
+    def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
         """A copy of q and u where they are one state in plain arrays, consistent as it is; None of anything else."""
         # the C says whether they are plain
         if self._arguments.quaternions or self._one_state("coordinate_rates", given) is None:
             return None
         return given[0].copy(), given[1].copy()
 
-    def _consistent_along(self, given: Sequence[Any], seeds: Sequence[Any]) -> tuple[Array, Array, Array, Array] | None:
+    def _consistent_along(
+        self, given: tuple[Any, ...], seeds: tuple[Any, ...]
+    ) -> tuple[Array, Array, Array, Array] | None:
         """The same with its derivatives along seeds."""
         if self._arguments.quaternions:
             return None

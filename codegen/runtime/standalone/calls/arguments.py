@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Array, Shape, dtype_of, is_finite, once
+from .functions import names_of
 
 SMALLEST_QUATERNION = 1e-6
 """A quaternion shorter than this has no direction worth a rotation."""
@@ -44,14 +45,10 @@ class Arguments:
     _finite: Callable[[Any], Any] = staticmethod(np.isfinite)
 
     def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
-        q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
-        self.names: dict[str, tuple[str, ...]] = {
-            "q": q, "u": u, "udot": u, "b": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
-            "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
-        }  # fmt: skip
+        self.names = names_of(manifest)
         self.shapes = shapes
         numbers = dtype_of(manifest)
-        self.defaults = {"p": np.array(manifest["parameters"], numbers), "inputs": np.zeros(len(inputs), numbers)}
+        self.defaults = {"p": np.array(manifest["parameters"], numbers), "inputs": np.zeros(shapes["inputs"], numbers)}
         if "scalar" in manifest:
             self.dtype = numbers
         self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])

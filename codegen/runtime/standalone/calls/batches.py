@@ -136,19 +136,18 @@ class Batches:
 
         def part(start: int, end: int) -> Failed:
             failed: Failed = {}
-            memory = target.single_calls.take()
-            while start < end:
-                b = ffi.new("batch *", {"count": end - start, "work": memory.work})
-                for name, (at, step) in zip(names, arrays, strict=True):
-                    setattr(b, name, (at + start * step if step else at, step))
-                status = call(b)
-                if not status:
-                    break
-                failed[start + b.failed] = status
-                if not go_on:
-                    break
-                start += b.failed + 1
-            target.single_calls.free.append(memory)
+            with target.work() as work:
+                while start < end:
+                    b = ffi.new("batch *", {"count": end - start, "work": work})
+                    for name, (at, step) in zip(names, arrays, strict=True):
+                        setattr(b, name, (at + start * step if step else at, step))
+                    status = call(b)
+                    if not status:
+                        break
+                    failed[start + b.failed] = status
+                    if not go_on:
+                        break
+                    start += b.failed + 1
             return failed
 
         return self._run(part, count)

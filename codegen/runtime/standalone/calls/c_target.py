@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,14 @@ from ..errors import (
     singular_forces,
 )
 from ..files.build import Build, builds
-from ..files.caller import find_caller
 from ..files.compiler import find_compiler
 from ..warning import warn
 from .arguments import NO_SEEDS, Seeds
 from .batches import Batches, Failed, spoil
-from .few_states import FewStates
-from .functions import Function, split
+from .caller import find_caller
+from .functions import Function, names_of, split
 from .results import empty
-from .single_calls import SLOT, SingleCalls
+from .single_calls import SLOT, Calls
 
 FEW_LACK = -3
 """What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
@@ -38,12 +38,6 @@ FEW_LACK = -3
 
 BESIDE = {"points": "frames", "point_sensitivities": "frame_sensitivities"}
 """Functions over chosen points, and those in whose library they are."""
-
-
-def call_by_address(function: Any, x: Any, given: int, t: float, k: int) -> int:
-    """What `find_caller` gives, in cffi's ABI mode."""
-    status: int = function(x, given, t, k)
-    return status
 
 
 class CTarget:
@@ -91,6 +85,7 @@ class CTarget:
         self.workspace: int = manifest["workspace"]
         self.functions = functions
         self.shapes = shapes
+        self.names = names_of(manifest)
         self.dtype = dtype_of(manifest)
         self.real = SCALARS[self.dtype.name]
         """What numbers of the C are called."""
@@ -104,7 +99,7 @@ class CTarget:
         self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
         self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
         """What ``x[FEW]`` of ``NAME_calls.c`` points to: whether functions over few directions cannot be had, and these."""
-        self._few_at = self.ffi.cast(f"{self.real} *", self._few)
+        self.few_pointer = self.ffi.cast(f"{self.real} *", self._few)
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
         self._opening = threading.Lock()
@@ -116,7 +111,6 @@ class CTarget:
             find_compiler()  # none is told now, where NumPy can serve instead
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
-        self.call = call_by_address if caller is None else caller.ordernm_call
         self._numbers = self.ffi.typeof(f"{self.real}[]")
         self._calls: dict[str, Any] = {}
         self.batches = Batches(weakref.proxy(self), folder, manifest, sealed)
@@ -124,10 +118,9 @@ class CTarget:
         self._lock = threading.Lock()
         self._zeros = self.pointer(self.zeros(8))
         self._blank = [self.ffi.NULL] * SLOT["default_p"]
-        self._default_pointers = [self.pointer(a) for a in self.defaults]
-        self.single_calls = SingleCalls(weakref.proxy(self))
-        self.one_state = self.single_calls.run
-        self.few_states = FewStates(weakref.proxy(self), self.single_calls).run
+        self.default_pointers = [self.pointer(a) for a in self.defaults]
+        self._free_work: list[Any] = []
+        self.calls = Calls(weakref.proxy(self), caller)
 
     @property
     def threads(self) -> int:
@@ -225,10 +218,17 @@ class CTarget:
                 self._addresses[symbol] = int(self.ffi.cast("intptr_t", getattr(library, symbol)()))
             return self._addresses[symbol]
 
-    def address(self, f: Function) -> Any:
-        """What `call` takes for a function: the function, or its address for cffi's API mode."""
-        function = self.function(f)
-        return function if self.mode == "abi" else self.ffi.cast("void *", function)
+    @contextlib.contextmanager
+    def work(self) -> Iterator[Any]:
+        """A pointer to a workspace that no other call uses meanwhile."""
+        try:
+            memory = self._free_work.pop()
+        except IndexError:
+            memory = self.pointer(np.empty(self.workspace, self.dtype))
+        try:
+            yield memory
+        finally:
+            self._free_work.append(memory)
 
     def run_backwards(self, system: Any) -> None:
         """Give an ``ordernm_system`` the functions that run motions backwards, where they are a library of their own."""
@@ -248,11 +248,15 @@ class CTarget:
         call = self._calls.get(f.name)
         if call is None:
             symbol = f"{self.model}_call_{f.name}"
-            library = self.library_of(BESIDE.get(f.name, f.name))
+            library = self.library_of_call(f)
             with self._lock:
                 self.ffi.cdef(f"int {symbol}({self.real} **, long, double, long);", override=True)
                 call = self._calls[f.name] = getattr(library, symbol)
         return call
+
+    def library_of_call(self, f: Function) -> Any:
+        """The library that has the call of a function."""
+        return self.library_of(BESIDE.get(f.name, f.name))
 
     def _nothing(self, size: int) -> Any:
         """So many zeros: a seed that was left out."""
@@ -263,38 +267,36 @@ class CTarget:
 
     # -- one state -----------------------------------------------------------------------------------------------------
 
-    def pointers(self, given: Mapping[str, Any], work: Any, lanes: Array, results: Sequence[Any]) -> Any:
-        """The table of pointers of a call."""
+    def pointers(self, given: Mapping[int, Any], work: Any, lanes: Any, results: Sequence[Any]) -> Any:
+        """The table of pointers of a call; `given` are those of arguments and seeds, by slot."""
         x = self.ffi.new(
             f"{self.real} *[]",
             [
                 *self._blank,
-                *self._default_pointers,
+                *self.default_pointers,
                 work,
-                self.pointer(lanes),
-                self._few_at,
+                lanes,
+                self.few_pointer,
                 self.ffi.NULL,
                 *map(self.pointer, results),
             ],
         )
-        for name, pointer in given.items():
-            x[SLOT[name]] = pointer
+        for slot, pointer in given.items():
+            x[slot] = pointer
         return x
 
     def _single(self, f: Function, arrays: Mapping[str, Any], seeds: Seeds, results: Sequence[Array]) -> None:
         """Compute the results of one state, directions as rows."""
         given = {n: self.plain(a) for n, a in arrays.items() if n in SLOT}
         given |= {s: self.plain(a) for s, a in seeds.of.items() if s in f.seeds}
-        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
-        lanes = np.empty((sum(f.seeds.values()) + derived) * max(f.widths, default=0), self.dtype)
-        memory = self.single_calls.take()
-        x = self.pointers({n: self.pointer(a) for n, a in given.items()}, memory.work, lanes, results)
-        bits = sum(1 << SLOT[n] for n in given)
-        status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
-        if status == FEW_LACK:
-            self.give_few()
+        lanes = np.empty(f.per_direction * max(f.widths, default=0), self.dtype)
+        with self.work() as work:
+            x = self.pointers({SLOT[n]: self.pointer(a) for n, a in given.items()}, work, self.pointer(lanes), results)
+            bits = sum(1 << SLOT[n] for n in given)
             status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
-        self.single_calls.free.append(memory)
+            if status == FEW_LACK:
+                self.give_few()
+                status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
         if status > 0:
             raise self.singular(status)
 
@@ -315,7 +317,7 @@ class CTarget:
         axes as the batch. States of a batch that fail go to `failed`, if that is there, and have NaN; else they are an error.
         """
         if not (batch or out or f.seeds):
-            alone = self.one_state(f.name, [arrays.get(n, 0.0 if n == "t" else None) for n in f.order])
+            alone = self.calls[f.name](tuple([arrays.get(n, 0.0 if n == "t" else None) for n in f.order]), None, None)
             if alone is not None:
                 return list(alone)
         results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch, seeds.k)]

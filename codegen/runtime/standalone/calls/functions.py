@@ -99,6 +99,11 @@ class Function:
         """Shapes of the results of a call with k directions: (*batch, ...), of derivatives (k, *batch, ...)."""
         return [((k,) if d else ()) + batch + s for s, d in zip(self.shapes, self.derived, strict=True)]
 
+    @property
+    def per_direction(self) -> int:
+        """Entries of seeds and derivatives along one direction."""
+        return sum(self.seeds.values()) + sum(math.prod(s) for s, d in zip(self.shapes, self.derived, strict=True) if d)
+
     def has_entries(self) -> bool:
         """Whether there is anything to compute."""
         return any(map(math.prod, self.shapes))
@@ -152,6 +157,15 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
         "actuation": (len(manifest["prescribed_names"]),),
         "full_q": (nq,), "full_u": (nu,), "reaction": (len(manifest["links"]), 6), "loop_reaction": (nloops, 6),
         "frames": (nbodies, 18), "frame_accelerations": (nbodies, 6), "point_places": (len(manifest.get("points", ())), 3),
+    }  # fmt: skip
+
+
+def names_of(manifest: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Names of the entries of what may be given by name."""
+    q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
+    return {
+        "q": q, "u": u, "udot": u, "b": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
+        "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
     }  # fmt: skip
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from ..arrays import Array, Shape, dtype_of, of_state
 from ..errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
 from .arguments import NO_SEEDS, Seeds
-from .functions import Function, Wanted
+from .functions import Function
 from .results import put
+from .single_calls import NoCalls
 
 
 class NumpyTarget:
@@ -23,6 +24,7 @@ class NumpyTarget:
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
         self.threads = 1
+        self.calls = NoCalls()
         self.dtype = dtype_of(manifest)
         self.couplings = frozenset(manifest.get("couplings", ()))
         self.singular_forces = dict(singular_forces(manifest))
@@ -36,17 +38,6 @@ class NumpyTarget:
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         return module
-
-    def one_state(
-        self,
-        wanted: str | Wanted,
-        given: Sequence[Any],
-        seeds: Sequence[Any] | None = None,
-        out: Any = None,
-    ) -> None:
-        """None: there is no faster path than `compute`; see `SingleCalls.run`."""
-
-    few_states = one_state
 
     def compute(
         self,

@@ -20,7 +20,7 @@ from .arguments import NO_SEEDS, Arguments, Seeds
 from .bad_states import BAD_STATES, Lenient, spread, tell_bad
 from .batches import spoil
 from .c_target import CTarget
-from .functions import WITHOUT_ENTRIES, Function, function, shapes_of
+from .functions import WITHOUT_ENTRIES, Function, Wanted, function, shapes_of
 from .non_finite import tell_infinite
 from .operation_counts import OperationCounts
 from .results import empty, overlap, places, put
@@ -113,7 +113,7 @@ class Package:
     def _use(self, opened: Opened) -> None:
         """Compute with a partition from now on."""
         self._opened = opened
-        self._one_state, self._few_states = opened.target.one_state, opened.target.few_states
+        self._calls = opened.target.calls
         self._watched = bool(opened.manifest.get("opening"))
 
     def __getstate__(self) -> tuple[str, str, int, int, str, str]:
@@ -266,17 +266,17 @@ class Package:
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
-    def _call(self, name: str, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None) -> Any:
+    def _call(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
         """Results of a function, in `out` if there is one.
 
         `given` are the arguments that it takes, and `seeds` those of a function over directions, as a user gives them, in the
-        order of `Function.order` and `Function.directions`. One state and a few, in plain arrays, go straight to the C.
+        order of `Function.order` and `Function.directions`. One state and a few go straight to the C.
         """
         if self._watched and seeds is not None:
             self._look_at_directions(name, given, seeds)
-        found = self._one_state(name, given, seeds, out) or self._few_states(name, given, seeds, out)
+        found = self._calls[name](given, seeds, out)
         if found is not None:
-            return found if out is None else tuple(found)
+            return found
         opened = self._opened
         f = self._find(opened, name)
         arrays, batch, bad = self._taken(f, given)
@@ -288,6 +288,13 @@ class Package:
         shapes, results = f.whole_shapes(batch, along.k), [out] if seeds is None else out
         taken = [] if out is None else places(results, f.results, shapes, self._arguments.dtype)
         return tuple(self._compute(opened, f, arrays, batch, along, taken, bad))
+
+    def _one_state(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None) -> Any:
+        """Results of a function; None unless it is one state, and seeds, in arrays that go straight to the C."""
+        plain = all(x is None or type(x) is float or (type(x) is np.ndarray and x.ndim == 1) for x in given)
+        if not plain or any(type(x) not in (float, np.ndarray, type(None)) for x in seeds or ()):
+            return None
+        return self._calls[wanted](given, seeds, None)
 
     def _taken(self, f: Function, values: Sequence[Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
         """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error."""
@@ -359,7 +366,7 @@ class Package:
         """What a mapping leaves out of an argument: default parameters, else zeros."""
         return self._arguments.defaults.get(name, 0.0)
 
-    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
+    def _look_at_directions(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...]) -> None:
         """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
 
 

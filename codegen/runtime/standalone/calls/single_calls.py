@@ -1,23 +1,26 @@
-"""Calls of the compiled functions with one state in plain arrays: the C reads copies of them, at addresses that stay.
+"""Calls of the compiled functions with arguments as they were passed: one state, or a few along one axis.
 
-A copy of a few numbers takes less time than finding out where an array begins. `memoryview` compares type and shape as it copies.
+A call takes arguments in `Function.order`, seeds in `Function.directions` or None, and arrays for results or None. It returns a
+tuple of arrays; or None for all that is not plain, not finite or singular, which the general path converts, or refuses with the
+reason. ``direct_call.c`` has these calls; where it cannot be compiled, `PlainCall` has them for one state in arrays.
 """
 
 from __future__ import annotations
 
 import math
-import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Shape
+from ..arrays import Array
 from .functions import ARGUMENTS, SEEDS, Function, Wanted
-from .results import overlapping
+from .results import empty, overlapping, put
 
-LARGEST = 2**15
-"""Numbers of all seeds and results of a call; above this size the C reads and writes the arrays themselves."""
+Call = Callable[[tuple[Any, ...], tuple[Any, ...] | None, Any], tuple[Array, ...] | None]
+
+FEW, FEW_ALONG = 96, 32
+"""States of a small batch; with more, a large batch takes less time, along directions sooner."""
 
 SELECTIVE = ("jacobians",)
 """Functions that leave out results with no place to go, but for the first."""
@@ -30,334 +33,176 @@ SLOT = {
 }
 """Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
 
-
-Q, U, P, INPUTS = (1 << SLOT[n] for n in ("q", "u", "p", "inputs"))
-"""Bits that say which arguments are given."""
+WITH_DEFAULT = ("p", "inputs")
 
 
-class CallMemory(dict[Any, "PreparedCall"]):
-    """Memory of one call at a time: the workspace, arguments, and of each function what `PreparedCall` has.
+def general(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> None:
+    """Leaves a call to the general path."""
+
+
+class NoCalls(dict[Any, Call]):
+    """The calls of a target that has the general path alone."""
+
+    def __missing__(self, wanted: str | Wanted) -> Call:
+        return general
+
+
+class Calls(dict[Any, Call]):
+    """The calls of a compiled target by what they return, made when they are first looked up. Threads may share one.
 
     Parameters
     ----------
     target : CTarget
-
-    Attributes
-    ----------
-    work : pointer
-        To the workspace.
-    arguments : dict of str to memoryview
-    pointers : dict of str to pointer
-        To the arguments.
-    q, u, p, inputs : memoryview
-        The arguments that most functions take.
+    caller : module or None
+        See `find_caller`.
     """
 
-    __slots__ = ("arguments", "inputs", "p", "pointers", "q", "target", "u", "work")
-
-    def __init__(self, target: Any):
+    def __init__(self, target: Any, caller: Any):
         super().__init__()
-        self.target = target
-        self.work = target.pointer(np.empty(target.workspace, target.dtype))
-        arrays = {n: target.zeros(target.shapes[n]) for n in ARGUMENTS}
-        self.arguments: dict[str, Any] = {n: x.data for n, x in arrays.items()}
-        self.pointers = {n: target.pointer(x) for n, x in arrays.items()}
-        self.q, self.u, self.p, self.inputs = (self.arguments[n] for n in ("q", "u", "p", "inputs"))
+        self.target, self.caller = target, caller
+        self.pool = None if caller is None else caller.pool()
 
-    def prepare(self, wanted: str | Wanted) -> PreparedCall:
-        """The call of a function.
-
-        Raises
-        ------
-        KeyError
-            There is none.
-        ValueError
-            It has too many results.
-        """
+    def __missing__(self, wanted: str | Wanted) -> Call:
         if isinstance(wanted, str):
-            f = self.target.functions[wanted]
-            wanted = Wanted(wanted, f.results)
+            f = self.target.functions.get(wanted)
+            wanted, key = Wanted(wanted, f.results if f else ()), wanted
         else:
-            f = wanted.function or self.target.functions[wanted.name]
-        if sum(map(math.prod, f.shapes)) > LARGEST:
-            raise ValueError
-        return PreparedCall(f, wanted, self)
+            f, key = wanted.function or self.target.functions.get(wanted.name), wanted
+        if f is None:
+            return general
+        call: Call = PlainCall(self.target, f, wanted) if self.caller is None else self._compiled(f, wanted)
+        self[key] = call
+        return call
+
+    def _compiled(self, f: Function, wanted: Wanted) -> Call:
+        target = self.target
+        table = None if wanted.table is None else wanted.table.astype(target.dtype, copy=False)
+        fixed: dict[str, Any] = dict(zip(("default_p", "default_inputs"), target.default_pointers, strict=True))
+        fixed |= {"few": target.few_pointer, "points": target.pointer(table)}
+        address = {n: int(target.ffi.cast("intptr_t", pointer)) for n, pointer in fixed.items()}
+
+        def taken(name: str, of: str, needed: int, rest: int = 0) -> tuple[int, int, int, dict[str, int] | None, int]:
+            """What the C reads of an argument: its slot, size, whether it is needed, places of names, and defaults."""
+            names = None if name in ("q", "u") else {n: i for i, n in enumerate(target.names.get(of, ()))}
+            return SLOT[name], math.prod(target.shapes[of]), needed, names, rest
+
+        takes = [
+            (0, 0, 0, None, 0) if n == "t"
+            else taken(n, n, int(n in f.takes and n not in WITH_DEFAULT), address.get(f"default_{n}", 0))
+            for n in f.order
+        ]  # fmt: skip
+        seeds = [taken(s, s[1:], -1 if s == "dt" else 0) for s in f.directions]
+        results = [
+            (math.prod(shape), int(derived), place_of(r, i, f, wanted))
+            for i, (r, shape, derived) in enumerate(zip(f.results, f.shapes, f.derived, strict=True))
+        ]
+        returns = []
+        for r in wanted.returned:
+            if r in f.results:
+                i = f.results.index(r)
+                returns.append((int(f.derived[i]), 0, f.shapes[i]))
+            else:
+                returns.append((int(bool(f.seeds)), 1, target.shapes[r.removeprefix("d")]))
+        lanes = f.per_direction * max(f.widths, default=0)
+        call: Call = self.caller.Call(
+            self.pool, int(target.ffi.cast("intptr_t", target.function(f))), target.dtype.itemsize,
+            (target.workspace, lanes, SLOT["work"], SLOT["lanes"]), (FEW, FEW_ALONG),
+            [address.get(n, 0) for n in SLOT if n != "results"], takes, seeds, results, returns,
+            (table, target.defaults, target.library_of_call(f), target.few_pointer),
+        )  # fmt: skip
+        return call
 
 
-class PreparedCall:
-    """A function with what the C needs: a table of pointers, and memory for seeds and results.
+def place_of(result: str, i: int, f: Function, wanted: Wanted) -> int:
+    """Where a result is among those that are returned; -1 where it is not, -2 where it is then not computed either."""
+    if result in wanted.returned:
+        return wanted.returned.index(result)
+    return -2 if i and f.name in SELECTIVE else -1
+
+
+class PlainCall:
+    """A call in Python, by cffi's ABI mode: of one state, and seeds, in arrays as the C reads them.
 
     Parameters
     ----------
+    target : CTarget
     f : Function
     wanted : Wanted
-    memory : CallMemory
-
-    Attributes
-    ----------
-    call, function
-        What calls a function, and the function.
-    x : pointer
-        The table of pointers.
-    needed : int
-        The bits of arguments that must be given.
-    extra : (int, memoryview)
-        The bit of the argument behind t, and its copy.
-    k : int
-        Directions for which there is room now.
-    seeds : list of tuples
-        Of each seed its bit, the copies of a single direction and of all, and the shape of these.
-    results : list of arrays
-        The results that are returned.
     """
 
-    __slots__ = (
-        "call",
-        "capacity",
-        "dtype",
-        "extra",
-        "f",
-        "fitting",
-        "function",
-        "k",
-        "kept",
-        "looked_at",
-        "needed",
-        "per_direction",
-        "places",
-        "pointer",
-        "results",
-        "returned",
-        "rows",
-        "seeds",
-        "shapes",
-        "x",
-    )  # fmt: skip
-
-    def __init__(self, f: Function, wanted: Wanted, memory: CallMemory):
-        target = memory.target
-        self.f, self.returned, self.pointer, self.call = f, wanted.returned, target.pointer, target.call
-        self.function = target.address(f)
-        self.shapes, self.dtype = target.shapes, target.dtype
-        self.needed = sum(1 << SLOT[n] for n in f.takes if n not in ("p", "inputs", "t"))
-        self.extra: tuple[int, Any] = (
-            1 << SLOT[f.order[-1]] if len(f.order) > 5 else 0,
-            memory.arguments.get(f.order[-1]),
-        )
-        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
-        self.per_direction = sum(f.seeds.values()) + derived
-        self.k, self.capacity = 0, -1
-        lanes = np.empty(self.per_direction * max(f.widths, default=0), target.dtype)
-        self.x = target.pointers(memory.pointers, memory.work, lanes, [None] * len(f.results))
-        table = None if wanted.table is None else wanted.table.astype(target.dtype, copy=False)
-        self.x[SLOT["points"]] = target.pointer(table)
-        self.kept = memory.pointers, lanes, table
-        self.rows: dict[str, Array] = {}
-        self.places: dict[str, Array | None] = {}
-        self.fit(0)
-
-    def fit(self, k: int) -> bool:
-        """Make room for k directions; returns whether that number is allowed."""
-        f = self.f
-        if sum(map(math.prod, f.shapes)) + k * self.per_direction > LARGEST:
-            return False
-        if k > self.capacity:
-            self.capacity = max(k, 8) if f.seeds else 0
-            for i, (r, shape) in enumerate(zip(f.results, f.whole_shapes((), self.capacity), strict=True)):
-                computed = not i or r in self.returned or f.name not in SELECTIVE
-                self.places[r] = np.empty(shape, self.dtype) if computed else None
-                self.x[SLOT["results"] + i] = self.pointer(self.places[r])
-            for r in self.returned:
-                if r not in f.results:
-                    shape = self.shapes[r.removeprefix("d")]
-                    self.places[r] = np.zeros((self.capacity, *shape) if f.seeds else shape, self.dtype)
-            for s in f.directions:
-                self.rows[s] = np.zeros((self.capacity, math.prod(self.shapes[s[1:]])), self.dtype)
-                self.x[SLOT[s]] = self.pointer(self.rows[s])
-        self.k = k
-        self.seeds: list[tuple[int, Any, Array, Shape]] = []
-        for s, rows in self.rows.items():
-            every = rows[:k, 0] if s == "dt" else rows[:k]
-            self.seeds.append((1 << SLOT[s], rows[0].data, every, every.shape))
-        values = {r for r, derived in zip(f.results, f.derived, strict=True) if not derived or not f.seeds}
-        self.results: list[Any] = [
-            place if place is None or r in values or not f.seeds else place[:k]
-            for r, place in ((r, self.places[r]) for r in self.returned)
+    def __init__(self, target: Any, f: Function, wanted: Wanted):
+        self.target, self.f, self.dtype, self.run = target, f, target.dtype, target.function(f)
+        self.table = None if wanted.table is None else wanted.table.astype(target.dtype, copy=False)
+        self.lanes = f.per_direction * max(f.widths, default=0)
+        self.blank = target.pointers({}, target.ffi.NULL, target.ffi.NULL, [None] * len(f.results))
+        self.blank[SLOT["points"]] = target.pointer(self.table)
+        # of each argument and seed: its bit, its slot (-1 for t), and its shape
+        self.takes = [(0, -1, ()) if n == "t" else (1 << SLOT[n], SLOT[n], target.shapes[n]) for n in f.order]
+        self.seeds = [(1 << SLOT[s], SLOT[s], target.shapes[s[1:]]) for s in f.directions]
+        self.needed = sum(1 << SLOT[n] for n in f.takes if n not in (*WITH_DEFAULT, "t"))
+        self.optional = sum(1 << SLOT[n] for n in WITH_DEFAULT)
+        self.places = [place_of(r, i, f, wanted) for i, r in enumerate(f.results)]
+        self.returned = [
+            (f.results.index(r), ()) if r in f.results else (-1, target.shapes[r.removeprefix("d")])
+            for r in wanted.returned
         ]
-        self.fitting: list[int] = []
-        return True
 
-    def fits(self, out: Any) -> bool:
-        """Whether the results may be written there. The arrays that were looked at last are known by their addresses until one of
-        them is gone, so that loops have them looked at once."""
-        if type(out) not in LISTS:
-            return False
-        places = [*map(id, out)]
-        if places == self.fitting:
-            return True
-        found = fits(out, self.results)
-        self.fitting = places if found else []
-        self.looked_at = [weakref.ref(x, self.forget) for x in out] if found else []
-        return found
-
-    def forget(self, reference: Any) -> None:
-        """An array is gone; another one may have its address."""
-        self.fitting = []
-
-    def take_seeds(self, seeds: Sequence[Any]) -> int:
-        """Copy the seeds; the bits of those that are given.
-
-        Raises
-        ------
-        ValueError
-            They are not plain arrays of as many directions as there is room for.
-        """
-        bits, of_seeds, k = 0, self.seeds, self.k
-        for i, x in enumerate(seeds):
-            if x is not None:
-                bit, row, rows, shape = of_seeds[i]
+    def __call__(self, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
+        pointers: dict[int, Any] = {}
+        bits, k, t = 0, 0, None
+        for (bit, slot, shape), x in zip(self.takes, given, strict=True):
+            if slot < 0:
+                t = x
+            elif x is not None:
+                if not self.is_plain(x) or x.shape != shape:
+                    return None
                 bits |= bit
-                if type(x) is not ARRAY:
-                    if shape != (1,) or not isinstance(x, float):
-                        raise ValueError
-                    rows[0] = x
-                elif x.shape == shape and x.dtype is self.dtype:
-                    rows[...] = x
-                elif k == 1:
-                    row[:] = x
-                else:
-                    raise ValueError
-        if not bits:
-            raise ValueError
-        return bits
-
-    def take_other_seeds(self, seeds: Sequence[Any]) -> int:
-        """The same for seeds of another number of directions."""
-        for x, (_, _, rows, _) in zip(seeds, self.seeds, strict=True):
+                pointers[slot] = self.target.pointer(x)
+        if not isinstance(t, float) or bits & ~self.optional != self.needed:
+            return None
+        for (bit, slot, shape), x in zip(self.seeds, seeds or (), strict=True):
             if x is not None:
-                several = type(x) is ARRAY and x.ndim == rows.ndim
-                k = len(x) if several else 1
-                if k not in (0, self.k) and self.fit(k):
-                    return self.take_seeds(seeds)
-                break
-        raise ValueError
+                rows = len(x) if type(x) is np.ndarray and x.ndim > len(shape) else 1
+                if not self.is_plain(x) or x.shape not in (shape, (rows, *shape)) or not x.ndim or k not in (0, rows):
+                    return None
+                bits, k = bits | bit, rows
+                pointers[slot] = self.target.pointer(x)
+        return None if self.seeds and not k else self.results(pointers, bits, t, k, seeds is None, out)
+
+    def is_plain(self, x: Any) -> bool:
+        """Whether the C can read an array where it is."""
+        return type(x) is np.ndarray and x.dtype is self.dtype and x.flags.c_contiguous and x.flags.aligned
+
+    def results(self, pointers: dict[int, Any], bits: int, t: float, k: int, single: bool, out: Any) -> Any:
+        """What the C computes from these; None where it cannot, or where it may not be written to `out`."""
+        target = self.target
+        computed = [
+            None if place == -2 else empty(shape, self.dtype)
+            for place, shape in zip(self.places, self.f.whole_shapes((), k), strict=True)
+        ]
+        lead = (k,) if self.seeds else ()
+        found: list[Any] = [computed[i] if i >= 0 else np.zeros(lead + shape, self.dtype) for i, shape in self.returned]
+        if out is not None:
+            out = [out] if single and type(out) is np.ndarray else out
+            if not (isinstance(out, (tuple, list)) and fits(out, found)):
+                return None
+        pointers[SLOT["lanes"]] = target.pointer(np.empty(self.lanes, self.dtype))
+        for i, place in enumerate(computed, SLOT["results"]):
+            pointers[i] = target.pointer(place)
+        with target.work() as pointers[SLOT["work"]]:
+            x = target.ffi.new(target.ffi.typeof(self.blank), len(self.blank))
+            x[0 : len(x)] = self.blank
+            for slot, pointer in pointers.items():
+                x[slot] = pointer
+            status = self.run(x, bits, t, k)
+        return None if status else tuple(found if out is None else put(found, out))
 
 
-class SingleCalls:
-    """Calls a target's functions with one state. Any number of threads may call at once: each call has memory to itself.
-
-    Parameters
-    ----------
-    target : CTarget
-    """
-
-    def __init__(self, target: Any):
-        self.target = target
-        self.free: list[CallMemory] = []
-        self.run = _run(target, self.free)
-
-    def take(self) -> CallMemory:
-        """Memory that no other call has until it is put back into `free`; that of a call which is interrupted is lost."""
-        try:
-            return self.free.pop()
-        except IndexError:
-            return CallMemory(self.target)
-
-
-def _run(target: Any, free: list[CallMemory]) -> Callable[..., Sequence[Array] | None]:
-    """What calls functions with memory that is free; a closure, since that takes less time than a method."""
-    pop, push = free.pop, free.append
-
-    def run(
-        wanted: str | Wanted,
-        given: Sequence[Any],
-        seeds: Sequence[Any] | None = None,
-        out: Any = None,
-    ) -> Sequence[Array] | None:
-        """Results of a function, in `out` if there is one.
-
-        Parameters
-        ----------
-        wanted : str or Wanted
-            The function, or which of its results.
-        given, seeds : sequence of Any
-            As they were passed, in the order of `Function.order` and `Function.directions`.
-        out : sequence of arrays, optional
-            One for each result that is returned; the array itself for a function with one.
-
-        Returns
-        -------
-        sequence of arrays, or None
-            None unless the arguments are plain arrays of one valid state, and the results finite.
-        """
-        try:
-            memory = pop()
-        except IndexError:
-            memory = CallMemory(target)
-        found: Sequence[Array] | None = None
-        try:
-            call = memory.get(wanted) or memory.setdefault(wanted, memory.prepare(wanted))
-            if len(given) == 5:
-                q, u, p, inputs, t = given
-                bits = 0
-            else:
-                q, u, p, inputs, t, extra = given
-                bits, numbers = call.extra
-                if type(extra) is not ARRAY:
-                    raise ValueError
-                numbers[:] = extra
-            if type(q) is ARRAY:
-                memory.q[:] = q
-                bits |= Q
-            if type(u) is ARRAY:
-                memory.u[:] = u
-                bits |= U
-            if bits == call.needed and (type(t) is float or isinstance(t, (float, int))):
-                if type(p) is ARRAY:
-                    memory.p[:] = p
-                    bits |= P
-                elif p is not None:
-                    raise ValueError
-                if type(inputs) is ARRAY:
-                    memory.inputs[:] = inputs
-                    bits |= INPUTS
-                elif inputs is not None:
-                    raise ValueError
-                if seeds is not None:
-                    try:
-                        bits |= call.take_seeds(seeds)
-                    except ValueError:
-                        bits |= call.take_other_seeds(seeds)
-                results = call.results
-                if seeds is None and type(out) is ARRAY:
-                    out = (out,)
-                if (out is None or call.fits(out)) and not call.call(call.function, call.x, bits, t, call.k):
-                    if out is not None:
-                        for i, place in enumerate(out):
-                            place[...] = results[i]
-                        found = out
-                    elif len(results) == 1:
-                        found = (results[0].copy(),)
-                    elif len(results) == 2:
-                        found = results[0].copy(), results[1].copy()
-                    else:
-                        found = [x.copy() for x in results]
-        except (KeyError, OverflowError, TypeError, ValueError):  # other types and shapes
-            pass
-        push(memory)
-        return found
-
-    return run
-
-
-ARRAY, LISTS = np.ndarray, (tuple, list)
-
-
-def fits(out: Sequence[Any], results: Sequence[Array]) -> bool:
+def fits(places: Sequence[Any], found: Sequence[Array]) -> bool:
     """Whether results may be written there."""
-    if len(out) != len(results):
+    if len(places) != len(found):
         return False
-    for x, result in zip(out, results, strict=True):
-        if type(x) is not ARRAY or x.dtype != result.dtype or x.shape != result.shape or not x.flags.carray:
+    for x, result in zip(places, found, strict=True):
+        if type(x) is not np.ndarray or x.dtype != result.dtype or x.shape != result.shape or not x.flags.carray:
             return False
-    return not overlapping(out)
+    return not overlapping(places)

@@ -14,20 +14,9 @@ from ..warning import warn
 from .arguments import NO_SEEDS, Seeds
 from .c_target import CTarget
 from .comparison import compare
-from .functions import Function, Wanted, functions_of
+from .functions import Function, functions_of
 from .numpy_target import NumpyTarget
-
-
-class StateCall(Protocol):
-    """The faster path of one state, or of a few; see `SingleCalls.run` and `FewStates.run`."""
-
-    def __call__(
-        self,
-        wanted: str | Wanted,
-        given: Sequence[Any],
-        seeds: Sequence[Any] | None = None,
-        out: Any = None,
-    ) -> Sequence[Array] | None: ...
+from .single_calls import Call
 
 
 class Target(Protocol):
@@ -37,10 +26,7 @@ class Target(Protocol):
     threads: int
 
     @property
-    def one_state(self) -> StateCall: ...
-
-    @property
-    def few_states(self) -> StateCall: ...
+    def calls(self) -> Mapping[Any, Call]: ...
 
     def compute(
         self,

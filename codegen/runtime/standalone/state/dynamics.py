@@ -63,8 +63,7 @@ class Dynamics(Package):
         if self._watched and "p" in asked:
             self._look_at_directions("jacobians", given, (None, None, np.eye(self.np), None, None))
         else:
-            call = MATRICES[asked], given, None, None if out is None else ARRAYS[asked](out)
-            found = self._one_state(*call) or self._few_states(*call)
+            found = self._calls[MATRICES[asked]](given, None, None if out is None else ARRAYS[asked](out))
             if found is not None:
                 return out or (
                     Jacobians(*found) if len(found) == 5 else jacobians_of(dict(zip(asked, found, strict=True)))

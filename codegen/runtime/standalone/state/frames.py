@@ -114,10 +114,9 @@ class Frames(Package):
         """
         chosen = self._chosen(points)
         given = (q, self._moving_at(u), p, inputs, t)
-        if not accelerations and chosen.values is not None:
-            call = chosen.values, given
-            if (known := self._one_state(*call) or self._few_states(*call)) is not None:
-                return PointMotion(chosen.names, *known)
+        known = None if accelerations else self._calls[chosen.values](given, None, None)
+        if known is not None:
+            return PointMotion(chosen.names, *known)
         frames = self._frames(given, accelerations, None, chosen.names)
         found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
         return alone(found) if chosen.single else found
@@ -140,11 +139,10 @@ class Frames(Package):
         """
         chosen = self._chosen(points)
         given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
-        if not accelerations and chosen.along is not None and not self._watched:
-            call = chosen.along, given, along
-            if (known := self._one_state(*call) or self._few_states(*call)) is not None:
-                position, dposition, velocity, dvelocity = known
-                return PointMotion(chosen.names, position, velocity), PointMotion(chosen.names, dposition, dvelocity)
+        known = None if accelerations or self._watched else self._calls[chosen.along](given, along, None)
+        if known is not None:
+            position, dposition, velocity, dvelocity = known
+            return PointMotion(chosen.names, position, velocity), PointMotion(chosen.names, dposition, dvelocity)
         values, tangents = self._frames_along(given, along, accelerations, None, chosen.names)
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
         r = chosen.places(p)
@@ -226,15 +224,15 @@ class Frames(Package):
         """Names of the model's bodies; None in a package without frames."""
         return tuple(self._manifest["bodies"]) if "bodies" in self._manifest else None
 
-    def _frames(self, given: Sequence[Any], accelerations: bool, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
+    def _frames(self, given: tuple[Any, ...], accelerations: bool, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
         found = self._call("frames", given)[0]
         a = self._call("frame_accelerations", given)[0] if accelerations else None
         return frames_from(found, a, bodies, names)
 
     def _frames_along(
         self,
-        given: Sequence[Any],
-        along: Sequence[Any],
+        given: tuple[Any, ...],
+        along: tuple[Any, ...],
         accelerations: bool,
         bodies: Any,
         names: tuple[str, ...],
@@ -253,6 +251,10 @@ class Frames(Package):
         )
 
 
+NOTHING = Wanted("", ())
+"""What no package has."""
+
+
 class _Chosen:
     """Points that were asked for.
 
@@ -269,12 +271,11 @@ class _Chosen:
         One was asked for alone.
     moved : bool
         Whether parameters move some of them in their bodies.
-    values, along : Wanted or None
-        Their motion by a single call of the C; None for a choice that is not remembered.
+    values, along : Wanted
+        Their motion by a single call of the C; `NOTHING` for a choice that is not remembered.
     """
 
-    values: Wanted | None = None
-    along: Wanted | None = None
+    values = along = NOTHING
 
     def __init__(self, solver: Frames, points: Points):
         self.solver = solver

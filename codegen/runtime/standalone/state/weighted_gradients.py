@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,7 +98,9 @@ class WeightedGradients(States):
         if self._has("completion_sensitivities_transposed"):
             given = {**arrays, "q": q_new}
             name = "completion_sensitivities_transposed"
-            found = self._gradients(name, [given[n] for n in STATE], [along.get(d) for d in WEIGHTED[name]])
+            found = self._gradients(
+                name, tuple([given[n] for n in STATE]), tuple([along.get(d) for d in WEIGHTED[name]])
+            )
         else:
             wide = {
                 n: np.broadcast_to(along.get(f"dfull_{n}", 0.0), (k, *batch, *self._shapes[n])).astype(q_new.dtype)
@@ -111,11 +113,10 @@ class WeightedGradients(States):
             bar /= length
         return found
 
-    def _gradients(self, name: str, given: Sequence[Any], weights: Sequence[Any]) -> Gradients:
+    def _gradients(self, name: str, given: tuple[Any, ...], weights: tuple[Any, ...]) -> Gradients:
         opened = self._opened
         if not self._watched:
-            call = BY_ALL[name], given, weights
-            gradients = self._one_state(*call) or self._few_states(*call)
+            gradients = self._calls[BY_ALL[name]](given, weights, None)
             if gradients is not None:
                 return Gradients(*gradients)
         arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)

@@ -308,7 +308,7 @@ class Extended(Package):
             return f"{name!r} is not to be had in more digits; it computes in double precision"
         return super()._why_not(name)
 
-    def _call(self, name: str, given: Sequence[Any], seeds: Sequence[Any] | None = None, out: Any = None) -> Any:
+    def _call(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
         if out is not None:
             raise ValueError(NO_PLACES)
         return super()._call(name, given, seeds)

@@ -1,35 +1,27 @@
-"""What calls a library: cffi's API mode, a small module that is compiled once for a user's Python, where it can be had."""
+"""The compiled part of calls, ``direct_call.c``: compiled once for a user's Python and NumPy, where their headers are at hand."""
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import importlib.machinery
 import importlib.util
-import io
 import os
 import platform
 import sysconfig
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..errors import CompileError, FlagsError, NoCompilerError
-from .build import Build, short_key
-from .compiler import STANDARD, compiler_version
+from ..files.build import Build, short_key
+from ..files.compiler import STANDARD, compiler_version
 
-CALLER = "int ordernm_call(void *, void *, long, double, long);\n"
-"""What cffi's API mode compiles: calls of the functions of ``NAME_calls.c``, of all packages, by their addresses."""
-
-SOURCE = """\
-static int ordernm_call(void *function, void *x, long given, double t, long k)
-{
-    return ((int (*)(double *const *, long, double, long))function)(x, given, t, k);
-}
-"""
+SOURCE = Path(__file__).with_name("direct_call.c")
 
 
 class CallerBuild(Build):
-    """How cffi's caller is compiled: once for a user's Python, whatever the model is.
+    """How ``direct_call.c`` is compiled, whatever the model is.
 
     Raises
     ------
@@ -43,39 +35,34 @@ class CallerBuild(Build):
         include = sysconfig.get_path("include")
         if not os.path.exists(os.path.join(include, "Python.h")):
             raise CompileError(f"no Python.h in {include}")
-        self.flags = ["-O1", "-I", include]
+        self.sources = [SOURCE]
+        self.flags = ["-O2", "-I", include, "-I", np.get_include()]
         self.places = [*self.places[1:], folder]
 
     def key(self) -> str:
-        import cffi
-
-        python = short_key(cffi.__version__, str(sysconfig.get_config_var("SOABI")), SOURCE, *STANDARD, *self.flags)
+        python = short_key(str(sysconfig.get_config_var("SOABI")), np.__version__, _source(), *STANDARD, *self.flags)
         machine = short_key(platform.machine(), *self.compiler, compiler_version(tuple(self.compiler)))
         return f"{self.name}-{python}-{machine if self.compiler else '*'}"
 
     def _compile(self, output: Path, log_file: Path) -> None:
-        from cffi import FFI
-
-        ffi = FFI()
-        ffi.cdef(CALLER)
-        ffi.set_source("_ordernm_call", SOURCE)
-        source = output.with_name("ordernm_call.c")
-        with contextlib.redirect_stdout(io.StringIO()):  # cffi tells what it writes
-            ffi.emit_c_code(str(source))
-        self.sources = [source]
-        # what fails is done without, and leaves no log, unless it was asked for
+        # without it calls take longer; so it leaves no log, unless ORDERNM_CFFI asks for it
         super()._compile(output, log_file if self.wanted else output.with_name(log_file.name))
 
 
 @functools.cache
+def _source() -> str:
+    return SOURCE.read_text(encoding="utf-8")
+
+
+@functools.cache
 def _load_caller(path: str) -> Any:
-    """The functions of a compiled caller."""
-    loader = importlib.machinery.ExtensionFileLoader("_ordernm_call", path)
-    spec = importlib.util.spec_from_file_location("_ordernm_call", path, loader=loader)
+    """The module of a compiled caller."""
+    loader = importlib.machinery.ExtensionFileLoader("ordernm_call", path)
+    spec = importlib.util.spec_from_file_location("ordernm_call", path, loader=loader)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     loader.exec_module(module)
-    return module.lib
+    return module
 
 
 _refused: set[str] = set()
@@ -83,7 +70,7 @@ _refused: set[str] = set()
 
 
 def find_caller(folder: Path) -> Any:
-    """The functions of `CALLER` in cffi's API mode; None where ABI mode must serve.
+    """The module that is made of ``direct_call.c``; None where calls go through cffi's ABI mode.
 
     ``ORDERNM_CFFI`` of the environment asks for one of them: ``api`` or ``abi``.
 
@@ -108,5 +95,7 @@ def find_caller(folder: Path) -> Any:
             raise
     except (CompileError, NoCompilerError, ImportError, OSError) as error:
         if mode == "api":
-            raise CompileError(f"ORDERNM_CFFI=api: cffi's API mode cannot be used: {error}") from None
+            raise CompileError(
+                f"ORDERNM_CFFI=api: the module that calls the C cannot be compiled or opened: {error}"
+            ) from None
         return None

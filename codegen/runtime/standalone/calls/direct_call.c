@@ -1,0 +1,590 @@
+/* Calls the functions of NAME_calls.c from Python with the arguments as they were passed: one state, or a few states along one
+ * axis, in NumPy arrays, lists or numbers by name. Compiled once for a user's Python and NumPy.
+ *
+ * A call copies arguments and seeds into memory of its own, so that results may overwrite them, releases the lock of the
+ * interpreter while it computes, and returns a tuple of arrays. It returns None, without an exception, for everything that takes
+ * a closer look: other types or shapes, numbers that are not finite, singular states. The caller then takes the general path,
+ * which converts, or raises with the reason. */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#define NPY_NO_DEPRECATED_API NPY_1_7_API_VERSION
+#include <numpy/arrayobject.h>
+
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_TAKEN = 16, MOST_RESULTS = 16, MOST_POINTERS = 48, MOST_AXES = 3, TIME = 4, KEPT = 1 << 19 };
+
+/* Memory of calls, reused; the interpreter's lock guards the list. */
+typedef struct block {
+    struct block *next;
+    size_t size;
+} block;
+
+typedef struct {
+    block *free;
+} pool;
+
+static const char POOL[] = "ordernm_call.pool";
+
+static void free_pool(PyObject *capsule)
+{
+    pool *p = PyCapsule_GetPointer(capsule, POOL);
+    while (p->free) {
+        block *b = p->free;
+        p->free = b->next;
+        free(b);
+    }
+    PyMem_Free(p);
+}
+
+static PyObject *new_pool(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(none))
+{
+    pool *p = PyMem_Calloc(1, sizeof *p);
+    if (!p) return PyErr_NoMemory();
+    return PyCapsule_New(p, POOL, free_pool);
+}
+
+static block *take_block(pool *p, size_t size)
+{
+    block *b = p->free;
+    if (b) p->free = b->next;
+    if (b && b->size >= size) return b;
+    free(b);
+    b = aligned_alloc(64, 64 + (size + 63)/64*64);
+    if (b) b->size = size;
+    return b;
+}
+
+/* An argument or a seed. */
+typedef struct {
+    long slot, size, needed; /* -1: the place of t, which is passed as a number */
+    PyObject *names;         /* places of entries by name, or NULL */
+    const char *rest;        /* entries that a mapping leaves out; NULL for zeros */
+} taken;
+
+/* A result of the C function: its entries, whether it has one row a direction, and its place among the results that are
+ * returned; -1 for memory that is not, -2 for none. */
+typedef struct {
+    long size, derived, place;
+} result;
+
+/* A result that is returned: its shape behind the axes of directions and states; zeros are not computed. */
+typedef struct {
+    int derived, zeros, nd;
+    npy_intp shape[MOST_AXES], size;
+} returned;
+
+typedef int (*function)(void *const *, long, double, long);
+
+typedef struct {
+    PyObject_HEAD
+    vectorcallfunc call;
+    function run;
+    pool *memory;
+    PyObject *kept;
+    int type;
+    size_t item;
+    long needed, work, lanes, few, few_along, at_work, at_lanes, at_results;
+    long ntaken, nseeds, nresults, nreturned;
+    void *pointers[MOST_POINTERS];
+    taken takes[MOST_TAKEN], seeds[MOST_TAKEN];
+    result results[MOST_RESULTS];
+    returned returns[MOST_RESULTS];
+} Call;
+
+static int is_plain(const Call *c, PyObject *x)
+{
+    return PyArray_CheckExact(x) && PyArray_TYPE((PyArrayObject *)x) == c->type && PyArray_ISNOTSWAPPED((PyArrayObject *)x);
+}
+
+static int number(PyObject *x, double *value)
+{
+    if (PyFloat_Check(x)) *value = PyFloat_AS_DOUBLE(x);
+    else if (PyLong_CheckExact(x)) *value = PyLong_AsDouble(x);
+    else return 0;
+    if (*value != -1.0 || !PyErr_Occurred()) return 1;
+    PyErr_Clear(); /* an integer beyond all doubles */
+    return 0;
+}
+
+static void store(const Call *c, char *to, double value)
+{
+    if (c->item == sizeof value) {
+        memcpy(to, &value, sizeof value);
+    } else {
+        const float rounded = (float)value;
+        memcpy(to, &rounded, sizeof rounded);
+    }
+}
+
+static int take_names(const Call *c, const taken *a, PyObject *x, char *to)
+{
+    PyObject *key, *value;
+    Py_ssize_t i = 0;
+    double entry;
+    if (!a->names) return 0;
+    if (a->rest) memcpy(to, a->rest, a->size*c->item);
+    else memset(to, 0, a->size*c->item);
+    while (PyDict_Next(x, &i, &key, &value)) {
+        PyObject *const place = PyUnicode_CheckExact(key) ? PyDict_GetItem(a->names, key) : NULL;
+        if (!place || !number(value, &entry)) return 0;
+        store(c, to + PyLong_AsLong(place)*c->item, entry);
+    }
+    return 1;
+}
+
+static int take_list(const Call *c, const taken *a, PyObject *x, char *to)
+{
+    double entry;
+    if (Py_SIZE(x) != a->size) return 0;
+    for (long i = 0; i < a->size; ++i) {
+        if (!number(PyList_CheckExact(x) ? PyList_GET_ITEM(x, i) : PyTuple_GET_ITEM(x, i), &entry)) return 0;
+        store(c, to + i*c->item, entry);
+    }
+    return 1;
+}
+
+static void take_row(const Call *c, const char *from, npy_intp step, long n, char *to)
+{
+    if (step == (npy_intp)c->item || n < 2) {
+        memcpy(to, from, n*c->item);
+        return;
+    }
+    for (long i = 0; i < n; ++i) memcpy(to + i*c->item, from + i*step, c->item);
+}
+
+/* An argument, as [rows][size]: one row that all states share, or one for each. Returned are the rows; 0 where it is not plain. */
+static long take(const Call *c, const taken *a, PyObject *x, long states, char *to)
+{
+    if (!PyArray_CheckExact(x)) {
+        if (PyDict_CheckExact(x)) return take_names(c, a, x, to);
+        return (PyList_CheckExact(x) || PyTuple_CheckExact(x)) && take_list(c, a, x, to);
+    }
+    PyArrayObject *const array = (PyArrayObject *)x;
+    const npy_intp *const shape = PyArray_DIMS(array), *const steps = PyArray_STRIDES(array);
+    const int nd = PyArray_NDIM(array);
+    if (!is_plain(c, x) || nd < 1 || nd > 2 || shape[nd - 1] != a->size || (nd == 2 && shape[0] != states)) return 0;
+    const long rows = nd == 2 ? states : 1;
+    for (long i = 0; i < rows; ++i)
+        take_row(c, PyArray_BYTES(array) + (nd == 2 ? i*steps[0] : 0), steps[nd - 1], a->size, to + i*a->size*c->item);
+    return rows;
+}
+
+/* A seed, as [states][k][size], or [k][size] for all states. */
+static long take_seed(const Call *c, const taken *a, PyObject *x, long k, long states, char *to)
+{
+    double value;
+    if (!PyArray_CheckExact(x)) {
+        if (k != 1) return 0;
+        if (PyDict_CheckExact(x)) return take_names(c, a, x, to);
+        if (PyList_CheckExact(x) || PyTuple_CheckExact(x)) return a->needed >= 0 && take_list(c, a, x, to);
+        if (a->needed >= 0 || !number(x, &value)) return 0;
+        store(c, to, value);
+        return 1;
+    }
+    PyArrayObject *const array = (PyArrayObject *)x;
+    const npy_intp *const shape = PyArray_DIMS(array), *const steps = PyArray_STRIDES(array);
+    const int entries = a->needed >= 0, nd = PyArray_NDIM(array), lone = entries && nd == 1, several = nd == 2 + entries;
+    if (!is_plain(c, x) || nd < 1 || nd > 2 + entries || (entries && shape[nd - 1] != a->size)) return 0;
+    if (several && (!states || (shape[1] != 1 && shape[1] != states))) return 0;
+    const long rows = several && shape[1] > 1 ? states : 1;
+    for (long i = 0; i < rows; ++i)
+        for (long j = 0; j < k; ++j)
+            take_row(c, PyArray_BYTES(array) + (lone ? 0 : j*steps[0]) + (rows > 1 ? i*steps[1] : 0), entries ? steps[nd - 1] : 0,
+                a->size, to + (i*k + j)*a->size*c->item);
+    return rows;
+}
+
+/* How many states and directions there are: 0 states for a single one, without an axis. */
+static int count(const Call *c, PyObject *given, PyObject *seeds, long *states, long *k)
+{
+    *states = *k = 0;
+    for (long i = 0; i < c->ntaken; ++i) {
+        PyObject *const x = PyTuple_GET_ITEM(given, i);
+        if (!PyArray_CheckExact(x) || PyArray_NDIM((PyArrayObject *)x) != 2 - (i == TIME)) continue;
+        const long n = (long)PyArray_DIM((PyArrayObject *)x, 0);
+        if (n < 1 || (*states && *states != n)) return 0;
+        *states = n;
+    }
+    if (!c->nseeds) return *states <= c->few;
+    for (long i = 0; i < c->nseeds; ++i) {
+        PyObject *const x = PyTuple_GET_ITEM(seeds, i);
+        if (x == Py_None) continue;
+        long n = 1;
+        if (PyArray_CheckExact(x) && PyArray_NDIM((PyArrayObject *)x) > (c->seeds[i].needed >= 0))
+            n = (long)PyArray_DIM((PyArrayObject *)x, 0);
+        if (n < 1 || (*k && *k != n)) return 0;
+        *k = n;
+    }
+    return *k && *states <= c->few_along;
+}
+
+/* Where the numbers of an array begin and end. */
+static void extent(PyArrayObject *x, const char **begin, const char **end)
+{
+    *begin = *end = PyArray_BYTES(x);
+    if (!PyArray_SIZE(x)) return;
+    for (int i = 0; i < PyArray_NDIM(x); ++i) {
+        const npy_intp reach = (PyArray_DIM(x, i) - 1)*PyArray_STRIDE(x, i);
+        *(reach < 0 ? begin : end) += reach;
+    }
+    *end += PyArray_ITEMSIZE(x);
+}
+
+static int overlap(PyObject *a, PyObject *b)
+{
+    const char *from, *to, *from_b, *to_b;
+    if (!PyArray_Check(a) || !PyArray_Check(b)) return 0;
+    extent((PyArrayObject *)a, &from, &to);
+    extent((PyArrayObject *)b, &from_b, &to_b);
+    return from < to_b && from_b < to;
+}
+
+static int shape_of(const returned *r, long states, long k, npy_intp *shape)
+{
+    int nd = 0;
+    if (r->derived) shape[nd++] = k;
+    if (states) shape[nd++] = states;
+    for (int i = 0; i < r->nd; ++i) shape[nd++] = r->shape[i];
+    return nd;
+}
+
+/* The caller's arrays as a tuple, a new reference; NULL where results may not be written there. */
+static PyObject *places(const Call *c, PyObject *out, long states, long k)
+{
+    const int alone = !c->nseeds && c->nreturned == 1;
+    PyObject *const found = alone ? PyTuple_Pack(1, out) : PyList_CheckExact(out) ? PyList_AsTuple(out) : Py_NewRef(out);
+    if (!found || !PyTuple_CheckExact(found) || PyTuple_GET_SIZE(found) != c->nreturned) goto refused;
+    for (long i = 0; i < c->nreturned; ++i) {
+        npy_intp shape[MOST_AXES + 2];
+        const int nd = shape_of(c->returns + i, states, k, shape);
+        PyArrayObject *const x = (PyArrayObject *)PyTuple_GET_ITEM(found, i);
+        if (!is_plain(c, (PyObject *)x) || !PyArray_ISCARRAY(x) || PyArray_NDIM(x) != nd) goto refused;
+        if (!PyArray_CompareLists(PyArray_DIMS(x), shape, nd)) goto refused;
+        for (long j = 0; j < i; ++j)
+            if (overlap(PyTuple_GET_ITEM(found, j), (PyObject *)x)) goto refused;
+    }
+    return found;
+refused:
+    Py_XDECREF(found);
+    return NULL;
+}
+
+/* New arrays for results, a tuple; NULL where there is no memory. */
+static PyObject *new_arrays(const Call *c, long states, long k)
+{
+    PyObject *const found = PyTuple_New(c->nreturned);
+    for (long i = 0; found && i < c->nreturned; ++i) {
+        npy_intp shape[MOST_AXES + 2];
+        const int nd = shape_of(c->returns + i, states, k, shape);
+        PyObject *const x = PyArray_SimpleNew(nd, shape, c->type);
+        if (!x) {
+            Py_DECREF(found);
+            return NULL;
+        }
+        PyTuple_SET_ITEM(found, i, x);
+    }
+    return found;
+}
+
+static int overlaps_any(PyObject *arrays, PyObject *given)
+{
+    for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(arrays); ++i)
+        for (Py_ssize_t j = 0; j < PyTuple_GET_SIZE(given); ++j)
+            if (overlap(PyTuple_GET_ITEM(arrays, i), PyTuple_GET_ITEM(given, j))) return 1;
+    return 0;
+}
+
+static void copy_arrays(PyObject *to, PyObject *from)
+{
+    for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(to); ++i) {
+        PyArrayObject *const x = (PyArrayObject *)PyTuple_GET_ITEM(from, i);
+        memcpy(PyArray_DATA((PyArrayObject *)PyTuple_GET_ITEM(to, i)), PyArray_DATA(x), PyArray_NBYTES(x));
+    }
+}
+
+/* What changes from state to state: a pointer of the table, and its step. */
+typedef struct {
+    long at, step;
+} moving;
+
+/* A derivative of one of several states, [k][size], and where its rows belong in [k][states][size]. */
+typedef struct {
+    char *from, *to;
+    long size;
+} gathered;
+
+typedef struct {
+    void *x[MOST_POINTERS];
+    moving moves[2*MOST_TAKEN + MOST_RESULTS];
+    gathered rows[MOST_RESULTS];
+    long nmoves, nrows, given;
+    const double *t;
+    int t_moves;
+} job;
+
+static int compute(const Call *c, job *j, long states, long k)
+{
+    int status = 0;
+    for (long n = 0; n < (states ? states : 1) && !status; ++n) {
+        status = c->run(j->x, j->given, j->t[j->t_moves ? n : 0], k);
+        for (long i = 0; i < j->nrows && !status; ++i) {
+            const gathered *const g = j->rows + i;
+            for (long l = 0; l < k; ++l) memcpy(g->to + (l*states + n)*g->size, g->from + l*g->size, g->size);
+        }
+        for (long i = 0; i < j->nmoves; ++i) j->x[j->moves[i].at] = (char *)j->x[j->moves[i].at] + j->moves[i].step;
+    }
+    return status;
+}
+
+static void move(job *j, long at, long step)
+{
+    j->moves[j->nmoves++] = (moving){at, step};
+}
+
+static int take_times(const Call *c, PyObject *x, long n, double *t)
+{
+    if (!is_plain(c, x) || PyArray_NDIM((PyArrayObject *)x) != 1) return 0;
+    for (long i = 0; i < n; ++i) {
+        const char *const at = PyArray_BYTES((PyArrayObject *)x) + i*PyArray_STRIDE((PyArrayObject *)x, 0);
+        float single;
+        if (c->type == NPY_DOUBLE) {
+            memcpy(t + i, at, sizeof *t);
+        } else {
+            memcpy(&single, at, sizeof single);
+            t[i] = single;
+        }
+    }
+    return 1;
+}
+
+/* Copy arguments and seeds behind `at`; returns where free memory begins, NULL where they are not plain. */
+static char *take_all(const Call *c, job *j, PyObject *given, PyObject *seeds, long states, long k, char *at)
+{
+    const long n = states ? states : 1;
+    long needed = 0;
+    double *const t = (double *)at;
+    at += n*sizeof *t;
+    for (long i = 0; i < c->ntaken; ++i) {
+        PyObject *const x = PyTuple_GET_ITEM(given, i);
+        const taken *const a = c->takes + i;
+        if (i == TIME) {
+            j->t = t;
+            if (number(x, t)) continue;
+            if (!states || !take_times(c, x, n, t)) return NULL;
+            j->t_moves = 1;
+            continue;
+        }
+        if (x == Py_None) continue;
+        const long rows = take(c, a, x, states, at);
+        if (!rows) return NULL;
+        j->x[a->slot] = at;
+        j->given |= 1L << a->slot;
+        needed |= a->needed ? 1L << a->slot : 0;
+        if (rows > 1) move(j, a->slot, a->size*c->item);
+        at += rows*a->size*c->item;
+    }
+    if (needed != c->needed) return NULL;
+    for (long i = 0; i < c->nseeds; ++i) {
+        PyObject *const x = PyTuple_GET_ITEM(seeds, i);
+        const taken *const a = c->seeds + i;
+        if (x == Py_None) continue;
+        const long rows = take_seed(c, a, x, k, states, at);
+        if (!rows) return NULL;
+        j->x[a->slot] = at;
+        j->given |= 1L << a->slot;
+        if (rows > 1) move(j, a->slot, k*a->size*c->item);
+        at += rows*k*a->size*c->item;
+    }
+    return at;
+}
+
+/* Point the results to arrays, or to memory behind `at`. */
+static void place_results(const Call *c, job *j, PyObject *arrays, long states, long k, char *at)
+{
+    for (long i = 0; i < c->nresults; ++i) {
+        const result *const r = c->results + i;
+        const long bytes = r->size*c->item, several = r->derived && states > 1;
+        char *const to = r->place < 0 ? NULL : PyArray_BYTES((PyArrayObject *)PyTuple_GET_ITEM(arrays, r->place));
+        j->x[c->at_results + i] = r->place == -2 ? NULL : to && !several ? to : at;
+        if (to && several) j->rows[j->nrows++] = (gathered){at, to, bytes};
+        if (to && !several && states > 1) move(j, c->at_results + i, bytes);
+        if (r->place != -2 && (!to || several)) at += (r->derived ? k : 1)*bytes;
+    }
+    for (long i = 0; i < c->nreturned; ++i)
+        if (c->returns[i].zeros) {
+            PyArrayObject *const x = (PyArrayObject *)PyTuple_GET_ITEM(arrays, i);
+            memset(PyArray_DATA(x), 0, PyArray_NBYTES(x));
+        }
+}
+
+static size_t bytes_of(const Call *c, long states, long k)
+{
+    const long n = states ? states : 1;
+    long numbers = c->work + c->lanes;
+    for (long i = 0; i < c->ntaken; ++i) numbers += n*c->takes[i].size;
+    for (long i = 0; i < c->nseeds; ++i) numbers += n*k*c->seeds[i].size;
+    for (long i = 0; i < c->nresults; ++i) numbers += (c->results[i].derived ? k : 1)*c->results[i].size;
+    return numbers*c->item + (n + 1)*sizeof(double);
+}
+
+static PyObject *called(PyObject *self, PyObject *const *arguments, size_t nargs, PyObject *names)
+{
+    const Call *const c = (Call *)self;
+    job j;
+    long states, k;
+    if (PyVectorcall_NARGS(nargs) != 3 || names) {
+        PyErr_SetString(PyExc_TypeError, "a call takes arguments, seeds and places of results");
+        return NULL;
+    }
+    PyObject *const given = arguments[0], *const seeds = arguments[1], *const out = arguments[2];
+    if (!PyTuple_CheckExact(given) || PyTuple_GET_SIZE(given) != c->ntaken) Py_RETURN_NONE;
+    if (c->nseeds ? !PyTuple_CheckExact(seeds) || PyTuple_GET_SIZE(seeds) != c->nseeds : seeds != Py_None) Py_RETURN_NONE;
+    if (!count(c, given, seeds, &states, &k)) Py_RETURN_NONE;
+    PyObject *wanted = NULL, *arrays = NULL;
+    if (out != Py_None) {
+        if (!(wanted = places(c, out, states, k))) goto none;
+        if (!overlaps_any(wanted, given) && !(c->nseeds && overlaps_any(wanted, seeds))) arrays = Py_NewRef(wanted);
+    }
+    if (!arrays && !(arrays = new_arrays(c, states, k))) goto none;
+    const size_t size = bytes_of(c, states, k);
+    block *const memory = take_block(c->memory, size);
+    if (!memory) goto none;
+    char *const base = (char *)memory + 64;
+    memcpy(j.x, c->pointers, sizeof j.x);
+    j.nmoves = j.nrows = j.given = j.t_moves = 0;
+    j.x[c->at_work] = base;
+    j.x[c->at_lanes] = base + c->work*c->item;
+    char *at = base + (c->work + c->lanes)*c->item;
+    at += -(size_t)at % sizeof(double);
+    int status = 1;
+    if ((at = take_all(c, &j, given, seeds, states, k, at))) {
+        place_results(c, &j, arrays, states, k, at);
+        Py_BEGIN_ALLOW_THREADS
+        status = compute(c, &j, states, k);
+        Py_END_ALLOW_THREADS
+    }
+    if (memory->size <= c->work*c->item + KEPT) {
+        memory->next = c->memory->free;
+        c->memory->free = memory;
+    } else {
+        free(memory);
+    }
+    if (status) goto none;
+    if (!wanted) return arrays;
+    if (wanted != arrays) copy_arrays(wanted, arrays);
+    Py_DECREF(arrays);
+    return wanted;
+none:
+    PyErr_Clear();
+    Py_XDECREF(arrays);
+    Py_XDECREF(wanted);
+    Py_RETURN_NONE;
+}
+
+/* ---- how a call is made ------------------------------------------------------------------------------------------------- */
+
+static int read_taken(PyObject *list, taken *to, long *n)
+{
+    *n = (long)PyList_GET_SIZE(list);
+    if (*n > MOST_TAKEN) return PyErr_SetString(PyExc_ValueError, "too many arguments"), -1;
+    for (long i = 0; i < *n; ++i) {
+        unsigned long long rest;
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(list, i), "lllOK", &to[i].slot, &to[i].size, &to[i].needed, &to[i].names, &rest)) return -1;
+        if (to[i].names == Py_None) to[i].names = NULL;
+        to[i].rest = (const char *)(uintptr_t)rest;
+    }
+    return 0;
+}
+
+static int read_results(Call *c, PyObject *results, PyObject *returns)
+{
+    c->nresults = (long)PyList_GET_SIZE(results);
+    c->nreturned = (long)PyList_GET_SIZE(returns);
+    if (c->nresults > MOST_RESULTS || c->nreturned > MOST_RESULTS || c->at_results + c->nresults > MOST_POINTERS)
+        return PyErr_SetString(PyExc_ValueError, "too many results"), -1;
+    for (long i = 0; i < c->nresults; ++i) {
+        result *const r = c->results + i;
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(results, i), "lll", &r->size, &r->derived, &r->place)) return -1;
+    }
+    for (long i = 0; i < c->nreturned; ++i) {
+        returned *const r = c->returns + i;
+        PyObject *shape;
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(returns, i), "iiO!", &r->derived, &r->zeros, &PyTuple_Type, &shape)) return -1;
+        if ((r->nd = (int)PyTuple_GET_SIZE(shape)) > MOST_AXES) return PyErr_SetString(PyExc_ValueError, "too many axes"), -1;
+        for (int l = 0; l < r->nd; ++l) r->shape[l] = PyLong_AsSsize_t(PyTuple_GET_ITEM(shape, l));
+    }
+    return PyErr_Occurred() ? -1 : 0;
+}
+
+static PyObject *new_call(PyTypeObject *type, PyObject *arguments, PyObject *named)
+{
+    static char *words[] = { "pool", "function", "item", "sizes", "few", "pointers", "takes", "seeds", "results", "returns", "kept", NULL };
+    PyObject *memory, *pointers, *takes, *seeds, *results, *returns, *kept;
+    unsigned long long run;
+    long item, work, lanes, at_work, at_lanes, few, few_along;
+    if (!PyArg_ParseTupleAndKeywords(arguments, named, "OKl(llll)(ll)O!O!O!O!O!O", words, &memory, &run, &item, &work, &lanes,
+            &at_work, &at_lanes, &few, &few_along, &PyList_Type, &pointers, &PyList_Type, &takes, &PyList_Type, &seeds,
+            &PyList_Type, &results, &PyList_Type, &returns, &kept)) return NULL;
+    pool *const p = PyCapsule_GetPointer(memory, POOL);
+    Call *const c = p ? (Call *)type->tp_alloc(type, 0) : NULL;
+    if (!c) return NULL;
+    c->call = called;
+    c->memory = p;
+    c->run = (function)(uintptr_t)run;
+    c->item = (size_t)item;
+    c->type = item == sizeof(double) ? NPY_DOUBLE : NPY_FLOAT;
+    c->work = work, c->lanes = lanes, c->at_work = at_work, c->at_lanes = at_lanes, c->few = few, c->few_along = few_along;
+    c->at_results = (long)PyList_GET_SIZE(pointers);
+    c->kept = Py_BuildValue("(OOOO)", memory, takes, seeds, kept);
+    if (!c->kept || c->at_results > MOST_POINTERS) goto failed;
+    for (long i = 0; i < c->at_results; ++i) c->pointers[i] = PyLong_AsVoidPtr(PyList_GET_ITEM(pointers, i));
+    if (read_taken(takes, c->takes, &c->ntaken) || read_taken(seeds, c->seeds, &c->nseeds) || read_results(c, results, returns)) goto failed;
+    for (long i = 0; i < c->ntaken; ++i)
+        if (c->takes[i].needed > 0) c->needed |= 1L << c->takes[i].slot;
+    return (PyObject *)c;
+failed:
+    Py_DECREF(c);
+    return NULL;
+}
+
+static void free_call(PyObject *self)
+{
+    Py_XDECREF(((Call *)self)->kept);
+    Py_TYPE(self)->tp_free(self);
+}
+
+static PyTypeObject CallType = {
+    PyVarObject_HEAD_INIT(NULL, 0)
+    .tp_name = "ordernm_call.Call",
+    .tp_basicsize = sizeof(Call),
+    .tp_dealloc = free_call,
+    .tp_flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_HAVE_VECTORCALL,
+    .tp_call = PyVectorcall_Call,
+    .tp_vectorcall_offset = offsetof(Call, call),
+    .tp_new = new_call,
+    .tp_doc = "A function of NAME_calls.c: call(arguments, seeds, places of results) returns a tuple of arrays, or None.",
+};
+
+static PyMethodDef functions[] = {
+    { "pool", new_pool, METH_NOARGS, "Memory that calls of one package share." },
+    { NULL, NULL, 0, NULL },
+};
+
+static struct PyModuleDef module = {
+    PyModuleDef_HEAD_INIT, "ordernm_call", "Calls of compiled functions with plain arrays.", -1, functions, NULL, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC PyInit_ordernm_call(void)
+{
+    import_array();
+    if (PyType_Ready(&CallType) < 0) return NULL;
+    PyObject *const m = PyModule_Create(&module);
+    if (m && PyModule_AddObjectRef(m, "Call", (PyObject *)&CallType) < 0) {
+        Py_DECREF(m);
+        return NULL;
+    }
+    return m;
+}
