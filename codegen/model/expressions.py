@@ -43,6 +43,7 @@ from .grammar import (
     Tree,
 )
 from .tree_text import PRECEDENCE, print_tree
+from .trees import nodes, parts
 
 
 class Expression:
@@ -90,9 +91,7 @@ class Expression:
     @property
     def names(self) -> frozenset[str]:
         if self._names is None:
-            found: set[str] = set()
-            _collect(self.tree, found)
-            object.__setattr__(self, "_names", frozenset(found))
+            object.__setattr__(self, "_names", frozenset(n[1] for n in nodes(self.tree) if n[0] == "name"))
         assert self._names is not None
         return self._names
 
@@ -151,52 +150,24 @@ class Expression:
 _interned: WeakValueDictionary[Tree, Expression] = WeakValueDictionary()
 
 
-def _collect(tree: Tree, found: set[str]) -> None:
-    kind = tree[0]
-    if kind == "name":
-        found.add(tree[1])
-    elif kind == "call":
-        for argument in tree[2:]:
-            _collect(argument, found)
-    elif kind == "indexed":
-        for index in tree[2]:
-            _collect(index, found)
-    elif kind == "component":
-        _collect(tree[1], found)
-    elif kind not in ("number", "quantity"):
-        for argument in tree[1:]:
-            _collect(argument, found)
-
-
 def has_units(tree: Tree) -> bool:
     """Whether a number of a parsed tree has a unit."""
-    kind = tree[0]
-    if kind == "component":
-        return has_units(tree[1])
-    if kind in ("number", "name", "indexed", "quantity"):
-        return bool(kind == "quantity")
-    return any(has_units(a) for a in tree[2 if kind == "call" else 1 :])
+    return tree[0] == "quantity" or (tree[0] != "indexed" and any(map(has_units, parts(tree))))
 
 
 def has_factors(tree: Tree) -> bool:
     """Whether a plain number multiplies something in a parsed tree, or is divided by it."""
-    kind = tree[0]
-    if kind in ("number", "name", "indexed", "quantity"):
+    if tree[0] == "indexed":
         return False
-    inner = tree[1:2] if kind == "component" else tree[2 if kind == "call" else 1 :]
-    return (kind in ("*", "/") and any(a[0] == "number" for a in inner)) or any(has_factors(a) for a in inner)
+    return (tree[0] in ("*", "/") and any(a[0] == "number" for a in tree[1:])) or any(map(has_factors, parts(tree)))
 
 
 def compares(tree: Tree) -> bool:
     """Whether a bound tree compares numbers that move, or time, or has their `sign` or `mod`: it jumps or has a kink."""
-    kind = tree[0]
-    if kind in ("number", "name"):
-        return False
-    if kind == "call" and tree[1] in JUMPS:
-        found: set[str] = set()
-        _collect(tree, found)
-        return any(n == "t" or n.startswith(("q.", "u.", "position.", "velocity.")) for n in found)
-    return any(compares(a) for a in tree[2 if kind == "call" else 1 :])
+    if tree[0] != "call" or tree[1] not in JUMPS:
+        return any(map(compares, parts(tree)))
+    names = (n[1] for n in nodes(tree) if n[0] == "name")
+    return any(n == "t" or n.startswith(("q.", "u.", "position.", "velocity.")) for n in names)
 
 
 def _float_power(a: float, b: float) -> float:

@@ -18,6 +18,7 @@ from .expressions import Expression, functions_for
 from .grammar import AT_LEAST, WRAPPED, Tree
 from .rates import rate, rates_of
 from .switches import switching
+from .trees import parts
 
 TOUCHING: Final = ("**", *named("name", lambda e: e.touches))
 """Those that may not be smooth where the switching function touches zero, too."""
@@ -68,12 +69,12 @@ def nodes(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
     seen: set[Tree] = set()
 
     def of(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
-        kind = tree[0]
-        if kind in ("number", "name") or tree in seen:
+        if tree in seen:
             return
         seen.add(tree)
-        for a in tree[2 if kind == "call" else 1 :]:
+        for a in parts(tree):
             yield from of(a)
+        kind = tree[0]
         if kind == "call" and (s := switching(tree[1], tree[2:])) is not None:
             yield tree, s
         elif kind == "**" and not (tree[2][0] == "number" and isinstance(tree[2][1], int)):

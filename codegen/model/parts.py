@@ -19,6 +19,7 @@ from .grammar import MEASURED, ExpressionError, Number, Tree
 from .positions import Document, Path_, compose, read_file
 from .surfaces import COORDINATES
 from .tables import Table
+from .trees import mapped, parts
 from .units import Dimension
 
 MAX_PARTS: Final = 20_000
@@ -208,19 +209,13 @@ class Part:
         return found
 
     def _of_tables(self, tree: Tree, numbers: Numbers) -> Tree:
-        kind = tree[0]
-        if kind in ("number", "name", "quantity"):
-            return tree
-        if kind == "indexed":
+        if tree[0] == "indexed":
             name = "" if tree[3] else self._table(tree, numbers)
             if not name:
                 return tree
             self.asked.add(name)
             return self.tables[name].at(self._of_tables(tree[2][-1], numbers))
-        parts = tuple(
-            self._of_tables(a, numbers) if isinstance(a, tuple) and a and isinstance(a[0], str) else a for a in tree[1:]
-        )
-        return tree if all(a is b for a, b in zip(parts, tree[1:], strict=True)) else (kind, *parts)
+        return mapped(tree, lambda part: self._of_tables(part, numbers))
 
     def _table(self, tree: Tree, numbers: Numbers) -> str:
         """The name of the table that is called, with indices before its argument; empty where there is none."""
@@ -252,9 +247,7 @@ class Part:
             return tree
         if kind == "name":
             return self._name(tree[1])
-        if kind == "call":
-            return combine(tree[1], *[self._tree(a) for a in tree[2:]])
-        return combine(kind, *[self._tree(a) for a in tree[1:]])
+        return combine(tree[1] if kind == "call" else kind, *map(self._tree, parts(tree)))
 
     def _name(self, name: str) -> Tree:
         if name == "t" or name in COORDINATES:

@@ -16,6 +16,7 @@ from .expressions import COMBINED, Expression, combine
 from .grammar import AT_LEAST, Tree
 from .slopes import is_singular, slope
 from .switches import has_modes
+from .trees import parts
 
 ZERO: Tree = ("number", 0)
 ONE: Tree = ("number", 1)
@@ -116,15 +117,11 @@ def with_names_replaced(expression: Expression, by: dict[str, Tree]) -> Expressi
 
 
 def _replaced(tree: Tree, by: dict[str, Tree]) -> Tree:
-    kind = tree[0]
-    if kind == "number":
-        return tree
-    if kind == "name":
+    if tree[0] == "name":
         return by.get(tree[1], tree)
-    first = 2 if kind == "call" else 1
-    inner = [_replaced(a, by) for a in tree[first:]]
-    unchanged = all(a is b for a, b in zip(inner, tree[first:], strict=True))
-    return tree if unchanged else combine(tree[first - 1], *inner)
+    inner = [_replaced(a, by) for a in parts(tree)]
+    unchanged = all(a is b for a, b in zip(inner, parts(tree), strict=True))
+    return tree if unchanged else combine(tree[-len(inner) - 1], *inner)
 
 
 __all__ = ["rate", "rates_of", "with_names_replaced"]

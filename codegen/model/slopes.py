@@ -19,6 +19,7 @@ from functools import lru_cache
 from ..elementary import LIKE_ITS_ARGUMENT, TABLE, TreeFunctions, named, tree_of
 from .expressions import Expression, combine
 from .grammar import AT_LEAST, CHOICE, VANISHING, ExpressionError, Tree
+from .trees import LEAVES, mapped, parts
 
 ZERO: Tree = ("number", 0)
 ONE: Tree = ("number", 1)
@@ -41,7 +42,7 @@ NOT_NEGATIVE = (AT_LEAST, *named("name", lambda e: e.positive == LIKE_ITS_ARGUME
 Factors = list[tuple[Tree, Tree]]
 """Trees, or keys, with their exponents."""
 
-_LEAVES = ("number", "name", "slot", "parameter")
+
 _MOST_MOVES = 64
 _LARGEST = 2.0**1000
 
@@ -65,7 +66,7 @@ def _slope(tree: Tree, by: Tree) -> Tree:
     if tree == by:
         return ONE
     kind = tree[0]
-    if kind in _LEAVES:
+    if kind in LEAVES:
         return ZERO
     if kind == "neg":
         return combine("neg", _slope(tree[1], by))
@@ -528,11 +529,7 @@ def _is_not_negative(tree: Tree) -> bool:
 
 def is_singular(tree: Tree) -> bool:
     """Whether a derivative of a tree may be infinite, or have terms that are: a root, a power below one, a branch, ..."""
-    kind = tree[0]
-    if kind in _LEAVES:
-        return False
-    inner = tree[2:] if kind == "call" else tree[1:]
-    found = False
+    kind, found = tree[0], False
     if kind == "call":
         domain = TABLE[tree[1]].domain if tree[1] in TABLE else None
         found = tree[1] in ("atan2", "held_atan2", CHOICE, VANISHING) or (
@@ -542,32 +539,23 @@ def is_singular(tree: Tree) -> bool:
         base, e = tree[1:]
         found = not (e[0] == "number" and (e[1] >= 1 or e[1] == 0)) and not is_positive(base)
         found = found and not (e[0] == "number" and isinstance(e[1], int))  # a quotient
-    return bool(found or any(is_singular(a) for a in inner))
+    return bool(found or any(map(is_singular, parts(tree))))
 
 
 def has_quotient(tree: Tree, of: frozenset[Tree]) -> bool:
     """Whether something is divided by what some leaves are in."""
     kind = tree[0]
-    if kind in _LEAVES:
-        return False
-    inner = tree[2:] if kind == "call" else tree[1:]
     below = tree[2] if kind == "/" else tree[1] if kind == "**" and tree[2][0] == "number" and tree[2][1] < 0 else ONE
-    return (not is_positive(below) and not of.isdisjoint(leaves(below))) or any(has_quotient(a, of) for a in inner)
+    return (not is_positive(below) and not of.isdisjoint(leaves(below))) or any(
+        has_quotient(a, of) for a in parts(tree)
+    )
 
 
 def leaves(tree: Tree) -> list[Tree]:
     """The names of a tree, each once, in the order in which they stand."""
-    found: dict[Tree, None] = {}
-
-    def walk(node: Tree) -> None:
-        if node[0] in ("name", "parameter"):
-            found[node] = None
-        elif node[0] not in _LEAVES:
-            for a in node[2:] if node[0] == "call" else node[1:]:
-                walk(a)
-
-    walk(tree)
-    return list(found)
+    if tree[0] in ("name", "parameter"):
+        return [tree]
+    return list(dict.fromkeys(leaf for part in parts(tree) for leaf in leaves(part)))
 
 
 def regular(tree: Tree) -> Tree:
@@ -575,14 +563,8 @@ def regular(tree: Tree) -> Tree:
 
     ``x*log(x)`` is 0 at 0, ``v*abs(v)**(n - 1)`` too, and ``x/x`` is 1. All other trees stay as they are.
     """
-    kind = tree[0]
-    if kind in _LEAVES:
-        return tree
-    first = 2 if kind == "call" else 1
-    inner = tuple(regular(a) for a in tree[first:])
-    if any(a is not b for a, b in zip(inner, tree[first:], strict=True)):
-        tree = (*tree[:first], *inner)
-    if kind in ("*", "/") and _may_be_better(tree):
+    tree = mapped(tree, regular)
+    if tree[0] in ("*", "/") and _may_be_better(tree):
         found = Product().times(tree)
         if found.is_better:
             return found.tree()

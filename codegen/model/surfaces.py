@@ -13,6 +13,7 @@ from typing import Final
 from .expressions import Expression, combine
 from .grammar import AT_LEAST, Tree
 from .rates import rate
+from .trees import mapped, nodes, parts
 
 COORDINATES: Final = ("<x>", "<y>", "<z>")
 """Names of a point's coordinates in an equation; no name of a file is written so."""
@@ -68,18 +69,9 @@ def sphere(radius: Expression) -> Expression:
 
 def with_coordinates(tree: Tree) -> Tree:
     """A parsed tree with the names of the coordinates for x, y and z."""
-    kind = tree[0]
-    if kind == "name":
-        return ("name", AS_WRITTEN.get(tree[1], tree[1]))
-    if kind in ("number", "quantity"):
-        return tree
-    if kind == "indexed":
-        return (kind, tree[1], tuple(with_coordinates(a) for a in tree[2]), tree[3])
-    if kind == "component":
-        return (kind, with_coordinates(tree[1]), *tree[2:])
-    if kind == "call":
-        return (kind, tree[1], *(with_coordinates(a) for a in tree[2:]))
-    return (kind, *(with_coordinates(a) for a in tree[1:]))
+    return (
+        ("name", AS_WRITTEN[tree[1]]) if tree[0] == "name" and tree[1] in AS_WRITTEN else mapped(tree, with_coordinates)
+    )
 
 
 def as_written(tree: Tree) -> str:
@@ -98,33 +90,16 @@ def kink(tree: Tree, linear_tables: frozenset[str] = frozenset()) -> str:
     inner = _of_step(tree)
     if inner is not None:
         return kink(inner, linear_tables)
-    kind = tree[0]
-    if kind in ("number", "name", "quantity"):
-        return ""
-    if kind == "indexed":
-        parts = tree[2]
-        if tree[1] in linear_tables and any(depends(a) for a in parts):
-            return f"the linear table {tree[1]!r}"
-    elif kind == "call":
-        parts = tree[2:]
-        if tree[1] in KINKED and any(depends(a) for a in parts):
-            return "a comparison" if tree[1] == AT_LEAST else repr(tree[1])
-    else:
-        parts = tree[1:2] if kind == "component" else tree[1:]
-    return next(filter(None, (kink(a, linear_tables) for a in parts)), "")
+    if tree[0] == "indexed" and tree[1] in linear_tables and depends(tree):
+        return f"the linear table {tree[1]!r}"
+    if tree[0] == "call" and tree[1] in KINKED and depends(tree):
+        return "a comparison" if tree[1] == AT_LEAST else repr(tree[1])
+    return next(filter(None, (kink(a, linear_tables) for a in parts(tree))), "")
 
 
 def depends(tree: Tree) -> bool:
     """Whether a coordinate is in a tree, parsed or bound."""
-    kind = tree[0]
-    if kind == "name":
-        return tree[1] in COORDINATES
-    if kind in ("number", "quantity"):
-        return False
-    parts = (
-        tree[2] if kind == "indexed" else tree[2:] if kind == "call" else tree[1:2] if kind == "component" else tree[1:]
-    )
-    return any(depends(a) for a in parts)
+    return any(node[0] == "name" and node[1] in COORDINATES for node in nodes(tree))
 
 
 def _of_step(tree: Tree) -> Tree | None:

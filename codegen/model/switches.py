@@ -19,6 +19,7 @@ from ..elementary import TABLE, named, tree_of
 from .expressions import COMBINED, Expression
 from .grammar import AT_LEAST, WRAPPED, Tree
 from .slopes import HELD, is_positive
+from .trees import nodes, parts
 
 MODE: Final = "mode."
 """Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
@@ -76,15 +77,9 @@ def _has_branches(tree: Tree, varies: Callable[[str], bool]) -> bool:
 
 
 def _inner_first(tree: Tree) -> Iterator[Tree]:
-    for part in _parts(tree):
+    for part in parts(tree):
         yield from _inner_first(part)
     yield tree
-
-
-def _parts(tree: Tree) -> tuple[Tree, ...]:
-    if tree[0] in ("number", "name"):
-        return ()
-    return tree[2:] if tree[0] == "call" else tree[1:]
 
 
 def varies_in_motion(inputs: Collection[str]) -> Callable[[str], bool]:
@@ -260,8 +255,4 @@ def _is_smooth_step(tree: Tree) -> bool:
         return False
     first, rest = tree[1], tree[2]
     s = first[1] if first[0] == "**" and first[2] == ("number", 3) else first
-    return bool(s[0] == "call" and s[1] == "min" and s[2][:2] == ("call", "max")) and _contains(rest, s)
-
-
-def _contains(tree: Tree, part: Tree) -> bool:
-    return tree is part or tree == part or any(_contains(a, part) for a in _parts(tree))
+    return bool(s[0] == "call" and s[1] == "min" and s[2][:2] == ("call", "max")) and s in nodes(rest)

@@ -13,6 +13,7 @@ import mpmath
 
 from ...model.expressions import FLOAT_FUNCTIONS, Expression, functions_for
 from ...model.grammar import CHOICE, VANISHING, Tree
+from ...model.trees import mapped
 from ...program import algebra
 from ...program.algebra import Expr, Number, Symbol
 from ...program.block import Block, Expansion, Scope
@@ -64,11 +65,9 @@ def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> T
         return ("slot", len(numbers) - 1)
     if kind == "name":
         return slot(tree[1])
-    if kind == "call":
-        return (kind, tree[1], *(to_slots(a, numbers, slot) for a in tree[2:]))
     if kind == "**" and tree[2][0] == "number":
         return (kind, to_slots(tree[1], numbers, slot), tree[2])
-    return (kind, *(to_slots(a, numbers, slot) for a in tree[1:]))
+    return mapped(tree, lambda part: to_slots(part, numbers, slot))
 
 
 class Statements:

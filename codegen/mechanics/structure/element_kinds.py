@@ -18,6 +18,7 @@ from ...model.forces import ForceElement
 from ...model.grammar import Tree
 from ...model.model import Model
 from ...model.places import GROUND, Face, Point
+from ...model.trees import mapped
 from ...program.algebra import Expr
 from ...program.block import Expansion
 from ...program.field import XYZ
@@ -192,11 +193,9 @@ def _split(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
     if not _measures(tree):
         parts.append(tree)
         return ("name", "coefficient", len(parts) - 1)
-    if kind == "call":
-        return (kind, tree[1], *(_split(a, ends, parts) for a in tree[2:]))
     if kind == "**" and tree[2][0] == "number":
         return (kind, _split(tree[1], ends, parts), tree[2])
-    return (kind, *(_split(a, ends, parts) for a in tree[1:]))
+    return mapped(tree, lambda part: _split(part, ends, parts))
 
 
 def _measures(tree: Tree) -> bool:

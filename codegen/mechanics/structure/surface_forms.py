@@ -13,6 +13,7 @@ from ...model.expressions import Expression
 from ...model.grammar import Tree
 from ...model.rates import rate
 from ...model.surfaces import SurfaceFunction, depends
+from ...model.trees import mapped
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +70,6 @@ def _split(tree: Tree, parts: list[Tree]) -> Tree:
         return ("name", part_name(parts.index(tree)))
     if kind == "name":
         return tree
-    if kind == "call":
-        return (kind, tree[1], *(_split(a, parts) for a in tree[2:]))
     if kind == "**" and tree[2][0] == "number":
         return (kind, _split(tree[1], parts), tree[2])
-    return (kind, *(_split(a, parts) for a in tree[1:]))
+    return mapped(tree, lambda part: _split(part, parts))

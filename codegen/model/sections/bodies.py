@@ -80,7 +80,7 @@ def read_bodies(reader: Reader) -> BodySection:
             section.instances.append(at)
             section.specs.append(spec)
             section.names.append(name)
-    if not section.names and not reader.errors:
+    if not section.names and not any(p.severity == "error" for p in reader.problems):
         at = reader.top("bodies")
         message = "no bodies; a model has at least one, such as arm: {parent: ground, joint: {type: revolute, axis: y}}"
         reader.report(at, (), message)
