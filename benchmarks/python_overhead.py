@@ -150,7 +150,7 @@ def calls_of(solver: Any, theirs: Mapping[str, Callable[[], Any]]) -> dict[tuple
             found[m.name, "C"] = partial(of_each, elapsed(loop))
         if (placed := with_places(solver, m)) is not None:
             found[m.name, "out="] = elapsed(placed, LOOP)
-    found["simulate(1e-3)", "Python"] = elapsed(partial(solver.simulate, 1e-3), 10)
+    found["simulate(1e-3)", "Python"] = elapsed(partial(solver.simulate, 1e-3), LOOP)
     return found | {(name, "Python"): elapsed(call, LOOP) for name, call in theirs.items()}
 
 

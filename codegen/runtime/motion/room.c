@@ -46,7 +46,6 @@ static void lay_out_groups(ordernm_motion *m, memory *of, int at)
 static void lay_out_arguments(ordernm_motion *m, memory *of)
 {
     const ordernm_system *const s = m->system;
-    m->work = ordernm_numbers(of, s->workspace);
     if (s->closing_step) m->precise_work = ordernm_take(of, precise_numbers(s)*sizeof(long double));
     double **of_q[] = {&m->q, &m->qdot, &m->newton, &m->closed}, **of_u[] = {&m->u, &m->udot};
     double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
@@ -105,8 +104,9 @@ static void lay_out_events(ordernm_motion *m, memory *of)
     m->samples = ordernm_numbers(of, (long)EVENT_SAMPLES*most_watched);
 }
 
-/* Lays a motion out; m is 0 where only its size is asked for. */
-static size_t lay_out(const ordernm_problem *p, void *at)
+/* Lays a motion out; `at` is 0 where only sizes are asked for. The workspace of the system's functions comes last: it is much
+ * larger than all else, and not among the `zeros` that a motion begins with, which would fill the caches. */
+static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
 {
     memory of = {at, 0};
     const ordernm_system *s = p->system;
@@ -138,12 +138,15 @@ static size_t lay_out(const ordernm_problem *p, void *at)
         void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
         if (own) ordernm_radau_layout(m, own);
     }
+    *zeros = of.used;
+    m->work = ordernm_numbers(&of, s->workspace);
     return of.used;
 }
 
 long ordernm_room(const ordernm_problem *problem)
 {
-    return (long)(lay_out(problem, 0)/sizeof(double)) + 8;
+    size_t zeros;
+    return (long)(lay_out(problem, 0, &zeros)/sizeof(double)) + 8;
 }
 
 static int finite_along(const double *S, int n, int width, int lane)
@@ -156,8 +159,10 @@ static int finite_along(const double *S, int n, int width, int lane)
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
 {
     void *const line = ordernm_line(room);
-    memset(line, 0, lay_out(p, 0));
-    lay_out(p, line);
+    size_t zeros;
+    lay_out(p, 0, &zeros);
+    memset(line, 0, zeros);
+    lay_out(p, line, &zeros);
     ordernm_motion *const m = line;
     const ordernm_system *const s = p->system;
     for (int i = 0, free = 0, n = 0; i < s->nq; ++i) {

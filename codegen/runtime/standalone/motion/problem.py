@@ -21,6 +21,9 @@ REASONS = (
 """Why a motion ended, in the order of the constants of ``motion.h``."""
 
 
+DOUBLE = np.dtype(np.float64)
+
+
 @dataclass(slots=True)
 class Problem:
     """A motion.
@@ -78,28 +81,31 @@ class Problem:
         kept = self.kept = [c]
         doubles, from_buffer = ffi.typeof("double[]"), ffi.from_buffer
 
-        def begin(x: Array | None) -> Any:
-            """Where an array begins; nowhere without entries."""
-            if x is None or not x.size:
-                return ffi.NULL
-            if x.dtype != np.float64 or not x.flags.c_contiguous:
+        def begin(x: Array) -> Any:
+            """Where an array begins."""
+            if x.dtype is not DOUBLE or not x.flags.c_contiguous:
                 x = np.ascontiguousarray(x, float)
-            kept.append(from_buffer(doubles, x))
-            return kept[-1]
+            found = from_buffer(doubles, x)
+            kept.append(found)
+            return found
 
-        c.p, c.q, c.u, c.times = begin(self.p), begin(self.q), begin(self.u), begin(self.times)
-        if len(self.dp):
-            c.dq, c.du, c.dp = begin(self.dq), begin(self.du), begin(self.dp)
-            c.atol_directions = begin(self.atol_directions)
+        c.p, c.q, c.u = begin(self.p), begin(self.q), begin(self.u)
+        if n := len(self.times):
+            c.ntimes, c.times = n, begin(self.times)
+        if k := len(self.dp):
+            c.ndirections, c.dq, c.du, c.dp = k, begin(self.dq), begin(self.du), begin(self.dp)
+            if self.atol_directions is not None:
+                c.atol_directions = begin(self.atol_directions)
         c.start, c.end, c.step, c.fixed, c.rtol = self.start, self.end, self.step, self.fixed, self.rtol
         c.largest_step, c.most_steps = self.largest_step, self.most_steps
         c.poor, c.looked_at = self.poor, self.looked_at
         c.system, c.method = system, METHODS.index(self.method)
-        c.ndirections, c.ntimes = len(self.dp), len(self.times)
         inputs, of_motion = c.inputs, self.inputs
-        inputs.degree, inputs.count = of_motion.degree, len(of_motion.values)
-        inputs.knots, inputs.values = begin(of_motion.knots), begin(of_motion.values)
-        inputs.directions = begin(self.dinputs)
+        inputs.degree, inputs.count, inputs.values = of_motion.degree, len(of_motion.values), begin(of_motion.values)
+        if of_motion.knots is not None:
+            inputs.knots = begin(of_motion.knots)
+        if self.dinputs is not None and self.dinputs.size:
+            inputs.directions = begin(self.dinputs)
         counting = self.atol
         if system.nfree_q + system.nfree_u < system.nq + system.nu:
             counting = self.atol[

@@ -104,8 +104,9 @@ class MotionRun(States, Partitions):
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
-        total, (_, t) = sum(s.coarse[0] for s in segments), max(s.coarse[1:] for s in segments)
-        if total > COARSE:
+        coarse = [s.coarse for s in segments]
+        if (total := math.fsum([errors for errors, *_ in coarse])) > COARSE:
+            _, t = max([(worst, at) for _, worst, at in coarse])
             warn(
                 f"steps of {problem.step:g} s do not resolve the motion, least at t = {t:.9g} s, where loops may come near "
                 f"a loss of rank: errors of steps add up to about {total:.1g} of the state; take smaller ones, or method='dop853'"
@@ -256,14 +257,15 @@ class MotionRun(States, Partitions):
         if 1 < left <= 4 and problem.method != "radau" and (address := _four(opened)):
             ffi.cast("void (*)(ordernm_system *)", address)(system)
         c = problem.in_c(ffi, system)
-        room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
+        doubles, from_buffer = ffi.typeof("double[]"), ffi.from_buffer
+        room = from_buffer(doubles, np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
         size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c) if keep_steps else 1
         r = ffi.new("ordernm_results *")
         flat = NO_POSES
         if self.closure_names:
             flat = np.empty((FLAT_POSES, 1 + 2 * self.nq))
-            r.flat, r.flat_capacity = ffi.from_buffer("double[]", flat), len(flat)
+            r.flat, r.flat_capacity = from_buffer(doubles, flat), len(flat)
         full: list[Array] = []
         steps: list[Array] = []
         known: list[Array] = []
@@ -273,18 +275,18 @@ class MotionRun(States, Partitions):
         if problem.events:
             places = np.empty((ROWS + 2 * len(problem.events), library.ordernm_event_size(c)))
             which = ffi.new("int[]", len(places))
-            r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
+            r.events, r.which, r.events_capacity = from_buffer(doubles, places), which, len(places)
 
         def more_rows() -> Array:
             rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
-            r.rows, r.capacity, r.count = ffi.from_buffer("double[]", rows), len(rows), 0
+            r.rows, r.capacity, r.count = from_buffer(doubles, rows), len(rows), 0
             return rows
 
         def more_steps() -> Array:
             rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
-            r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
+            r.steps, r.steps_capacity, r.steps_count = from_buffer(doubles, rows), len(rows), 0
             known.append(np.zeros(library.ordernm_known_size(c)))
-            r.known = ffi.from_buffer("double[]", known[-1]) if known[-1].size else ffi.NULL
+            r.known = from_buffer(doubles, known[-1]) if known[-1].size else ffi.NULL
             return rows
 
         def more_events() -> None:
@@ -330,7 +332,7 @@ class MotionRun(States, Partitions):
         poor = r.condition_here if reason == "poor" else None
         if reason not in ("end", "event", "interrupted"):
             state = np.zeros(size)
-            if not library.ordernm_row(motion, r, ffi.from_buffer("double[]", state)):
+            if not library.ordernm_row(motion, r, from_buffer(doubles, state)):
                 last = state
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -301,7 +302,7 @@ class Simulation(MotionRun):
         if k:
             derivatives = [self._derivatives_of_rows(rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)]
         else:
-            derivatives = [np.empty((0, nt, size)) for _, size, _ in parts]
+            derivatives = list(_no_derivatives(nt, *[size for _, size, _ in parts]))
         if shown:
             self._look_at_outputs(problem, run, outputs, derivatives[2])
         arrays = {
@@ -493,6 +494,12 @@ class Simulation(MotionRun):
             f"motion would go on as one of another mechanism. Make the lengths of loop {loop} fit exactly, exchange its `from` "
             f"and `to`, along whose axes conditions are kept, or generate from an initial state behind this pose"
         )
+
+
+@lru_cache(64)
+def _no_derivatives(nt: int, *sizes: int) -> tuple[Array, ...]:
+    """Arrays (0, nt, size), which have no entries, so that trajectories may share them."""
+    return tuple([np.empty((0, nt, size)) for size in sizes])
 
 
 def meaningless(what: str) -> str:
