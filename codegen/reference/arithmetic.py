@@ -90,6 +90,10 @@ class Arithmetic:
         found: Callable[..., Any] = getattr(np if name == "floor" else ON_ARRAYS, name)
         return found
 
+    def power(self, x: Any, y: Any) -> Any:
+        """x**y for numbers; not a number where that has no real value."""
+        return _real(x**y)
+
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:
         """Factor a small symmetric positive definite A = L diag(d) L^T.
 
@@ -220,8 +224,13 @@ _DECIMAL: dict[str, Callable[..., Any]] = {
 
 
 def _of_mpmath(name: str) -> Callable[..., Any]:
-    found: Callable[..., Any] = getattr(mpmath, TABLE[name].spelled("mpmath") if name in TABLE else name)
-    return found
+    complex_ = getattr(mpmath, TABLE[name].spelled("mpmath") if name in TABLE else name)
+    return lambda *x: _real(complex_(*x))
+
+
+def _real(x: Any) -> Any:
+    """What mpmath computed; not a number, as in double precision, where it has no real value."""
+    return mpmath.nan if isinstance(x, mpmath.mpc) else x
 
 
 def _by_mpmath(name: str) -> Callable[..., Decimal]:

@@ -172,11 +172,12 @@ class Pairs:
 
     def power(self, x: Pair, y: Pair) -> Pair:
         """x**y for numbers; an exponent without derivative asks no logarithm of the base."""
-        value = x.value**y.value
+        power = self.arithmetic.power
+        value = power(x.value, y.value)
         if not self.k:
             return Pair(value, self._zero)
         # The exponents 0, 1 and 2 must not meet 0**-1 and the like at a base of zero.
-        tangent = y.value * x.value ** (y.value - 1) * x.tangent if y.value != 0 else self._zero
+        tangent = y.value * power(x.value, y.value - 1) * x.tangent if y.value != 0 else self._zero
         if np.any(y.tangent != 0):
             tangent = tangent + value * self.arithmetic.function("log")(x.value) * y.tangent
         return Pair(value, tangent)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.reference import RecursiveEngine
 
 FOUR_BAR = "examples/four_bar.yaml"
 
@@ -91,3 +92,26 @@ def test_without_mpmath_it_says_what_to_install(solver, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mpmath", None)
     with pytest.raises(ImportError, match="pip install mpmath"):
         solver.in_precision()
+
+
+def test_what_has_no_real_value_is_told_as_in_double_precision(tmp_path):
+    model = codegen.parse_model("""
+model: without_value
+parameters: {k: 2}
+bodies:
+  a: {parent: ground, mass: 1, joint: {type: prismatic, axis: x}}
+  b: {parent: a, mass: 1, joint: {type: prismatic, axis: x}}
+forces:
+  push: {type: joint, joint: a, value: k*acos(u.a/4)}
+  spring: {type: joint, joint: b, value: -k*q.a**1.5}
+""")
+    codegen.generate(model, tmp_path)
+    exact = codegen.load(tmp_path).in_precision(30)
+    engine = RecursiveEngine(model, numbers="mpmath")
+    for q, u, force in [([1.0, 0.0], [9.0, 0.0], "push"), ([-1.0, 0.0], [1.0, 0.0], "spring")]:
+        with pytest.warns(RuntimeWarning, match=f"udot of accelerations is not finite.*force {force}"):
+            found = exact.accelerations(q, u)
+        with pytest.warns(RuntimeWarning, match=f"not finite.*force {force}"):
+            _, along = exact.sensitivities([q, q], u, dp=[1.0])
+        udot, dudot = engine.sensitivities(q, u, dp=[[1.0]])
+        assert all(mpmath.isnan(x) for x in (*found, *along.ravel(), *udot, *dudot.ravel()))

@@ -26,6 +26,7 @@ from ....elementary import ELEMENTWISE, TABLE, Elementary
 from ..arrays import Array, Numbers, Shape, Times, normalise
 from ..calls.arguments import NO_SEEDS, Arguments, Seeds, placing
 from ..calls.functions import Function
+from ..calls.non_finite import tell_infinite
 from ..calls.numpy_target import NumpyTarget, in_rows
 from ..calls.package import Package, state
 from ..calls.targets import Opened
@@ -232,8 +233,10 @@ class ExtendedTarget(NumpyTarget):
     def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Any]:
         with decimal.localcontext(self.numbers.context):
             found = self._results(f, [self.numbers.to_decimals(x) for x in arguments])
+            with np.errstate(invalid="ignore"):  # of what is not finite, which is told later
+                found = [np.asarray(self.numbers.to_mp(x), object) for x in found]
             return [
-                np.broadcast_to(in_rows(np.asarray(self.numbers.to_mp(x), object), alone), shape).copy()
+                np.broadcast_to(in_rows(x, alone), shape).copy()
                 for x, alone, shape in zip(found, f.shapes, shapes, strict=True)
             ]
 
@@ -327,7 +330,13 @@ class Extended(Package):
             raise ValueError(NO_PLACES)
         if not f.has_entries():
             return [np.empty(shape, object) for shape in f.whole_shapes(batch, seeds.k)]
-        return opened.target.compute(f, arrays, batch, seeds)
+        results = opened.target.compute(f, arrays, batch, seeds)
+        if not all(map(self._arguments._is_finite, results)):
+            in_double = self._solver._open(opened.number)  # which knows by what
+            floats = {n: np.asarray(x, float) for n, x in arrays.items()}
+            directions = Seeds({n: x.astype(float) for n, x in seeds.of.items()}, seeds.k)
+            tell_infinite(in_double, f, [x.astype(float) for x in results], floats, batch, directions)
+        return results
 
     def jacobians(
         self,
