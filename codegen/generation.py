@@ -249,7 +249,7 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     """The files of a package beside the solver's source; `origin` is the model file, if there is one."""
     from .emit.repetition import json_text
     from .emit.templates import render
-    from .runtime.sections import carried_files, sections_of
+    from .runtime.sections import carried_files
     from .runtime.standalone.files.manifest import file_digest, seal
 
     digest = hashlib.sha256()
@@ -271,7 +271,7 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     }
     context = {
         "name": model.name, "NAME": model.name.upper(), "version": __version__,
-        "sections": sections_of(source.manifest), **package_context(model, manifest),
+        **package_context(model, manifest),
     }  # fmt: skip
     made = {
         "__init__.py": render("package/init.py.jinja", context),

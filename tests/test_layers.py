@@ -307,7 +307,7 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("runtime/standalone/x.py", "from ..sections import STANDALONE"),
         ("runtime/standalone/x.py", "def f():\n    from .. import load"),
         ("runtime/standalone/x.py", "from ...version import __version__"),
-        ("runtime/standalone/calls/x.py", "from ..state.dynamics import Dynamics"),
+        ("runtime/standalone/calls/x.py", "from ..state.frames import Frames"),
         ("runtime/standalone/trajectory/trajectory.py", "def f():\n    import matplotlib"),
         ("runtime/standalone/trajectory/plot.py", "import matplotlib"),
         ("runtime/standalone/trajectory/plot.py", "def f():\n    import pandas"),

@@ -40,7 +40,7 @@ class Feature(NamedTuple):
     manifest : str
         Keys, functions or arguments of functions in ``model.json``.
     files : str
-        Of the package, with ``NAME`` for the model's, or of its run time.
+        Of the package, with ``NAME`` for the model's, or of its run time; and methods of its solver, such as ``frames(``.
     options : mapping
         How it is generated.
     without : mapping
@@ -91,11 +91,11 @@ FEATURES = {
         "outputs: {h: {position: c, axis: z}}\n", "outputs", "outputs output_sensitivities"
     ),
     "prescribed motion": Feature(
-        "motion: {a: 0.3*sin(t)}\n", "prescribed", "driving_forces t", "driving_forces.py"
+        "motion: {a: 0.3*sin(t)}\n", "prescribed", "driving_forces t", "driving_forces("
     ),
     "prescribed motion with branches": Feature(
         "motion: {a: '0.3*max(0, t - 1)**2'}\n", "prescribed", "driving_forces t branching_motion",
-        "driving_forces.py prescribed_branches.py kinks.py",
+        "driving_forces( prescribed_branches.py kinks.py",
     ),
     "loops": Feature(
         f"{PINNED}initial: {{q: {{a: 0.3, b: 0.1}}}}\n", "closure ear", "closure completion condition closures",
@@ -110,9 +110,9 @@ FEATURES = {
         "parameters: {start: 0.2}\ninitial: {q: {a: start}}\n", "initial", "initial_sensitivities"
     ),
     "equilibrium at the start": Feature("gravity: [0, 0, -9.81]\ninitial: {equilibrium: true}\n", "", "initial_at_rest"),
-    "reactions": Feature("", "reaction", "reactions", "reactions.py", {"reactions": True}),
+    "reactions": Feature("", "reaction", "reactions", "reactions.py reactions(", {"reactions": True}),
     "frames": Feature(
-        "", "frames", "frames frame_sensitivities frame_accelerations", "frames.py", {"frames": True}
+        "", "frames", "frames frame_sensitivities frame_accelerations", "frames.py frames( points(", {"frames": True}
     ),
     "motions and their events": Feature(
         "", "state_rates", "state_rates", "NAME_motion.c events.c run.py simulation.py trajectory.py",
@@ -136,7 +136,9 @@ def made(more: str, **options: Any) -> Made:
     named = set(manifest)
     for name, function in manifest["functions"].items():
         named |= {name, *function["arguments"], *function["results"]}
-    files = {name.rpartition("/")[2] for name in carried_files(manifest)} | set(source.files)
+    carried = carried_files(manifest)
+    files = {name.rpartition("/")[2] for name in carried} | set(source.files)
+    files |= set(re.findall(r"^    def (\w+\()", carried["_runtime/solver.py"], re.MULTILINE))
     return Made(code, frozenset(named), frozenset(files))
 
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from .sections import CARRIED, carried_text
+from .sections import CARRIED, is_carried
 from .solver import Solver
 from .standalone.files.manifest import SEAL, check_files, read_manifest
 from .standalone.trajectory.trajectory import Trajectory
@@ -86,7 +86,7 @@ def _brought(path: Path) -> list[Path]:
 def _is_own(folder: Path, file: Path) -> bool:
     try:
         module = ".".join(file.relative_to(folder).with_suffix("").parts)
-        return carried_text(module) == file.read_text(encoding="utf-8")
+        return is_carried(module, file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
 

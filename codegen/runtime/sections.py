@@ -1,10 +1,10 @@
-"""Which files of the run time a package carries: those of the sections that its functions need, and what these import."""
+"""Which files of the run time a package carries: those that the methods of its `Solver` need, and what these import."""
 
 from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,38 +20,56 @@ MOTION = Path(__file__).parent / "motion"
 CARRIED = "_runtime"
 """What it is called in a package."""
 
+ON_INDEPENDENTS = ("closure", "accelerations", "sensitivities", "energy_sensitivities")
+"""Functions that mass matrix and inverse dynamics of mechanisms with loops are made of."""
+
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Statics": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
-    "Diagnosing": ("accelerations",), "Dynamics": (),
-    "WeightedGradients": ("gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients"),
-    "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
-    "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities",
-                   "inverse_dynamics", "inverse_dynamics_sensitivities"),
-    "LoopForces": ("closure", "accelerations", "sensitivities", "energy_sensitivities"),
-    "PrescribedBranches": ("branching_motion",), "FunctionalGradients": ("state_rates",),
-    "DrivingForces": ("driving_forces", "driving_force_sensitivities"),
-    "Reactions": ("reactions", "reaction_sensitivities"),
-    "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
-    "Loops": ("closure",), "States": (), "Redundancy": ("opening", "dropped"), "Partitions": (),
-    "Precision": (), "SinglePrecision": ("scalar",),
+    "dynamics": (), "consistent states": (), "partitions": (),
+    "statics": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
+    "diagnosis": ("accelerations",),
+    "weighted gradients": (
+        "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients",
+    ),
+    "energies": ("energies", "energy_sensitivities"), "outputs": ("outputs", "output_sensitivities"),
+    "forces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities"),
+    "inverse of the mass matrix": ("inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities"),
+    "driving forces": ("driving_forces", "driving_force_sensitivities"),
+    "reactions": ("reactions", "reaction_sensitivities"),
+    "frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
+    "motions": ("state_rates",), "precision": (),
 }  # fmt: skip
-"""Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
+"""Sections of `standalone.solver.Solver`, and what a manifest names, as functions or beside them, where they are needed."""
 
-TOGETHER = ("Statics", "LoopForces")
-"""Sections that need all of what is named there, and not any."""
+PARTS: dict[str, tuple[str, ...]] = {
+    "assembly.loops": ("closure",), "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
+    "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
+}  # fmt: skip
+"""Modules that others import only where a manifest names what needs them."""
 
-ANYWAY = ("WeightedGradients", "Outputs")
+TOGETHER = ("statics", "state.loop_forces")
+"""Of both, those that need all of what is named there, and not any."""
+
+ANYWAY = ("weighted gradients", "outputs")
 """Sections of these that serve models too that have none of these functions; who chose functions without them does without."""
 
 ALWAYS = ("errors", "state.jacobians")
-"""Modules that the ``__init__.py`` of every package imports beside sections."""
+"""Modules that the ``__init__.py`` of every package imports beside its solver."""
+
+_HEAD = re.compile(r"^    # -- (.+?) -+\n", re.MULTILINE)
 
 
-def sections_of(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """The sections that a package needs, as classes and their modules, in the order of the classes of `Solver`."""
-    parts = (manifest, *manifest.get("others", ()))
-    named = {key for m in parts for key in (*m, *m.get("functions", ()))}
-    named |= {f.get("member", "") for m in parts for f in m.get("functions", {}).values()}
+def sections_of(manifest: Mapping[str, Any]) -> list[str]:
+    """The sections of `Solver` that a package needs, in their order there."""
+    found = _needed(manifest, SECTIONS)
+    if "forces" not in found and _needed(manifest, {"state.loop_forces": ON_INDEPENDENTS}):
+        found.insert(0, "forces")
+    return found
+
+
+def _needed(manifest: Mapping[str, Any], parts: Mapping[str, tuple[str, ...]]) -> list[str]:
+    of_partitions = (manifest, *manifest.get("others", ()))
+    named = {key for m in of_partitions for key in (*m, *m.get("functions", ()))}
+    named |= {f.get("member", "") for m in of_partitions for f in m.get("functions", {}).values()}
     left = set(manifest.get("left_out", ()))
 
     def needed(name: str, members: tuple[str, ...]) -> bool:
@@ -59,37 +77,30 @@ def sections_of(manifest: Mapping[str, Any]) -> dict[str, str]:
             return named.issuperset(members)
         return not members or not named.isdisjoint(members) or (name in ANYWAY and left.isdisjoint(members))
 
-    found = {name: _module(name) for name, members in SECTIONS.items() if needed(name, members)}
-    if "Loops" in found:
-        del found["States"]  # which it is derived from
-    return found
+    return [name for name, members in parts.items() if needed(name, members)]
 
 
 def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
     """The files of the run time in a package, by name."""
-    modules, left = set[str](), {*ALWAYS, *sections_of(manifest).values()}
-    while left:
-        modules |= left
-        left = set().union(*map(_imported, left)) - modules
-    modules |= {f"{module.rpartition('.')[0]}.__init__".lstrip(".") for module in modules}
-    found = {f"{CARRIED}/{m.replace('.', '/')}.py": carried_text(m) for m in sorted(modules)}
+    sections = sections_of(manifest)
+    texts, left = {"solver": solver_text(sections)}, set(ALWAYS)
+    left |= _imported("solver", texts["solver"])
+    without = PARTS.keys() - {*_needed(manifest, PARTS)}
+    while left := left - texts.keys() - without:
+        texts |= {module: carried_text(module) for module in left}
+        left = set().union(*(_imported(module, texts[module]) for module in left))
+    for room in {module.rpartition(".")[0] for module in texts}:
+        texts[f"{room}.__init__".lstrip(".")] = carried_text(f"{room}.__init__".lstrip("."))
+    found = {f"{CARRIED}/{module.replace('.', '/')}.py": texts[module] for module in sorted(texts)}
     found |= {
         f"{CARRIED}/{file.relative_to(STANDALONE).as_posix()}": file.read_text(encoding="utf-8")
         for file in sorted(STANDALONE.glob("*/*.c"))
     }
-    if "FunctionalGradients" in sections_of(manifest):
+    if "motions" in sections:
         found |= {
             f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))
         }
     return found
-
-
-@functools.cache
-def _module(section: str) -> str:
-    """The module of a section: TreeForces stands in ``state.tree_forces``."""
-    name = "".join(f"_{c.lower()}" if c.isupper() else c for c in section).removeprefix("_")
-    (file,) = STANDALONE.glob(f"*/{name}.py")
-    return f"{file.parent.name}.{name}"
 
 
 @functools.cache
@@ -100,12 +111,33 @@ def carried_text(module: str) -> str:
     return re.sub(r"^from \.\.\.(\.?\w+) import", r"from .\1 import", text, flags=re.MULTILINE)
 
 
-@functools.cache
-def _imported(module: str) -> frozenset[str]:
+def solver_text(sections: Iterable[str]) -> str:
+    """`Solver` with some of its sections, and the imports that these use."""
+    start, *parts = _HEAD.split(carried_text("solver"))
+    rules, wanted = _HEAD.finditer(carried_text("solver")), {*sections}
+    kept = [r[0] + body for r, body in zip(rules, parts[1::2], strict=True) if r[1] in wanted]
+    imports, mark, start = start.partition("\nclass Solver")
+    body = f"{mark}{start}{''.join(kept)}".rstrip() + "\n"
+    used = {*re.findall(r"\w+", re.sub(r'""".*?"""', "", body, flags=re.DOTALL)), "annotations"}
+
+    def with_names_that_are_used(line: re.Match[str]) -> str:
+        names = [name for name in line[2].split(", ") if name.rpartition(" as ")[2] in used]
+        return f"{line[1]}{', '.join(names)}\n" if names else ""
+
+    imports = re.sub(r"^((?:from \S+ )?import )(.+)\n", with_names_that_are_used, imports, flags=re.MULTILINE)
+    return re.sub(r"\n{3,}", "\n\n", imports) + body
+
+
+def is_carried(module: str, text: str) -> bool:
+    """Whether this version writes that text of a module into some package."""
+    return text == (solver_text(m[1] for m in _HEAD.finditer(text)) if module == "solver" else carried_text(module))
+
+
+def _imported(module: str, text: str) -> set[str]:
     """Modules of the run time that one imports, at its head or within functions."""
     room = module.rpartition(".")[0]
-    found = re.findall(r"^ *from \.(\.?)([\w.]+) import", carried_text(module), re.MULTILINE)
-    return frozenset(name if above or not room else f"{room}.{name}" for above, name in found)
+    found = re.findall(r"^ *from \.(\.?)([\w.]+) import", text, re.MULTILINE)
+    return {name if above or not room else f"{room}.{name}" for above, name in found}
 
 
-__all__ = ["CARRIED", "carried_files", "carried_text", "sections_of"]
+__all__ = ["CARRIED", "carried_files", "is_carried", "sections_of", "solver_text"]

@@ -1,4 +1,4 @@
-"""`Solver` with all sections, for packages of this version; a package carries those that it uses, see `sections`."""
+"""`Solver` of packages of this version, which may know the model that they were generated from."""
 
 from __future__ import annotations
 
@@ -6,71 +6,35 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from .long_texts import LongTexts
-from .standalone.assembly.loops import Loops
-from .standalone.assembly.partitions import Partitions
-from .standalone.assembly.redundancy import Redundancy
-from .standalone.calls.package import Package
-from .standalone.motion.functional_gradients import FunctionalGradients
-from .standalone.motion.prescribed_branches import PrescribedBranches
-from .standalone.state.driving_forces import DrivingForces
-from .standalone.state.dynamics import Dynamics
-from .standalone.state.energies import Energies
-from .standalone.state.frames import Frames
-from .standalone.state.loop_forces import LoopForces
-from .standalone.state.outputs import Outputs
-from .standalone.state.reactions import Reactions
-from .standalone.state.tree_forces import TreeForces
-from .standalone.state.weighted_gradients import WeightedGradients
-from .standalone.statics.statics import Statics
-from .standalone.trust.diagnosing import Diagnosing
-from .standalone.trust.precision import Precision, extended
-from .standalone.trust.single_precision import SinglePrecision
+from .standalone import solver
+from .standalone.trust.precision import extended
 
 if TYPE_CHECKING:
     from ..model import Model
 
 
-class Solver(
-    Statics,
-    Diagnosing,
-    Dynamics,
-    WeightedGradients,
-    Energies,
-    Outputs,
-    TreeForces,
-    PrescribedBranches,
-    FunctionalGradients,
-    DrivingForces,
-    Reactions,
-    Frames,
-    Loops,
-    Redundancy,
-    Partitions,
-    Precision,
-    SinglePrecision,
-):
-    __doc__ = Package.__doc__
-
-    def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
-        super().__init__(folder, target)
-        if self.closure_names:  # some members of mechanisms with loops are others
-            self.__class__ = LoopSolver
+class Solver(solver.Solver):
+    __doc__ = solver.Solver.__doc__
 
     def in_precision(self, digits: int = 40, model: Model | str | os.PathLike[str] | None = None) -> Any:
-        return extended(self, digits, None if model is None else LongTexts(model, self._manifest, digits))
+        """This solver in more digits; see `standalone.solver.Solver.in_precision`.
 
-    in_precision.__doc__ = (Precision.in_precision.__doc__ or "").replace(
-        "        Returns",
-        """        model : Model or path, optional
+        Parameters
+        ----------
+        digits : int
+            Decimal digits of results, at least 16.
+        model : Model or path, optional
             What the package was generated from: numbers that were computed from it are computed in these digits too, from the
             doubles that the model file is read as.
 
-        Returns""",
-    )
+        Returns
+        -------
+        Solver
+            With ``digits``, and ``mp``, mpmath's functions in these digits.
 
-
-class LoopSolver(LoopForces, Solver):
-    __doc__ = Package.__doc__
-
-
-__all__ = ["LoopSolver", "Solver"]
+        Raises
+        ------
+        ImportError
+            mpmath is not installed.
+        """
+        return extended(self, digits, None if model is None else LongTexts(model, self._manifest, digits))

@@ -96,7 +96,7 @@ def test_a_damaged_file_is_named(copied, name):
     assert codegen.load(copied, target).name == "odd"
 
 
-@pytest.mark.parametrize("name", ["state/dynamics", "errors", "arrays", "files/compiler"])
+@pytest.mark.parametrize("name", ["state/jacobians", "errors", "arrays", "files/compiler"])
 def test_a_package_without_a_file_of_its_run_time_tells_by_itself(copied, name):
     (copied / "_runtime" / f"{name}.py").unlink()
     done = subprocess.run([sys.executable, "-c", "import odd"], cwd=copied.parent, capture_output=True, text=True)

@@ -1,15 +1,19 @@
 """Members of the solver against the generic engine, and against each other; `rig` tests how arrays are taken."""
 
+import ast
+import inspect
+import re
+
 import numpy as np
 import pytest
 
 import codegen
 from codegen.reference import RecursiveEngine
 from codegen.runtime import Solver
-from codegen.runtime.sections import SECTIONS
-from codegen.runtime.solver import LoopSolver
+from codegen.runtime.sections import SECTIONS, solver_text
+from codegen.runtime.standalone import solver as whole
 from codegen.runtime.standalone.calls.functions import split
-from codegen.runtime.standalone.calls.package import SOMETIMES, Package
+from codegen.runtime.standalone.calls.package import SOMETIMES
 
 
 def state(solver, rng, *batch):
@@ -187,14 +191,38 @@ def test_forces_and_accelerations_belong_together(satellite):
 # ---- sections --------------------------------------------------------------------------------------------------------
 
 
-def test_the_solver_has_all_sections_and_every_member_that_a_package_may_lack_is_known():
-    sections = {
-        c.__name__: c for c in LoopSolver.__mro__ if issubclass(c, Package) and c not in (Package, Solver, LoopSolver)
-    }
-    assert sections.keys() > SECTIONS.keys()
-    further = [c for name, c in sections.items() if name not in SECTIONS]
-    assert all(issubclass(sections["FunctionalGradients"], c) for c in further)  # what it is built upon, a file each
-    optional = [vars(c) for name, c in sections.items() if SECTIONS.get(name)] + [vars(c) for c in further]
-    members = {name for section in optional for name in section if not name.startswith("_")}
-    assert members == {*SOMETIMES}
-    assert {*SOMETIMES} <= {*dir(LoopSolver)}
+def methods(text: str) -> dict[str, ast.FunctionDef]:
+    """Those of the class in a text of `Solver`, by name."""
+    (solver,) = (node for node in ast.parse(text).body if isinstance(node, ast.ClassDef))
+    return {node.name: node for node in solver.body if isinstance(node, ast.FunctionDef)}
+
+
+def test_every_method_is_written_out_with_what_it_takes():
+    """In one class, in sections that `SECTIONS` knows, each with a docstring; none takes what it does not name."""
+    text = inspect.getsource(whole)
+    assert set(re.findall(r"^    # -- (.+?) -+$", text, re.MULTILINE)) == SECTIONS.keys()
+    found = methods(text)
+    assert {*SOMETIMES} <= found.keys() and len(found) > 50
+    for name, method in found.items():
+        if not name.startswith("_"):
+            assert ast.get_docstring(method) and method.returns is not None, name
+            assert method.args.vararg is None and method.args.kwarg is None, name
+            assert len(method.body) <= 3, name  # the docstring, and a call
+    assert [c.__name__ for c in Solver.__mro__] == ["Solver", "Solver", "Package", "object"]
+
+
+def test_a_package_has_some_sections_whole_and_imports_what_these_use():
+    text = inspect.getsource(whole)
+    assert solver_text(SECTIONS) == text
+    for section in SECTIONS:
+        part = solver_text([section])
+        names = {
+            a.asname or a.name
+            for node in ast.walk(ast.parse(part))
+            if isinstance(node, ast.ImportFrom)
+            for a in node.names
+        }
+        body = part.partition("\nclass Solver")[2]
+        assert all(re.search(rf"\b{name}\b", body) for name in names - {"annotations"}), section
+        assert methods(part).keys() < methods(text).keys() and part.count("# -- ") == 1
+        compile(part, section, "exec")

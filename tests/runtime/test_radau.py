@@ -157,7 +157,7 @@ def motion(s, end, tolerance, directions=0, parameters=None, inputs=None, **opti
         "method": "radau",
         "atol": np.full(s.nq + s.nu + nx, tolerance),
     } | options
-    r = s._run(
+    r = s._motions._run(
         Problem(
             start=0.0, end=end, q=q, u=u, p=p, inputs=inputs or Inputs(0, None, np.zeros((1, s.ninputs))), dq=dq, du=du, dp=dp,
             dinputs=None, rtol=tolerance, most_steps=200_000, **given,
@@ -442,13 +442,13 @@ def test_gradients_backwards_converge_with_the_order(solver, name, output, monke
     s = solver(name)
     end, wanted = 0.8, [Final(output), Integral(output)]
     exact = s.judge(end, wanted, wrt=s.parameter_names, method="adjoint", rtol=1e-14, atol=1e-14).gradients
-    own = type(s)._problem
+    own = type(s._motions)._problem
 
     def fixed(self, *arguments, **options):
         problem, directions = own(self, *arguments, **options)
         return replace(problem, fixed=True), directions
 
-    monkeypatch.setattr(type(s), "_problem", fixed)
+    monkeypatch.setattr(type(s._motions), "_problem", fixed)
     errors = []
     for n in (100, 200):
         options = {"integrator": "radau", "step": end / n, "rtol": 1e-13, "atol": 1e-13}

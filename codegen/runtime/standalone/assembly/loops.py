@@ -19,40 +19,44 @@ POSITION = Wanted("closure", ["position"])
 
 
 class Loops(States):
-    """Consistent states of models that have loops, or none."""
+    """Consistent states of models that have loops."""
 
-    def _use(self, opened: Opened) -> None:
-        super()._use(opened)
-        self._assembly = Assembly(opened)
+    _made: tuple[Opened, Assembly] | None = None
+
+    @property
+    def assembly(self) -> Assembly:
+        """What closes the loops with the partition in use."""
+        opened, made = self._closing(), self._made
+        if made is None or made[0] is not opened:
+            self._made = made = opened, Assembly(opened)
+        return made[1]
+
+    def _closing(self) -> Opened:
+        """What computes while loops are closed."""
+        return self._opened
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
-        if not self.closure_names:
-            return super()._consistent(given)
-        speeds = self._one_state("completion", given) if self._is_closed(given) else None
+        speeds = self.package._one_state("completion", given) if self._is_closed(given) else None
         return None if speeds is None else (given[0].copy(), speeds[0])
 
     def _consistent_along(
         self, given: tuple[Any, ...], seeds: tuple[Any, ...]
     ) -> tuple[Array, Array, Array, Array] | None:
-        if not self.closure_names:
-            return super()._consistent_along(given, seeds)
         if self._watched or not self._is_closed(given):
             return None
-        found = self._one_state("completion_sensitivities", given, seeds)
+        found = self.package._one_state("completion_sensitivities", given, seeds)
         return None if found is None else (given[0].copy(), *found)
 
     def _is_closed(self, given: tuple[Any, ...]) -> bool:
         """Whether that is one state in plain arrays whose coordinates assembly leaves as they are."""
         if self._arguments.quaternions:
             return False
-        gaps = self._one_state(POSITION, given)
-        return gaps is not None and largest(gaps[0]) <= ROUNDING and not self._assembly.may_be_turned(given[0])
+        gaps = self.package._one_state(POSITION, given)
+        return gaps is not None and largest(gaps[0]) <= ROUNDING and not self.assembly.may_be_turned(given[0])
 
-    def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
-        q_new = super()._assembled(arrays, batch)
-        if not self.closure_names:
-            return q_new
-        assembly = self._assembly
+    def assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
+        q_new = super().assembled(arrays, batch)
+        assembly = self.assembly
         x = placing(arrays, batch, self._opened.manifest)
         axis = self._path_axis(arrays, batch) if follow is None else len(batch) - 1 if follow and batch else None
         if axis is not None and batch[axis] > 1:
@@ -87,18 +91,16 @@ class Loops(States):
         axes = [k for k in range(len(batch)) if k >= len(batch) - t.ndim and t.shape[k - len(batch) + t.ndim] > 1]
         if not axes:
             return None
-        q = arrays["q"][..., self._assembly.follower.others]
+        q = arrays["q"][..., self.assembly.follower.others]
         k = axes[-1] - len(batch) - 1  # counted from the end, for q may have fewer axes
         same = q.ndim < -k or q.shape[k] == 1 or bool((q == np.take(q, [0], axis=k)).all())
         return axes[-1] if same else None
 
-    def _moved(self, q: Array, arrays: Mapping[str, Any]) -> Array:
-        q_new = super()._moved(q, arrays)
-        return self._assembly.follow(q_new, placing(arrays, (), self._opened.manifest)) if self.closure_names else q_new
+    def moved(self, q: Array, arrays: Mapping[str, Any]) -> Array:
+        q_new = super().moved(q, arrays)
+        return self.assembly.follow(q_new, placing(arrays, (), self._opened.manifest))
 
-    def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
-        if not self.closure_names:
-            return super()._completed(q_new, arrays, batch)
+    def completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
         return self._call("completion", (q_new, *(arrays[n] for n in STATE[1:])))[0]
 
     def _completed_along(
@@ -108,13 +110,10 @@ class Loops(States):
         batch: Shape,
         dq_new: Array,
         du_new: Array,
-        rest: Mapping[str, Any],
+        rest: tuple[Any, ...],
     ) -> tuple[Array, Array, Array, Array]:
-        if not self.closure_names:
-            return super()._completed_along(q_new, arrays, batch, dq_new, du_new, rest)
-        given = {**arrays, "q": q_new, "u": super()._completed(q_new, arrays, batch)}
-        along = dq_new, du_new, rest["dp"], rest["dinputs"], rest["dt"]
-        return q_new, *self._call("completion_sensitivities", tuple([given[n] for n in STATE]), along)
+        given = {**arrays, "q": q_new, "u": super().completed(q_new, arrays, batch)}
+        return q_new, *self._call("completion_sensitivities", tuple(given[n] for n in STATE), (dq_new, du_new, *rest))
 
 
 def _place(number: int, batch: Shape) -> tuple[int, ...]:

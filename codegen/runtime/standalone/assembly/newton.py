@@ -19,6 +19,7 @@ from ..calls.arguments import placed
 from ..calls.targets import Opened
 from ..errors import SingularJointError, SingularLoopError
 from ..files.manifest import ALLOWED
+from .partitions import scale_of
 
 LARGEST = 0.3
 """rad, or characteristic lengths: the longest step of a dependent coordinate."""
@@ -140,11 +141,8 @@ class Newton:
         self.still = np.zeros(len(manifest["speed_names"]))
         self.quaternions = tuple(manifest["quaternions"])
         self.np, self.loops = len(manifest["parameter_names"]), len(manifest["loops"])
-        length = max((float(c["length"]) for c in manifest.get("closures", ())), default=1.0) or 1.0
-        self.scale = np.array([length if unit == "m" else 1.0 for unit in manifest["coordinate_units"]])
+        self.scale = scale_of(manifest)
         self.slides = np.array([unit == "m" for unit in manifest["coordinate_units"]], bool)
-        for i in self.quaternions:
-            self.scale[i : i + 4] = 0.5
         self.together = "closing_step" in opened.functions
         slack = np.zeros(len(manifest["closure_names"]))
         slack[manifest.get("redundant", [])] = ALLOWED * manifest.get("loop_tolerance", 0.0)

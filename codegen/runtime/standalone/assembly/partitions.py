@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -13,54 +15,45 @@ from ..calls.targets import partitions_of
 from ..errors import SingularLoopError
 
 
-class Partitions(Package):
-    """Choices of independent coordinates."""
+def partition_names(package: Package) -> tuple[tuple[str, ...], ...]:
+    """See `Solver.partitions`."""
+    return tuple(tuple(m.get("independent_names", package.coordinate_names)) for m in partitions_of(package._manifest))
 
-    @property
-    def partitions(self) -> tuple[tuple[str, ...], ...]:
-        """Names of the independent coordinates of each partition that the package holds, one to four."""
-        return tuple(tuple(m.get("independent_names", self.coordinate_names)) for m in partitions_of(self._manifest))
 
-    @property
-    def partition(self) -> int:
-        """The partition in use."""
-        return self._opened.number
+def use_partition(package: Package, partition: int) -> None:
+    """See `Solver.use_partition`."""
+    count = len(partitions_of(package._manifest))
+    if isinstance(partition, bool) or not isinstance(partition, (int, np.integer)):
+        raise ValueError(f"partition is {partition!r}, expected a whole number below {count}")
+    if not 0 <= partition < count:
+        raise ValueError(f"partition {partition}: there are {count}, counted from 0")
+    package._use(package._open(int(partition)))
 
-    def use_partition(self, partition: int) -> None:
-        """Take other independent coordinates from now on; states keep their meaning, since q and u hold all coordinates and
-        speeds.
 
-        Not while other threads use this solver.
-        """
-        count = len(self.partitions)
-        if isinstance(partition, bool) or not isinstance(partition, (int, np.integer)):
-            raise ValueError(f"partition is {partition!r}, expected a whole number below {count}")
-        if not 0 <= partition < count:
-            raise ValueError(f"partition {partition}: there are {count}, counted from 0")
-        self._use(self._open(int(partition)))
-
-    def condition(self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0) -> Array:
-        """Worst condition of the closure matrices of the dependent speeds, for each partition, (..., len(partitions)).
-
-        One is best; infinite where a loop has lost rank, as at a dead point of the independent coordinates. The figure says how
-        far dependent speeds move per unit of what opens a loop: the Frobenius norm of the inverse of the matrix, times that of
-        the matrix, at least sqrt(n), over the number n of dependent speeds; of a single one, one over its entry. Linear
-        conditions and displacements are in parts of the characteristic length. Other threads may use the solver meanwhile: the
-        partition in use stays.
-        """
-        arrays, batch = self._arguments.take({"q": q, "p": p, "inputs": inputs, "t": t}, self._left_out)
-        found = np.ones((*batch, len(self.partitions)))
-        if not self.closure_names:
-            return found
-        q_all = np.broadcast_to(arrays["q"], (*batch, self.nq))
-        p_all = placing(arrays, batch, self._opened.manifest)
-        for k in range(found.shape[-1]):
-            opened = self._open(k)
-            for at in np.ndindex(batch):
-                given = placed(q_all[at].copy(), p_all[at].copy(), self.np)
-                try:
-                    (values,) = opened.target.compute(opened.functions["conditions"], given, ())
-                    found[(*at, k)] = values.max(initial=1.0)
-                except SingularLoopError:
-                    found[(*at, k)] = math.inf
+def conditions(package: Package, q: Numbers, p: Numbers, inputs: Numbers, t: Times) -> Array:
+    """See `Solver.condition`."""
+    arrays, batch = package._arguments.take({"q": q, "p": p, "inputs": inputs, "t": t}, package._left_out)
+    found = np.ones((*batch, len(partitions_of(package._manifest))))
+    if not package.closure_names:
         return found
+    q_all = np.broadcast_to(arrays["q"], (*batch, package.nq))
+    p_all = placing(arrays, batch, package._opened.manifest)
+    for k in range(found.shape[-1]):
+        opened = package._open(k)
+        for at in np.ndindex(batch):
+            given = placed(q_all[at].copy(), p_all[at].copy(), package.np)
+            try:
+                (values,) = opened.target.compute(opened.functions["conditions"], given, ())
+                found[(*at, k)] = values.max(initial=1.0)
+            except SingularLoopError:
+                found[(*at, k)] = math.inf
+    return found
+
+
+def scale_of(manifest: Mapping[str, Any]) -> Array:
+    """Changes of coordinates (nq,) that count as one: a radian, two of a quaternion's components, a characteristic length."""
+    length = max((float(c["length"]) for c in manifest.get("closures", ())), default=1.0) or 1.0
+    scale = np.array([length if unit == "m" else 1.0 for unit in manifest["coordinate_units"]])
+    for i in manifest["quaternions"]:
+        scale[i : i + 4] = 0.5
+    return scale

@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Numbers
 from ..calls.arguments import Seeds
 from ..calls.functions import STATE, Wanted
-from ..calls.package import Package
+from ..calls.room import Room
 from ..calls.single_calls import Call
 from ..calls.targets import Opened
 from ..warning import warn
@@ -30,27 +30,27 @@ CLOSING = frozenset({
 class WatchedCalls(dict[Any, Call]):
     """Calls that warn first where dropped conditions are open."""
 
-    def __init__(self, solver: Redundancy, calls: Mapping[Any, Call]):
+    def __init__(self, redundancy: Redundancy, calls: Mapping[Any, Call]):
         super().__init__()
-        self.solver, self.calls = weakref.proxy(solver), calls
+        self.redundancy, self.calls = weakref.proxy(redundancy), calls
 
     def __missing__(self, wanted: str | Wanted) -> Call:
         name, call = wanted if isinstance(wanted, str) else wanted.name, self.calls[wanted]
 
         def watched(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
-            self.solver._look_at_state(name, given)
+            self.redundancy._look_at_state(name, given)
             return call(given, seeds, out)
 
         return watched
 
 
-class Redundancy(Package):
+class Redundancy(Room):
     """Warns of directions that open redundant conditions, and of states where dropped conditions are open."""
 
-    def _use(self, opened: Opened) -> None:
-        super()._use(opened)
-        if opened.manifest.get("dropped"):
-            self._calls = WatchedCalls(self, self._calls)
+    def watch_calls(self) -> None:
+        """Look at states that go straight to the C, where conditions were dropped."""
+        if self._opened.manifest.get("dropped"):
+            self.package._calls = WatchedCalls(self, self.package._calls)
 
     def _look_at_state(self, name: str, given: tuple[Any, ...]) -> None:
         """Warn where conditions that were dropped are open by more than they may be."""
@@ -61,7 +61,7 @@ class Redundancy(Package):
         known = f.named(given)
         if known.get("q") is None:
             return
-        arrays, batch, _ = self._taken(f, given)
+        arrays, batch, _ = self.package._taken(f, given)
         gaps = opened.target.compute(opened.functions["closure"], {"u": np.zeros(self.nu)} | dict(arrays), batch)[0]
         allowed = allowed_gaps(opened)
         excess = np.where(allowed > 0.0, np.abs(gaps) - allowed, -np.inf)
@@ -74,7 +74,8 @@ class Redundancy(Package):
                 f"generated, and {name} is of a mechanism without it"
             )
 
-    def _look_at_directions(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...]) -> None:
+    def look_at_directions(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...]) -> None:
+        """Warn of directions that have no derivative."""
         opened, dp = self._opened, seeds[STATE.index("p")]
         if opened.manifest.get("dropped"):
             self._look_at_state(name, given)

@@ -1,13 +1,13 @@
 """A package that is open: what it says of its model, and calls of its functions with whatever a user gives.
 
-`Solver` is put together from sections, classes derived from `Package` with one file each; a package carries those that it uses.
+`Solver` is derived from it, and has a method for each function.
 """
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,36 +26,15 @@ from .operation_counts import OperationCounts
 from .results import empty, overlap, places, put
 from .targets import Opened, Target, c_target, open_partition
 
+Composed = Callable[[tuple[Any, ...], Any, Any], Sequence[Array]]
+"""Results from arguments, seeds and places for results; see `Package._call`."""
+
 
 class Package:
-    """A generated solver. May be used by several threads at once.
+    """A generated package that is open; see `Solver` for its parameters."""
 
-    Parameters
-    ----------
-    folder : path
-        The generated package.
-    target : {"c", "numpy", "both"}, optional
-        Which code computes; left out: what the package was generated for. With "both" the two are compared first, then
-        the C computes. Without a C compiler the NumPy module serves, and a warning says so.
-
-    Raises
-    ------
-    CompileError
-    TargetsDifferError
-
-    Notes
-    -----
-    Arguments of the methods, all in SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design
-    parameters ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros), time ``t (...)``.
-    Leading axes are batch axes and broadcast by NumPy's rules. Seeds carry their k directions first:
-    ``dq (k, ..., nq)``, ``du``, ``dp``, ``dinputs`` alike, ``dt (k, ...)``; one without k counts as k = 1; missing ones
-    are zero. ``p``, ``inputs`` and seeds may be mappings from some names to numbers. Results are (..., n), derivatives
-    (k, ..., n).
-
-    Every method raises ValueError for a wrong shape, a number that is not finite, an unknown name and a quaternion
-    shorter than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
-    """
-
+    _watch: Callable[[str, tuple[Any, ...], tuple[Any, ...]], None] | None = None
+    """What warns of directions that have no derivative."""
     _threads = 1
     _bad_states = "error"
 
@@ -115,6 +94,10 @@ class Package:
         self._opened = opened
         self._calls = opened.target.calls
         self._watched = bool(opened.manifest.get("opening"))
+        self._is_used()
+
+    def _is_used(self) -> None:
+        """Changes how a solver calls the partition that is in use from now on."""
 
     def __getstate__(self) -> tuple[str, str, int, int, str, str]:
         # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
@@ -208,6 +191,11 @@ class Package:
         )
 
     @property
+    def _composed(self) -> Mapping[str, Composed]:
+        """Functions that are made of generated ones, by the names of those that other models have in their place."""
+        return {}
+
+    @property
     def _target(self) -> Target:
         return self._opened.target
 
@@ -278,6 +266,8 @@ class Package:
         if found is not None:
             return found
         opened = self._opened
+        if name in self._composed and name not in opened.functions:
+            return self._composed[name](given, seeds, out)
         f = self._find(opened, name)
         arrays, batch, bad = self._taken(f, given)
         along = NO_SEEDS
@@ -343,6 +333,11 @@ class Package:
 
     def _why_not(self, name: str) -> str:
         """Why there is no function of that name."""
+        if name in IN_DOUBLE_ONLY and "scalar" in self._manifest:
+            return (
+                f"{self.name} was generated with --scalar {self._manifest['scalar']}: it evaluates functions and their "
+                f"derivatives; motions are integrated in double precision, which needs a package of --scalar float64"
+            )
         if name.startswith("driving_force") and not self.prescribed_names:
             return f"{self.name} has no prescribed motion (section motion of the model file), so nothing is driven"
         if name in ("reactions", "reaction_sensitivities"):
@@ -367,8 +362,13 @@ class Package:
         return self._arguments.defaults.get(name, 0.0)
 
     def _look_at_directions(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...]) -> None:
-        """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
+        """Warn of directions that have no derivative, where there may be any."""
+        if self._watch is not None:
+            self._watch(name, given, seeds)
 
+
+IN_DOUBLE_ONLY = ("simulate", "judge", "state_rates", "state_rate_sensitivities")
+"""What there is in double precision only."""
 
 _ON_INDEPENDENTS = dict.fromkeys(
     ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..assembly.partitions import scale_of
 from ..calls.arguments import Seeds
 from ..errors import SingularJointError
 from .problem import Run, Segment
@@ -44,7 +44,7 @@ class Lost:
     directions: NDArray[np.bool_]
 
 
-def lost_directions(solver: Any, run: Run, dp: Array) -> list[Lost]:
+def lost_directions(run: Run, dp: Array) -> list[Lost]:
     """Which of the directions dp (k, np) have no derivative behind the poses that a motion has passed."""
     if not dp.any():
         return []
@@ -54,7 +54,7 @@ def lost_directions(solver: Any, run: Run, dp: Array) -> list[Lost]:
         for row in segment.flat:
             q = row[1:].reshape(2, -1)
             try:
-                near, far = (_moved(solver, segment, float(row[0]), of, moving) for of in q)
+                near, far = (_moved(segment, float(row[0]), of, moving) for of in q)
             except SingularJointError:
                 continue
             seeds, sizes = dp[:, moving], np.abs(segment.problem.p[moving])
@@ -67,15 +67,15 @@ def lost_directions(solver: Any, run: Run, dp: Array) -> list[Lost]:
     return found
 
 
-def _moved(solver: Any, segment: Segment, t: float, q: Array, moving: NDArray[np.intp]) -> Array:
+def _moved(segment: Segment, t: float, q: Array, moving: NDArray[np.intp]) -> Array:
     """By how much coordinates move with some parameters, independent ones held, (parameters, nq)."""
     problem = segment.problem
-    f = solver._find(segment.opened, "completion_sensitivities")
-    given = {"q": q.copy(), "u": np.zeros(solver.nu), "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
-    units = np.eye(solver.np)[moving]
+    f = segment.opened.functions["completion_sensitivities"]
+    given = {"q": q.copy(), "u": np.zeros_like(problem.u), "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+    units = np.eye(len(problem.p))[moving]
     results = segment.opened.target.compute(f, given, (), Seeds({"dp": units}, len(units)))
     moved: Array = results[f.results.index("dfull_q")].reshape(len(units), -1)
-    return moved / solver._assembly.newton.scale
+    return moved / scale_of(segment.opened.manifest)
 
 
 def what_is_lost(lost: Sequence[Lost], names: Sequence[str]) -> str:

@@ -21,7 +21,7 @@ from .directions import Directions
 from .flat_poses import lost_directions, what_is_lost
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
 from .problem import Problem, Run
-from .simulation import MEANINGLESS, MOST_STEPS, Simulation, meaningless
+from .simulation import MEANINGLESS, Simulation, meaningless
 
 GRADIENTS = ("auto", "forward", "adjoint")
 
@@ -51,38 +51,11 @@ class FunctionalGradients(Simulation):
     """Functionals of motions."""
 
     def judge(
-        self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,
-        inputs: Any = None, *, wrt: Sequence[str] | str = (), method: str = "auto", dq0: Numbers = None, du0: Numbers = None,
-        rtol: float = 1e-9, atol: Any = 1e-9, integrator: str = "dop853", step: float | None = None,
-        largest_step: float | None = None, most_steps: int = MOST_STEPS, memory: int = MEMORY,
+        self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers, u: Numbers, p: Numbers, inputs: Any,
+        wrt: Sequence[str] | str, method: str, dq0: Numbers, du0: Numbers, rtol: float, atol: Any, integrator: str,
+        step: float | None, largest_step: float | None, most_steps: int, memory: int,
     ) -> Judged:  # fmt: skip
-        """Values of functionals of a motion, and their gradients, exact for the steps that are made.
-
-        Parameters
-        ----------
-        t : float, or (start, end)
-            The motion's end, s, or both ends.
-        functionals : one or several of `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`
-        q, u, p, inputs, dq0, du0, rtol, atol, step, largest_step, most_steps
-            As those of `simulate`.
-        wrt : sequence of str
-            What gradients are with respect to, as the `sensitivities` of `simulate`.
-        method : {"auto", "forward", "adjoint"}
-            Sensitivities along with the motion, or the discrete adjoint, whose cost does not grow with the number of parameters;
-            "auto" takes what costs less. Both give the same to rounding.
-        integrator : {"dop853", "radau", "rk4"}
-        memory : int
-            Bytes that the adjoint keeps steps in.
-
-        Returns
-        -------
-        Judged
-
-        Raises
-        ------
-        SimulationError
-            The motion ends before its time, or an event that is asked for does not come.
-        """
+        """See `Solver.judge`."""
         if method not in GRADIENTS:
             raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, GRADIENTS))}")
         ends = np.atleast_1d(np.asarray(t, float))
@@ -146,7 +119,7 @@ class FunctionalGradients(Simulation):
     def _take_lost(self, gradients: Array, weights: Weights, directions: Directions, run: Run) -> None:
         """NaN, and a warning, for gradients along directions that have no derivative behind a pose where a loop has lost rank."""
         taken = []
-        for of in lost_directions(self, run, directions.dp):
+        for of in lost_directions(run, directions.dp):
             times, of_outputs, of_times = weights.behind
             behind = (
                 (weights.outputs[:, weights.times > of.t] != 0.0).any(axis=(1, 2))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ..arrays import Array
-from ..calls.package import Package
 from ..errors import SimulationError
 from .inputs import Inputs
 from .kinks import first_kink, known_of, times_of
@@ -17,36 +17,32 @@ SHORT_OF_KINK = 1e-12
 """A motion ends before a kink of prescribed motion by this part of its time."""
 
 
-class PrescribedBranches(Package):
-    """Motions up to where prescribed motion has a kink."""
+def before_kinks(
+    manifest: Mapping[str, Any], known: dict[Any, tuple[float, str] | None], start: float, end: float, times: Array, p: Array,
+    inputs: Inputs,
+) -> tuple[float, Array, str]:  # fmt: skip
+    """End and times of a motion up to the first kink of prescribed motion, and why it goes no farther, if there is one.
 
-    def _before_kinks(
-        self, start: float, end: float, times: Array, p: Array, inputs: Inputs
-    ) -> tuple[float, Array, str]:
-        """End and times of a motion up to the first kink of prescribed motion, and why it goes no farther, if there is one.
+    `known` keeps kinks that have been found.
 
-        Raises
-        ------
-        SimulationError
-            It begins there.
-        """
-        motion = self._manifest.get("branching_motion")
-        if not motion:
-            return end, times, ""
-        names = {n for one in motion for n in one["names"]}
-        key = (start, end, *(x for n, x in zip(self.parameter_names, p.tolist(), strict=True) if n in names))
-        looked_at: dict[Any, tuple[float, str] | None] = self.__dict__.setdefault("_kinks", {})
-        if key not in looked_at or not names.isdisjoint(self.input_names):
-            known = known_of(self.parameter_names, p, self.input_names, inputs)
-            if len(looked_at) >= MOST_KINKS:
-                looked_at.clear()
-            looked_at[key] = first_kink(motion, known, times_of(start, end, inputs))
-        found = looked_at[key]
-        if found is None:
-            return end, times, ""
-        t, message = found
-        message = f"the motion ends at t = {t:.9g} s: {message}"
-        before = t - SHORT_OF_KINK * max(abs(t), end - start)  # where the branches are still those before it
-        if before <= start:
-            raise SimulationError(message, None)
-        return before, times[times <= before], message
+    Raises
+    ------
+    SimulationError
+        It begins there.
+    """
+    motion, parameters, signals = manifest["branching_motion"], manifest["parameter_names"], manifest["input_names"]
+    names = {n for one in motion for n in one["names"]}
+    key = (start, end, *(x for n, x in zip(parameters, p.tolist(), strict=True) if n in names))
+    if key not in known or not names.isdisjoint(signals):
+        if len(known) >= MOST_KINKS:
+            known.clear()
+        known[key] = first_kink(motion, known_of(parameters, p, signals, inputs), times_of(start, end, inputs))
+    found = known[key]
+    if found is None:
+        return end, times, ""
+    t, message = found
+    message = f"the motion ends at t = {t:.9g} s: {message}"
+    before = t - SHORT_OF_KINK * max(abs(t), end - start)  # where the branches are still those before it
+    if before <= start:
+        raise SimulationError(message, None)
+    return before, times[times <= before], message

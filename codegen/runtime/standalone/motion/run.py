@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..assembly.partitions import Partitions
+from ..assembly.partitions import conditions
 from ..assembly.states import States
 from ..calls.arguments import Seeds
+from ..calls.package import Package
+from ..calls.room import Room
 from ..calls.targets import Opened, partitions_of
 from ..errors import CompileError, NoCompilerError, SingularLoopError
 from ..files.compiling import seconds_waited
@@ -52,8 +54,24 @@ NO_POSES: Array = np.empty((0, 0))
 Progress = Callable[[float, float], None]
 
 
-class MotionRun(States, Partitions):
+class MotionRun(Room):
     """Runs motions."""
+
+    def __init__(self, package: Package, states: States):
+        super().__init__(package)
+        self.states = states
+
+    def prepare(self, member: str) -> None:
+        """Compile what `simulate` or `judge` needs; see `Solver.prepare`."""
+        opened = self._opened
+        system = self._motion(opened)[2]
+        if member == "judge" and "sensitivities_transposed" in opened.functions:
+            self._in_c(opened).run_backwards(system)
+        name = opened.manifest["name"]
+        if (opened.folder / f"{name}_four.c").is_file():
+            _four(opened)
+        if (opened.folder / f"{name}_precise.c").is_file():
+            _precise(opened)
 
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
         """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
@@ -152,20 +170,6 @@ class MotionRun(States, Partitions):
             if needed:
                 self._find(self._opened, name)
 
-    def _prepare(self, member: str) -> None:
-        if member not in ("simulate", "judge"):
-            super()._prepare(member)
-            return
-        opened = self._opened
-        system = self._motion(opened)[2]
-        if member == "judge" and "sensitivities_transposed" in opened.functions:
-            self._in_c(opened).run_backwards(system)
-        name = opened.manifest["name"]
-        if (opened.folder / f"{name}_four.c").is_file():
-            _four(opened)
-        if (opened.folder / f"{name}_precise.c").is_file():
-            _precise(opened)
-
     @property
     def _gives_outputs(self) -> bool:
         """Whether rows of results have outputs: not where functions were chosen without them."""
@@ -184,16 +188,16 @@ class MotionRun(States, Partitions):
         k = len(problem.dp)
         q, u = (self._of_rows(last, i).copy() for i in (1, 2))
         dq, du = (self._derivatives_of_rows(last, problem, k, i).copy() for i in (1, 2))
-        conditions = self.condition(q, problem.p, problem.inputs.at(float(last[0])), float(last[0]))
-        conditions[list(tried)] = math.inf
-        other = int(np.argmin(conditions))
-        here, there = segment.condition, float(conditions[other])
+        choices = conditions(self.package, q, problem.p, problem.inputs.at(float(last[0])), float(last[0]))
+        choices[list(tried)] = math.inf
+        other = int(np.argmin(choices))
+        here, there = segment.condition, float(choices[other])
         t = segment.counts["t"]
         better = there * BETTER < here
         if not better and there < here * BETTER:  # where a loop loses rank with any independents
             growth = [
                 math.inf if k in tried - {opened.number} else self._growth(self._open(k), q, problem.p)
-                for k in range(len(conditions))
+                for k in range(len(choices))
             ]
             other = int(np.argmin(growth))
             better = growth[other] * BETTER < growth[opened.number]

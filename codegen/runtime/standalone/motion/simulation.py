@@ -10,7 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Numbers, all_finite, filled, is_finite, largest, normalise
+from ..assembly.states import States
+from ..calls.functions import STATE
 from ..calls.non_finite import culprit, outputs_without
+from ..calls.package import Package
+from ..calls.targets import partitions_of
 from ..errors import SimulationError, SingularJointError
 from ..files.manifest import ALLOWED
 from ..trajectory.events import DIRECTIONS as CROSSINGS
@@ -60,63 +64,16 @@ class Simulation(MotionRun):
     _names: Trajectory | None = None
     """What the trajectories of the last motion's sensitivities have in common."""
 
+    def __init__(self, package: Package, states: States):
+        super().__init__(package, states)
+        self._kinks: dict[Any, tuple[float, str] | None] = {}
+
     def simulate(
-        self, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
-        sensitivities: Sequence[str] | str = (), dq0: Numbers = None, du0: Numbers = None, rtol: float = 1e-9,
-        atol: Any = 1e-9, atol_sensitivities: Any = None, method: str = "dop853", step: float | None = None,
-        largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), progress: Progress | None = None,
-        on_failure: str = "raise",
+        self, t: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any, sensitivities: Sequence[str] | str, dq0: Numbers,
+        du0: Numbers, rtol: float, atol: Any, atol_sensitivities: Any, method: str, step: float | None,
+        largest_step: float | None, most_steps: int, events: Any, progress: Progress | None, on_failure: str,
     ) -> Trajectory:  # fmt: skip
-        """Integrate the motion over time, and its derivatives with it (Eqs. 2, 3), in compiled code.
-
-        Parameters
-        ----------
-        t : float or (nt,)
-            Times of results, rising; the motion begins at the first. A number T means from 0 to T, at the steps' ends.
-        q, u : (nq,) and (nu,), optional
-            The initial state; dependent speeds follow from closure, loops that are open are closed, and a warning says so. What
-            is left out is the model's initial state, whose dependence on parameters is part of the derivatives.
-        p : (np,), optional
-        inputs : (nsignals,), or (times, values), or (times, values, kind), or function, or spline, or mapping, optional
-            Constants; or values (ntimes, nsignals), by `kind` held from each time on ("hold"), joined by straight lines
-            ("linear", if not said), by a spline through them ("cubic", "quintic"), or control points of a cubic B-spline whose
-            knots are times ("spline", ntimes + 2 of them); a function of time, which a spline of degree 9 replaces; SciPy's
-            `BSpline` or `PPoly`; or by name any of these for one signal. Before their first and after their last time signals
-            are held. Those that prescribed motion reads need a continuous velocity, and bring their rates and accelerations.
-        sensitivities : sequence of str
-            What derivatives are with respect to: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
-            coordinates and speeds, ``inputs.NAME`` for a number added to an input, ``inputs.NAME[i]`` for its i-th value. A
-            parameter that is a vector, and the joint of several freedoms, stand for their entries.
-        dq0, du0 : (k, nq) and (k, nu), optional
-            Derivatives of the initial state in place of those that follow from `sensitivities`; independent entries are read.
-        rtol : float
-        atol : float or (nq + nu,)
-            The error of a step that is allowed in each independent coordinate and speed: atol + rtol times its size.
-        atol_sensitivities : float or (k,), optional
-            The same for derivatives, with the same rtol. Left out: steps are chosen for the state alone; then derivatives are
-            those of the computed motion to rounding all the same.
-        method : {"dop853", "radau", "rk4"}
-            Dormand and Prince's of order 8; Radau IIA of order 5 for stiff models; the classical one with constant `step`.
-        step, largest_step : float, optional
-            The first step, or that of "rk4", s; none is larger than `largest_step`.
-        most_steps : int
-        events : sequence of `Event` or str, optional
-            Outputs that cross a level, zero for a mere name; a motion ends at the first one with `stop`. See `Trajectory.events`.
-        progress : callable, optional
-            Called as ``progress(time, end)`` about ten times a second; KeyboardInterrupt in it ends the motion there.
-        on_failure : {"raise", "return"}
-            What is done when a motion cannot go on: `SimulationError` with the trajectory so far, or the latter with a warning.
-
-        Returns
-        -------
-        Trajectory
-
-        Raises
-        ------
-        SimulationError
-            Names time and cause; its `trajectory` has everything before it.
-        AssemblyError, ValueError
-        """
+        """See `Solver.simulate`."""
         if on_failure not in ("raise", "return"):
             raise ValueError(f"on_failure is {on_failure!r}; allowed are 'raise' and 'return'")
         problem, directions = self._problem(
@@ -154,7 +111,7 @@ class Simulation(MotionRun):
 
     def _without_lost(self, run: Run, problem: Problem, directions: Directions, trajectory: Trajectory) -> None:
         """NaN, and a warning, for derivatives that do not exist behind a pose where a loop has lost rank."""
-        lost = lost_directions(self, run, directions.dp) if directions.k else []
+        lost = lost_directions(run, directions.dp) if directions.k else []
         for of in lost:
             behind = np.ix_(of.directions, trajectory.t > of.t)
             for derivatives in (trajectory.dq, trajectory.du, trajectory.doutputs):
@@ -231,8 +188,8 @@ class Simulation(MotionRun):
         directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
         dq, du = directions.dq, directions.du
         of_model = None
-        if directions.k and not directions.given and (q is None or u is None) and not self._initial_is_fixed:
-            of_model = self.initial_sensitivities(p_all, dp=directions.dp)
+        if directions.k and not directions.given and (q is None or u is None) and not self.states.initial_is_fixed:
+            of_model = self.states.initial_sensitivities(p_all, directions.dp)
             dq = dq + (of_model[2] if q is None else 0.0)
             du = du + (of_model[3] if u is None else 0.0)
         first = {"p": p_all, "inputs": spline.at(start), "t": start}
@@ -255,34 +212,39 @@ class Simulation(MotionRun):
     def _before_kinks(
         self, start: float, end: float, times: Array, p: Array, inputs: Inputs
     ) -> tuple[float, Array, str]:
-        """End and times of a motion, and why it goes no farther; `PrescribedBranches` looks, where there may be a reason."""
-        return end, times, ""
+        """End and times of a motion up to the first kink of prescribed motion, and why it goes no farther, if there is one."""
+        if "branching_motion" not in self._manifest:
+            return end, times, ""
+        from .prescribed_branches import before_kinks
+
+        return before_kinks(self._manifest, self._kinks, start, end, times, p, inputs)
 
     def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
         """A consistent initial state at parameters, and inputs and a time, which prescribed motion makes use of."""
         p = rest["p"]
-        if q is None and u is None and self._initial_is_fixed:
-            q_all, u_all = self._initial[0].copy(), self._initial[1].copy()
+        if q is None and u is None and self.states.initial_is_fixed:
+            q_all, u_all = (x.copy() for x in self.package._initial)
             normalise(q_all, self._arguments.quaternions)
             return q_all, u_all
         if q is None and u is None and not self.prescribed_names:
-            return self.initial_state(p)
-        first = self._first_values(p) if q is None or u is None else (q, u)
+            return self.states.initial_state(p)
+        first = self.states.first_values(p) if q is None or u is None else (q, u)
         given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, **rest}
         arrays, batch = self._arguments.take(given, self._left_out)
         if batch:
             raise ValueError(f"q, u have leading axes {batch}, expected (nq,) and (nu,): one motion at a time")
+        at = tuple(arrays[name] for name in STATE)
         if self.closure_names and q is not None:
-            gaps = np.abs(self.closure(arrays["q"], arrays["u"], **rest)[0])
+            gaps = np.abs(self._call("closure", at)[0])
             gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
-                closed = self.assemble(arrays["q"], arrays["u"], **rest)
+                closed = self.states.assemble(*at)
                 if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # not one whose redundant conditions cannot be met
                     warn(
                         f"the initial state is open by {gap:.3g} (scaled); assembled: dependent coordinates have been changed"
                     )
                 return closed
-        q_all, u_all = self.assemble(arrays["q"], arrays["u"], **rest)
+        q_all, u_all = self.states.assemble(*at)
         if self.closure_names and u is not None and q is not None:
             off = float(np.abs(u_all - arrays["u"]).max())
             if off > 1e-6 * (1.0 + float(np.abs(u_all).max())):
@@ -373,7 +335,7 @@ class Simulation(MotionRun):
 
     def _gaps_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """The largest scaled residual of closure over time, (nt,), of all conditions, dropped ones too."""
-        gaps = self.closure(q, u, problem.p, self._inputs_over(t, problem), t)[0]
+        gaps = self._call("closure", (q, u, problem.p, self._inputs_over(t, problem), t))[0]
         found: Array = np.abs(gaps).max(axis=1, initial=0.0)
         return found
 
@@ -382,10 +344,11 @@ class Simulation(MotionRun):
         condition = run.counts.get("condition", 0.0)
         if condition < HARDLY_DETERMINED and run.reason != "undetermined":
             return self._cause(problem, run)
+        choices = len(partitions_of(self._manifest))
         way = (
             "a package with two partitions (generate with --partitions 2) changes to other independent coordinates before"
-            if len(self.partitions) == 1
-            else f"none of the package's {len(self.partitions)} choices of independent coordinates serves there"
+            if choices == 1
+            else f"none of the package's {choices} choices of independent coordinates serves there"
         )
         return (
             f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "

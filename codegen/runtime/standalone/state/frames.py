@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Array, Numbers, Times
 from ..calls.arguments import some
 from ..calls.functions import Wanted, over_points
-from ..calls.package import Package
+from ..calls.room import Room
 from .frame_motion import FrameMotion, PointMotion, alone, frames_from, point_tangents, points_on
 
 MOST_CHOICES = 64
@@ -25,142 +25,61 @@ Points = Any
 model's points."""
 
 
-class Frames(Package):
+class Frames(Room):
     """Motions of bodies and of points fixed in them."""
 
-    def frames(
-        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        bodies: Bodies = None, accelerations: bool = False,
-    ) -> FrameMotion:  # fmt: skip
-        """Where bodies are, how they turn and move, and with `accelerations` how these change.
-
-        Needs a package that was generated with frames. Through closed loops as over a tree: dependent speeds follow from the
-        others, coordinates are taken as they are passed.
-
-        Parameters
-        ----------
-        u : (..., nu), optional
-            Zero if left out.
-        bodies : str or sequence of str, optional
-            One alone, whose arrays are without the axis n, or several; left out: all, in the order of the model.
-        accelerations : bool
-            Accelerations too, which take the forward dynamics.
-
-        Returns
-        -------
-        FrameMotion
-            In the ground frame.
-        """
+    def frames(self, given: tuple[Any, ...], bodies: Bodies, accelerations: bool) -> FrameMotion:
+        """See `Solver.frames`."""
         chosen, names = self._bodies(bodies)
-        return self._frames((q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
+        return self._frames(self._moving(given), accelerations, chosen, names)
 
     def frame_sensitivities(
-        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        bodies: Bodies = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
-        dinputs: Numbers = None, dt: Times | None = None,
-    ) -> tuple[FrameMotion, FrameMotion]:  # fmt: skip
-        """Motions of bodies, see `frames`, and their total derivatives along the seeds.
-
-        Returns
-        -------
-        FrameMotion
-        FrameMotion
-            Derivatives, with the k directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
-        """
+        self, given: tuple[Any, ...], along: tuple[Any, ...], bodies: Bodies, accelerations: bool
+    ) -> tuple[FrameMotion, FrameMotion]:
+        """See `Solver.frame_sensitivities`."""
         chosen, names = self._bodies(bodies)
-        given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
+        given = self._moving(given)
         if accelerations or chosen is not None:
             return self._frames_along(given, along, accelerations, chosen, names)
         values, tangents = self._call("frame_sensitivities", given, along)
         return FrameMotion(names, values, None), FrameMotion(names, tangents, None)
 
-    def frame_jacobians(
-        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        bodies: Bodies = None,
-    ) -> Array:  # fmt: skip
-        """Geometric Jacobians of bodies: what a unit of each speed adds to angular velocity and velocity of the origin.
-
-        Returns
-        -------
-        (..., n, 6, nu)
-            Rows: angular velocity, velocity, along the ground's axes. Columns of dependent speeds are zero, as what follows from
-            the independent ones is in the columns of these; so times u it is the velocity. It does not depend on u.
-        """
+    def frame_jacobians(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Bodies) -> Array:
+        """See `Solver.frame_jacobians`."""
         chosen, names = self._bodies(bodies)
         _, along = self._by_speeds(q, p, inputs, t, chosen, names)
         return _columns(along.angular_velocity, along.velocity)
 
-    def points(
-        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        points: Points = None, accelerations: bool = False,
-    ) -> PointMotion:  # fmt: skip
-        """Where points fixed in bodies are, and how they move.
-
-        Parameters
-        ----------
-        u : (..., nu), optional
-            Zero if left out.
-        points : optional
-            A list of points or one alone, whose arrays are without the axis n: the name of a point of the model, that of a body
-            for its origin, or a pair of a body (or ``"ground"``) and a place (3,) in its frame, m. Left out: all points of the
-            model.
-        accelerations : bool
-            Accelerations too, which take the forward dynamics.
-
-        Returns
-        -------
-        PointMotion
-            In the ground frame.
-        """
+    def points(self, given: tuple[Any, ...], points: Points, accelerations: bool) -> PointMotion:
+        """See `Solver.points`."""
         chosen = self._chosen(points)
-        given = (q, self._moving_at(u), p, inputs, t)
-        known = None if accelerations else self._calls[chosen.values](given, None, None)
+        given = self._moving(given)
+        known = None if accelerations else self.package._calls[chosen.values](given, None, None)
         if known is not None:
             return PointMotion(chosen.names, *known)
         frames = self._frames(given, accelerations, None, chosen.names)
-        found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
+        found = points_on(chosen.carriers(frames, False), chosen.places(given[2]), chosen.names)
         return alone(found) if chosen.single else found
 
     def point_sensitivities(
-        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        points: Points = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
-        dinputs: Numbers = None, dt: Times | None = None,
-    ) -> tuple[PointMotion, PointMotion]:  # fmt: skip
-        """Motions of points, see `points`, and their total derivatives along the seeds.
-
-        The place of a point of the model in its body may depend on parameters, and that is part of the derivative along dp;
-        places that are given are constants.
-
-        Returns
-        -------
-        PointMotion
-        PointMotion
-            Derivatives, with the k directions first: ``position (k, ..., n, 3)`` and so on.
-        """
+        self, given: tuple[Any, ...], along: tuple[Any, ...], points: Points, accelerations: bool
+    ) -> tuple[PointMotion, PointMotion]:
+        """See `Solver.point_sensitivities`."""
         chosen = self._chosen(points)
-        given, along = (q, self._moving_at(u), p, inputs, t), (dq, du, dp, dinputs, dt)
-        known = None if accelerations or self._watched else self._calls[chosen.along](given, along, None)
+        given = self._moving(given)
+        known = None if accelerations or self._watched else self.package._calls[chosen.along](given, along, None)
         if known is not None:
             position, dposition, velocity, dvelocity = known
             return PointMotion(chosen.names, position, velocity), PointMotion(chosen.names, dposition, dvelocity)
         values, tangents = self._frames_along(given, along, accelerations, None, chosen.names)
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
-        r = chosen.places(p)
+        r = chosen.places(given[2])
         found = points_on(frames, r, chosen.names)
-        found_along = point_tangents(frames, moved, r, chosen.moved_places(p, dp), chosen.names)
+        found_along = point_tangents(frames, moved, r, chosen.moved_places(given[2], along[2]), chosen.names)
         return (alone(found), alone(found_along)) if chosen.single else (found, found_along)
 
-    def point_jacobians(
-        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        points: Points = None,
-    ) -> Array:  # fmt: skip
-        """Geometric Jacobians of points: what a unit of each speed adds to the angular velocity of its body and to its velocity.
-
-        Returns
-        -------
-        (..., n, 6, nu)
-            See `frame_jacobians`.
-        """
+    def point_jacobians(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, points: Points) -> Array:
+        """See `Solver.point_jacobians`."""
         chosen = self._chosen(points)
         values, tangents = self._by_speeds(q, p, inputs, t, None, chosen.names)
         frames, along = chosen.carriers(values, False), chosen.carriers(tangents, True)
@@ -170,9 +89,9 @@ class Frames(Package):
 
     # -- what these are made of ----------------------------------------------------------------------------------------
 
-    def _moving_at(self, u: Numbers) -> Numbers:
-        """Speeds, zero where they are left out."""
-        return np.zeros(self.nu) if u is None else u
+    def _moving(self, given: tuple[Any, ...]) -> tuple[Any, ...]:
+        """A state with speeds, zero where they are left out."""
+        return given if given[1] is not None else (given[0], np.zeros(self.nu), *given[2:])
 
     def _bodies(self, bodies: Bodies) -> tuple[Any, tuple[str, ...]]:
         """Where bodies are among all, an index that one alone makes a number, and their names."""

@@ -16,35 +16,45 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Numbers, Times
-from ..calls.package import Package, seeds
+from ..arrays import Array
+from ..calls.functions import ALONG, STATE
+from ..calls.package import Composed, Package
 from ..calls.results import places, put
+from ..calls.room import Room
 
 FAST = 2.0**40
 """Times a unit speed, beside which prescribed motion stands still."""
 
 
-class LoopForces(Package):
-    """Mass matrix and inverse dynamics on independent speeds; n is their number."""
+class LoopForces(Room):
+    """Mass matrix and inverse dynamics on independent speeds; n is their number.
 
-    def mass_matrix(
-        self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, out: Array | None = None
-    ) -> Array:
+    Attributes
+    ----------
+    functions : dict of str to callable
+        Called with arguments and seeds in the order of `Function`, and places for results, as `Package._call`.
+    """
+
+    def __init__(self, package: Package):
+        super().__init__(package)
+        self.functions: dict[str, Composed] = {
+            "mass_matrix": self.mass_matrix, "mass_matrix_sensitivities": self.mass_matrix_sensitivities,
+            "inverse_dynamics": self.inverse_dynamics, "inverse_dynamics_sensitivities": self.inverse_dynamics_sensitivities,
+        }  # fmt: skip
+
+    def mass_matrix(self, given: tuple[Any, ...], along: tuple[Any, ...] | None, out: Any) -> list[Array]:
         """The mass matrix M (..., n, n) on the independent speeds, in O(n^2); of `inputs` and `t` prescribed motion makes use."""
-        M = self._independent_mass(self._configuration(q, p, inputs, t))
-        return _placed(["M"], [M], None if out is None else [out])[0]
+        M = self._independent_mass(self._configuration(given))
+        return _placed(["M"], [M], None if out is None else [out])
 
-    def mass_matrix_sensitivities(
-        self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
-        dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None, out: tuple[Array, Array] | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
+    def mass_matrix_sensitivities(self, given: tuple[Any, ...], along: tuple[Any, ...], out: Any) -> tuple[Array, ...]:
         """M (..., n, n) and its total derivative (k, ..., n, n) along the seeds, in O(n^3)."""
-        at, along = self._configuration(q, p, inputs, t), {"dq": dq, "dp": dp, "dinputs": dinputs, "dt": dt}
+        at, seeds = self._configuration(given), {s: x for s, x in zip(ALONG, along, strict=True) if s != "du"}
         M = self._independent_mass(at)
         n = M.shape[-1]
         size = np.sqrt(np.diagonal(M, axis1=-2, axis2=-1))
         columns = [
-            self._mass_along(at, np.eye(n)[j] / size[..., j : j + 1], size, along) * size[..., j, None]
+            self._mass_along(at, np.eye(n)[j] / size[..., j : j + 1], size, seeds) * size[..., j, None]
             for j in range(n)
         ]
         if not columns:
@@ -52,64 +62,39 @@ class LoopForces(Package):
                 f"{self.name} has no independent speeds, for its motion is wholly prescribed: its mass matrix has no entries"
             )
         dM = np.stack(columns, axis=-1)
-        M, dM = _placed(["M", "dM"], [M, 0.5 * (dM + np.swapaxes(dM, -1, -2))], out)
-        return M, dM
+        return tuple(_placed(["M", "dM"], [M, 0.5 * (dM + np.swapaxes(dM, -1, -2))], out))
 
-    def inverse_dynamics(
-        self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        out: Array | None = None,
-    ) -> Array:  # fmt: skip
+    def inverse_dynamics(self, given: tuple[Any, ...], along: tuple[Any, ...] | None, out: Any) -> list[Array]:
         """The forces (..., n) of the independent speeds' joints that udot needs beside the model's own.
 
         Of udot (..., nu) the independent entries are read; no force acts on the dependent ones.
         """
-        functions: Any = self  # those of other sections
-        missing = self._missing(udot, functions.accelerations(q, u, p, inputs, t))
-        M = self._independent_mass(self._configuration(q, p, inputs, t))
-        return _placed(["force"], [(M @ missing[..., None])[..., 0]], None if out is None else [out])[0]
+        missing = self._missing(given[5], self._call("accelerations", given[:5])[0])
+        M = self._independent_mass(self._configuration(given))
+        return _placed(["force"], [(M @ missing[..., None])[..., 0]], None if out is None else [out])
 
     def inverse_dynamics_sensitivities(
-        self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        dq: Numbers = None, du: Numbers = None, dudot: Numbers = None, dp: Numbers = None, dinputs: Numbers = None,
-        dt: Times | None = None, out: tuple[Array, Array] | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
+        self, given: tuple[Any, ...], along: tuple[Any, ...], out: Any
+    ) -> tuple[Array, ...]:
         """The forces of `inverse_dynamics` and their total derivative (k, ..., n); ``dudot (k, ..., nu)``."""
-        given = seeds(dq, du, dp, dinputs, dt)
-        if all(x is None for x in given.values()):
+        seeds, dudot = along[:5], along[5]
+        if all(x is None for x in seeds):
             if dudot is None:
                 raise ValueError("no seed is given; give at least one of dq, du, dudot, dp, dinputs, dt")
-            given["du"] = np.zeros(self.nu)
-        functions: Any = self
-        free, changed = functions.sensitivities(q, u, p, inputs, t, **given)
-        at = self._configuration(q, p, inputs, t)
-        M, missing = self._independent_mass(at), self._missing(udot, free)
+            seeds = (None, np.zeros(self.nu), None, None, None)
+        free, changed = self._call("sensitivities", given[:5], seeds)
+        at = self._configuration(given)
+        M, missing = self._independent_mass(at), self._missing(given[5], free)
         more = self._missing(0.0 if dudot is None else self._arguments.array("dudot", dudot, "u"), changed)
         size = np.sqrt(np.diagonal(M, axis1=-2, axis2=-1))
         dtau = (M @ more[..., None])[..., 0]
-        along = {"dq": dq, "dp": dp} | ({"dinputs": dinputs, "dt": dt} if self.prescribed_names else {})
-        if any(x is not None for x in along.values()):
+        moving = ("dq", "dp", "dinputs", "dt") if self.prescribed_names else ("dq", "dp")
+        shift = {s: x for s, x in zip(ALONG, along[:5], strict=True) if s in moving}
+        if any(x is not None for x in shift.values()):
             largest = np.abs(missing * size).max(axis=-1, keepdims=True, initial=0.0)
             unit = missing / np.where(largest > 0.0, largest, 1.0)
-            dtau = dtau + largest * self._mass_along(at, unit, size, along)
-        force, dforce = _placed(["force", "dforce"], [(M @ missing[..., None])[..., 0], dtau], out)
-        return force, dforce
-
-    def bias_force(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        out: Array | None = None,
-    ) -> Array:  # fmt: skip
-        """The forces (..., n) that hold the independent accelerations at zero: M udot + bias_force = 0."""
-        return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t, out=out)
-
-    def bias_force_sensitivities(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
-        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
-        out: tuple[Array, Array] | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """The forces of `bias_force` and their total derivative (k, ..., n) along the seeds."""
-        return self.inverse_dynamics_sensitivities(
-            q, u, np.zeros(self.nu), p, inputs, t, dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt, out=out
-        )
+            dtau = dtau + largest * self._mass_along(at, unit, size, shift)
+        return tuple(_placed(["force", "dforce"], [(M @ missing[..., None])[..., 0], dtau], out))
 
     # -- from the kinetic energy ---------------------------------------------------------------------------------------
 
@@ -118,10 +103,11 @@ class LoopForces(Package):
         """Where the independent speeds stand in u."""
         return [self.speed_names.index(name) for name in self.independent_speed_names]
 
-    def _configuration(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times) -> Mapping[str, Array]:
+    def _configuration(self, given: tuple[Any, ...]) -> Mapping[str, Array]:
         """What places of bodies depend on, as arrays."""
-        given = {"q": q, "p": p} | ({"inputs": inputs, "t": t} if self.prescribed_names else {})
-        found: Mapping[str, Array] = self._arguments.take(given, self._left_out)[0]
+        read = ("q", "p", "inputs", "t") if self.prescribed_names else ("q", "p")
+        known = {n: x for n, x in zip(STATE, given, strict=False) if n in read}
+        found: Mapping[str, Array] = self._arguments.take(known, self._left_out)[0]
         return found
 
     def _speeds(self, x: Array) -> Array:
@@ -137,12 +123,10 @@ class LoopForces(Package):
         rows = self._speeds(np.eye(n)).reshape(n, *(1,) * len(batch), self.nu)
         along = rows.reshape(n, *(1,) * (1 + len(batch)), self.nu)
         speeds = np.broadcast_to(rows, (n, *batch, self.nu))
-        functions: Any = self
 
         def slopes(u: Array) -> Array:
             """Derivatives of T along unit changes of speeds, (n, n, ...)."""
-            found: Array = functions.energy_sensitivities(u=u, du=along, **at)[1][0]
-            return found
+            return self._kinetic_along(at, u, {"du": along})
 
         if self.prescribed_names:
             dT = (slopes(FAST * speeds) - slopes(-FAST * speeds)) / (2.0 * FAST)
@@ -155,7 +139,6 @@ class LoopForces(Package):
         """dM y along seeds, (k, ..., n), for y (..., n) about as large as 1/size."""
         n = size.shape[-1]
         units = np.moveaxis(np.eye(n) / size[..., None], -2, 0)  # (n, ..., n): unit speeds of unit energy
-        functions: Any = self
         same = {}  # (k, 1, ..., m): the same for all n states
         for name, x in along.items():
             seed = None if x is None else self._arguments.array(name, x, name[1:])
@@ -164,8 +147,7 @@ class LoopForces(Package):
 
         def change(x: Array) -> Array:
             """dT at speeds, (k, n, ...)."""
-            found: Array = functions.energy_sensitivities(u=self._speeds(x), **at, **same)[1][0]
-            return found
+            return self._kinetic_along(at, self._speeds(x), same)
 
         if not self.prescribed_names:
             total, difference = (change(units + sign * y) for sign in (1.0, -1.0))
@@ -174,6 +156,12 @@ class LoopForces(Package):
             change(FAST * (units + sign * y)) + change(-FAST * (units + sign * y)) for sign in (1.0, -1.0)
         )
         return np.moveaxis(0.25 * (total - difference) / FAST**2, 1, -1) * size
+
+    def _kinetic_along(self, at: Mapping[str, Array], u: Array, seeds: Mapping[str, Any]) -> Array:
+        """The derivative of the kinetic energy along seeds."""
+        given = at["q"], u, at["p"], at.get("inputs"), at.get("t", 0.0)
+        found: Array = self._call("energy_sensitivities", given, tuple(seeds.get(s) for s in ALONG))[1][..., 0]
+        return found
 
     def _missing(self, udot: Any, free: Array) -> Array:
         """By how much accelerations differ from those wanted, at independent speeds."""

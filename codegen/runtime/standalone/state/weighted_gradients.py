@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import Array, Numbers, Times, lengths
+from ..arrays import Array, Numbers, lengths
 from ..assembly.states import States
 from ..calls.arguments import Seeds
 from ..calls.functions import ALONG, STATE, WEIGHTED, Wanted
-from ..calls.package import state
+from ..calls.package import Package, state
+from ..calls.room import Room
 
 WEIGHTS = {"dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
            "dfull_u": "weights_u"}  # fmt: skip
@@ -41,66 +42,23 @@ class Gradients(NamedTuple):
     t: Array
 
 
-class WeightedGradients(States):
+class WeightedGradients(Room):
     """Gradients, by the transposes of the sensitivities: the cost does not depend on the number of parameters."""
 
-    def gradients(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
-    ) -> Gradients:
-        """Gradients of ``sum_i weights_i udot_i``: ``weights^T J`` of all Jacobians of udot at once, exact to rounding.
+    def __init__(self, package: Package, states: States):
+        super().__init__(package)
+        self.states = states
 
-        Parameters
-        ----------
-        weights : (k, ..., nu)
-            Of the entries of udot, for each of k sums; (nu,) for one.
-
-        Returns
-        -------
-        Gradients
-        """
-        return self._gradients("sensitivities_transposed", (q, u, p, inputs, t), (weights,))
-
-    def output_gradients(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
-    ) -> Gradients:
-        """Gradients of weighted sums of the model's outputs; weights (k, ..., noutputs)."""
-        return self._gradients("output_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
-
-    def energy_gradients(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
-    ) -> Gradients:
-        """Gradients of weighted sums of kinetic and potential energy; weights (k, ..., 2)."""
-        return self._gradients("energy_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
-
-    def coordinate_rate_gradients(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
-    ) -> Gradients:
-        """Gradients of weighted sums of the time derivatives of the coordinates; weights (k, ..., nq)."""
-        name = "coordinate_rate_sensitivities_transposed"
-        return self._gradients(name, (q, u, p, inputs, t), (weights,))
-
-    def assemble_gradients(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        weights_q: Numbers = None, weights_u: Numbers = None,
-    ) -> Gradients:  # fmt: skip
-        """Gradients of weighted sums of the assembled state, with respect to what it is assembled from.
-
-        Parameters
-        ----------
-        weights_q, weights_u : (k, ..., nq) and (k, ..., nu), optional
-            Of the assembled coordinates and speeds.
-        """
-        arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
+    def of_assembled(self, given: tuple[Any, ...], weights_q: Numbers, weights_u: Numbers) -> Gradients:
+        """See `Solver.assemble_gradients`."""
+        arrays, batch = self._arguments.take(state(*given), self._left_out)
         weights = {"dfull_q": weights_q, "dfull_u": weights_u}
         (along, k), batch = Seeds.take(self._arguments, weights, arrays, batch, WEIGHTS)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
-        q_new: Array = self._assembled(arrays, batch)
-        if self._has("completion_sensitivities_transposed"):
-            given = {**arrays, "q": q_new}
-            name = "completion_sensitivities_transposed"
-            found = self._gradients(
-                name, tuple([given[n] for n in STATE]), tuple([along.get(d) for d in WEIGHTED[name]])
-            )
+        q_new: Array = self.states.assembled(arrays, batch)
+        if self.package._has("completion_sensitivities_transposed"):
+            name, at = "completion_sensitivities_transposed", {**arrays, "q": q_new}
+            found = self.of(name, tuple(at[n] for n in STATE), tuple(along.get(d) for d in WEIGHTED[name]))
         else:
             wide = {
                 n: np.broadcast_to(along.get(f"dfull_{n}", 0.0), (k, *batch, *self._shapes[n])).astype(q_new.dtype)
@@ -113,10 +71,11 @@ class WeightedGradients(States):
             bar /= length
         return found
 
-    def _gradients(self, name: str, given: tuple[Any, ...], weights: tuple[Any, ...]) -> Gradients:
+    def of(self, name: str, given: tuple[Any, ...], weights: tuple[Any, ...]) -> Gradients:
+        """Gradients by a transposed function."""
         opened = self._opened
         if not self._watched:
-            gradients = self._calls[BY_ALL[name]](given, weights, None)
+            gradients = self.package._calls[BY_ALL[name]](given, weights, None)
             if gradients is not None:
                 return Gradients(*gradients)
         arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
@@ -126,8 +85,8 @@ class WeightedGradients(States):
             return self._filled({}, seeds.k, batch)
         f = self._find(opened, name)
         if self._watched:
-            self._look_at_directions(name, given, (None, None, np.eye(self.np), None, None))
-        results = dict(zip(f.results, self._compute(opened, f, arrays, batch, seeds, []), strict=True))
+            self.package._look_at_directions(name, given, (None, None, np.eye(self.np), None, None))
+        results = dict(zip(f.results, self.package._compute(opened, f, arrays, batch, seeds, []), strict=True))
         return self._filled(results, seeds.k, batch)
 
     def _filled(self, found: Mapping[str, Array], k: int, batch: tuple[int, ...]) -> Gradients:

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Numbers, Times
-from ..assembly.partitions import Partitions
+from ..assembly.partitions import conditions
 from ..assembly.states import States
 from ..calls.arguments import some
-from ..calls.package import MADE_OF, state
-from ..state.dynamics import Dynamics
+from ..calls.functions import ALONG, STATE
+from ..calls.package import MADE_OF, Package, state
+from ..calls.room import Room, alone
 from ..warning import warn
 from .equilibrium import Equilibrium, Motions, Search, followed, neutral_directions, rests
 from .linearization import Linearization, Matrices, is_stable
@@ -31,47 +32,18 @@ AT_REST = 1e-7
 """A state whose accelerations are below this, against those of small motions, is an equilibrium to `linearize`."""
 
 
-class Statics(Dynamics, States, Partitions):
+class Statics(Room):
     """Statics and linearisation."""
 
+    def __init__(self, package: Package, states: States):
+        super().__init__(package)
+        self.states = states
+
     def equilibrium(
-        self, q: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        sensitivities: str | Sequence[str] = (), relax: bool = False, tolerance: float = 1e-9,
+        self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, sensitivities: str | Sequence[str], relax: bool,
+        tolerance: float,
     ) -> Equilibrium:  # fmt: skip
-        """A state of rest near a guess: u = 0 and udot = 0, for trees and loops.
-
-        Newton's method in the tangent space, with exact Jacobians, finds the equilibrium that the guess leads to, stable or
-        not. Where it leads to none, the mechanism is let sink to rest from the guess; where forces have a potential, what is
-        found then is stable. Forces that depend on speeds are taken at u = 0, those that depend on time at t. Steady rotation
-        is no state of rest: a mechanism that spins is out of scope.
-
-        Parameters
-        ----------
-        q : (nq,), optional
-            The guess; left out: the model's initial coordinates. Dependent ones follow.
-        p, inputs, t : (np,), (ninputs,), number
-        sensitivities : names, optional
-            Parameters, and inputs as ``inputs.motor``, by which q is differentiated: ``("length", "inputs.motor")``.
-        relax : bool, optional
-            Let the mechanism sink to rest first: where forces have a potential the equilibrium is stable, though it may not be
-            the one nearest to the guess.
-        tolerance : float, optional
-            The largest acceleration that counts as none, rad/s^2 or m/s^2, against one plus those that a small motion of
-            1 rad or 1 m would make. Newton's method goes on below it as long as it gets better, as a rule to rounding.
-
-        Returns
-        -------
-        Equilibrium
-            q, u, dq, stable, neutral and what was left. Near a loss of rank of a loop, where these are not determined, a
-            warning says so, and `stable` is None.
-
-        Raises
-        ------
-        EquilibriumError
-            None was found; names the coordinate with the largest acceleration.
-        AssemblyError
-            The guess cannot be closed.
-        """
+        """See `Solver.equilibrium`."""
         self._needs_all("equilibrium")
         along = named_directions(sensitivities, self.parameter_names, self.input_names)
         at, space = self._point(q, 0.0, p, inputs, t), self._tangent_space()
@@ -86,13 +58,13 @@ class Statics(Dynamics, States, Partitions):
             return self._opened.target.compute(f, at._replace(q=q).named(), ())[0][space.speeds]
 
         def retract(q: Array) -> Array:
-            return self._moved(q, at.named())
+            return self.states.moved(q, at.named())
 
         search = Search(motions, udot, retract, tolerance)
         found, m, relaxed = search.find(at.q, space.speed_names, relax)
         at, n = at._replace(q=found), space.n
         doubtful = self._look_at_rank("equilibrium", at, space, tolerance)
-        damping = self.sensitivities(*at, du=space.units)[1][:, space.speeds].T
+        damping = self._accelerations_along(at, du=space.units)[1][:, space.speeds].T
         A = np.block([[np.zeros((n, n)), np.eye(n)], [m.J, damping]])
         neutral = neutral_directions(m.J)
         return Equilibrium(
@@ -102,43 +74,14 @@ class Statics(Dynamics, States, Partitions):
         )  # fmt: skip
 
     def linearize(
-        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        outputs: str | Sequence[str] | None = None,
-    ) -> Linearization:  # fmt: skip
-        """The linearised equations of motion about a state, ``x' = A x + B dinputs`` and ``dy = C x + D dinputs``, exact.
-
-        The states x are n small motions w along the independent speeds, ``state_names`` such as ``q.crank``, then n changes v
-        of these speeds, ``u.crank``. Small motions of quaternions are small rotations in the axes of their speeds,
-        ``rotation.ball.wx``, and positions of free joints move along theirs, ``displacement.bus.vx``: ``dq = N w`` where
-        ``qdot = N u``, so that A has no superfluous rows. Dependent coordinates and speeds follow, as everywhere.
-
-        Differentiating ``qdot = N u`` along a motion gives, D being derivatives with respect to q,
-
-            w' = v + N^+ (D(N u)[N w] - D(N w)[N u])        v' = D udot[N w] + (d udot/du) v
-
-        At rest w' = v. In motion the other term is not zero for quaternions and free joints, whose axes turn with the body:
-        w' = v + w x u for a rotation. About a state that moves, A is that of the instant, as are forces that depend on t.
-
-        Parameters
-        ----------
-        q : (nq,), optional
-            Left out: the model's initial coordinates. Dependent ones follow.
-        u : (nu,), optional
-            Left out: at rest.
-        p, inputs, t : (np,), (ninputs,), number
-        outputs : names, optional
-            The outputs in C and D; left out: all, if the package has their derivatives.
-
-        Returns
-        -------
-        Linearization
-            A, B, C, D with names; eigenvalues, modes, and derivatives of all these by parameters.
-        """
+        self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, outputs: str | Sequence[str] | None
+    ) -> Linearization:
+        """See `Solver.linearize`."""
         self._needs_all("linearize")
         opened, space = self._opened, self._tangent_space()
         at = self._point(q, 0.0 if u is None else u, p, inputs, t)
         asked = self._asked_outputs(outputs)
-        equations = TangentEquations(self, space, at, [self.output_names.index(name) for name in asked])
+        equations = TangentEquations(self.package, space, at, [self.output_names.index(name) for name in asked])
         udot, matrices = equations.matrices()
         n = space.n
         at_rest = not equations.moves and rests(udot, matrices.A[n:, :n], AT_REST)
@@ -159,7 +102,7 @@ class Statics(Dynamics, States, Partitions):
                 dq, du = self._following(at, m, space, along), np.zeros((len(along.names), self.nu))
             else:
                 held = np.zeros((len(along.names), self.nq))
-                _, _, dq, du = self.assemble_sensitivities(*at[:3], dq=held, dp=along.p)
+                _, _, dq, du = self._assembled_along(at, held, along.p)
             lost = np.isnan(dq).any(axis=1)
             dq[lost] = 0.0
             found = equations.derivatives(second(), Motion(dq, du, along.p, along.inputs))
@@ -185,19 +128,31 @@ class Statics(Dynamics, States, Partitions):
 
     def _point(self, q: Numbers, u: Any, p: Numbers, inputs: Numbers, t: Times) -> Point:
         """One state, assembled; u may be 0.0 for rest."""
-        q = self.assemble(p=p)[0] if q is None else q
+        q = self.states.assemble(None, None, p, None, 0.0)[0] if q is None else q
         u = np.zeros(self.nu) if isinstance(u, float) else u
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
-        if batch:
-            raise ValueError(
-                f"the arguments are a batch of shape {batch}, expected one state: call this for each of them"
-            )
-        q, u = self.assemble(arrays["q"], arrays["u"], *(arrays[name] for name in ("p", "inputs", "t")))
-        return Point(q, u, *(arrays[name] for name in ("p", "inputs", "t")))
+        alone(batch)
+        at = Point(*(arrays[name] for name in STATE))
+        q, u = self.states.assemble(*at)
+        return at._replace(q=q, u=u)
+
+    def _accelerations_along(self, at: Point, **seeds: Array) -> tuple[Array, Array]:
+        """udot (nu,) and its derivatives (k, nu) along seeds."""
+        found: tuple[Array, Array] = self._call("sensitivities", tuple(at), tuple(seeds.get(s) for s in ALONG))
+        return found
+
+    def _tangents(self, at: Point, space: TangentSpace) -> Array:
+        """Changes of coordinates (n, nq) for a unit of each independent speed."""
+        found: Array = self._call("coordinate_rates", (at.q, space.units, *at[2:]))[0]
+        return found
+
+    def _assembled_along(self, at: Point, dq: Array, dp: Array) -> tuple[Array, Array, Array, Array]:
+        """The state and its derivatives where independent coordinates and parameters change."""
+        return self.states.assemble_sensitivities((*at[:3], None, 0.0), (dq, None, dp, None, None))
 
     def _motions(self, space: TangentSpace, at: Point) -> Motions:
-        tangents = self.coordinate_rates(at.q, space.units, *at[2:])
-        udot, dudot = self.sensitivities(*at, dq=tangents)
+        tangents = self._tangents(at, space)
+        udot, dudot = self._accelerations_along(at, dq=tangents)
         return Motions(tangents, udot[space.speeds], dudot[:, space.speeds].T)
 
     def _look_at_rank(self, name: str, at: Point, space: TangentSpace, tolerance: float) -> bool:
@@ -216,12 +171,12 @@ class Statics(Dynamics, States, Partitions):
         """
         if not self.closure_names:
             return False
-        conditions = self.condition(at.q, at.p, at.inputs, at.t)
-        here = float(conditions[self.partition])
+        choices = conditions(self.package, at.q, *at[2:])
+        here = float(choices[self._opened.number])
         seen = [] if here <= POOR else [f"the condition of its closure is {here:.2g}"]
-        tangents = self.coordinate_rates(at.q, space.units, *at[2:])
+        tangents = self._tangents(at, space)
         if space.n and math.isfinite(tolerance):
-            udot, dudot = self.sensitivities(*at, dq=tangents)
+            udot, dudot = self._accelerations_along(at, dq=tangents)
             sizes = np.maximum(1.0, np.abs(tangents).max(axis=1, keepdims=True))
             left = np.abs(udot) - tolerance * (1.0 + np.abs(dudot / sizes).sum(axis=0))
             worst = int(np.argmax(left))
@@ -229,9 +184,9 @@ class Statics(Dynamics, States, Partitions):
                 seen.append(f"udot.{self.speed_names[worst]} = {udot[worst]:.2g} is left, of a speed that is dependent")
         if not seen:
             return False
-        better = int(np.argmin(conditions))
-        instead = f"use_partition({better}), where the condition is {conditions[better]:.2g}, then call {name} again"
-        if conditions[better] > 0.1 * here:
+        better = int(np.argmin(choices))
+        instead = f"use_partition({better}), where the condition is {choices[better]:.2g}, then call {name} again"
+        if choices[better] > 0.1 * here:
             instead = "diagnose says whether other independent coordinates (--partitions 2) would do"
         values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:6], at.q, strict=False))
         warn(
@@ -245,19 +200,19 @@ class Statics(Dynamics, States, Partitions):
     def _poorest_loop(self, at: Point) -> str:
         """The loop whose closure has the worst condition."""
         opened = self._opened
-        (conditions,) = opened.target.compute(opened.functions["conditions"], at._replace(q=at.q.copy()).named(), ())
+        (of_loops,) = opened.target.compute(opened.functions["conditions"], at._replace(q=at.q.copy()).named(), ())
         loops: list[str] = opened.manifest["loops"]
-        return loops[int(np.argmax(conditions))]
+        return loops[int(np.argmax(of_loops))]
 
     def _following(self, at: Point, m: Motions, space: TangentSpace, along: Directions) -> Array:
         """dq (k, nq): how an equilibrium moves along parameters and inputs; NaN where there is none beside it."""
         if not along.names:
             return np.zeros((0, self.nq))
-        pushes = self.sensitivities(*at, dp=along.p, dinputs=along.inputs)[1][:, space.speeds]
+        pushes = self._accelerations_along(at, dp=along.p, dinputs=along.inputs)[1][:, space.speeds]
         w = followed(m.J, pushes)
         lost = np.isnan(w).any(axis=1)
         w[lost] = 0.0
-        dq = self.assemble_sensitivities(*at[:3], dq=w @ m.tangents, dp=along.p)[2]
+        dq = self._assembled_along(at, w @ m.tangents, along.p)[2]
         dq[lost] = np.nan
         return dq
 

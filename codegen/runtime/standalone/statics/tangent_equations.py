@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from ..calls.package import state
-from ..state.dynamics import Dynamics
+from ..calls.package import Package, state
 from .jets import Jet
 from .linearization import Matrices
 from .second_derivatives import SecondDerivatives
@@ -54,10 +53,10 @@ class TangentEquations:
     so N^+ loses nothing.
     """
 
-    def __init__(self, solver: Dynamics, space: TangentSpace, at: Point, outputs: list[int]):
-        self.solver, self.space, self.at, self.outputs = solver, space, at, outputs
+    def __init__(self, package: Package, space: TangentSpace, at: Point, outputs: list[int]):
+        self._call, self.space, self.at, self.outputs = package._call, space, at, outputs
         n, ninputs = space.n, len(at.inputs)
-        self.tangents = solver.coordinate_rates(at.q, space.units, at.p)
+        self.tangents: Array = self._call("coordinate_rates", (at.q, space.units, at.p, None, 0.0))[0]
         self.seeds: dict[str, Any] = {
             "dq": np.concatenate([self.tangents, np.zeros((n + ninputs, len(at.q)))]),
             "du": np.concatenate([np.zeros((n, len(at.u))), space.units, np.zeros((ninputs, len(at.u)))]),
@@ -67,11 +66,11 @@ class TangentEquations:
 
     def matrices(self) -> tuple[Array, Matrices]:
         """udot (n,) of the independent speeds, and the matrices."""
-        udot, dudot = self.solver.sensitivities(*self.at, **self.seeds)
+        along = (self.seeds["dq"], self.seeds["du"], None, self.seeds["dinputs"], None)
+        udot, dudot = self._call("sensitivities", tuple(self.at), along)
         dy = np.zeros((len(dudot), 0))
         if self.outputs:
-            every = (self.seeds["dq"], self.seeds["du"], None, self.seeds["dinputs"], None)
-            dy = self.solver._call("output_sensitivities", self.at, every)[1][:, self.outputs]
+            dy = self._call("output_sensitivities", tuple(self.at), along)[1][:, self.outputs]
         own = self.space.speeds
         return udot[own], self._matrices(self._bracket(), np.eye(self.space.n), dudot[:, own], dy)
 
@@ -85,9 +84,7 @@ class TangentEquations:
     def _derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
         at, n = self.at, self.space.n
         m = len(along.p)
-        dN = self.solver.coordinate_rate_sensitivities(
-            at.q, self.space.units, at.p, dq=along.q[:, None], dp=along.p[:, None]
-        )[1]  # (m, n, nq)
+        dN = self._rates_along(at.q, self.space.units, dq=along.q[:, None], dp=along.p[:, None])[1]  # (m, n, nq)
         given = {
             "q": Jet(at.q, along.q.T), "u": Jet(at.u, along.u.T), "p": Jet(at.p, along.p.T),
             "inputs": Jet(at.inputs, along.inputs.T), "t": at.t,
@@ -102,13 +99,19 @@ class TangentEquations:
         dW, none = self._bracket_derivatives(second, given, dN), np.zeros((n, n))
         return self._matrices(dW, none, np.moveaxis(dudot, -1, 0), np.moveaxis(dy, -1, 0))
 
+    def _rates_along(self, q: Array, u: Array, dq: Array, dp: Array | None = None) -> tuple[Array, Array]:
+        """qdot and its derivatives along seeds."""
+        given, along = (q, u, self.at.p, None, 0.0), (dq, None, dp, None, None)
+        found: tuple[Array, Array] = self._call("coordinate_rate_sensitivities", given, along)
+        return found
+
     def _bracket(self) -> Array:
         """W (n, n)."""
         if not self.moves:
             return np.zeros((self.space.n, self.space.n))
-        q, u, p = self.at[:3]
-        qdot, here = self.solver.coordinate_rate_sensitivities(q, u, p, dq=self.tangents)
-        there = self.solver.coordinate_rate_sensitivities(q, self.space.units, p, dq=qdot)[1][0]
+        q, u = self.at[:2]
+        qdot, here = self._rates_along(q, u, dq=self.tangents)
+        there = self._rates_along(q, self.space.units, dq=qdot)[1][0]
         return self.space.components(self.tangents, here - there).T
 
     def _bracket_derivatives(self, second: SecondDerivatives, given: dict[str, Any], dN: Array) -> Array:

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from ....elementary import ELEMENTWISE, ON_ARRAYS
-from ..arrays import Array, Numbers, Times
+from ..arrays import Array
 from ..calls.arguments import NO_SEEDS, Seeds
-from ..calls.functions import ALONG
+from ..calls.functions import ALONG, STATE
 from ..calls.non_finite import tell_infinite
 from ..calls.numpy_target import NumpyTarget
-from ..calls.package import seeds, state
+from ..calls.package import Package
+from ..calls.room import Room, alone
 from ..calls.targets import Opened, Target
 from ..errors import SingularJointError
-from ..state.dynamics import Dynamics
 from .diagnosis import ClosureCondition, Diagnosis, MassCondition
 from .rounding import UNIT, NearestFunctions, can_round, spread, to_nearest
 
@@ -28,47 +28,24 @@ SAMPLES = 4
 """Changes of the arguments in their last places: random signs, the same ones every time."""
 
 
-class Diagnosing(Dynamics):
+class Diagnosing(Room):
     """What may be trusted of a state's accelerations and derivatives."""
 
-    def diagnose(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
-        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None, derivatives: bool = True,
-    ) -> Diagnosis:  # fmt: skip
-        """Rounding errors of udot and of its derivatives, condition numbers, and what is near a loss of rank, at one state.
+    def __init__(self, package: Package):
+        super().__init__(package)
+        self._nearest: dict[int, Target] = {}
 
-        Errors are estimated by the code itself: it runs once more with every operation rounded up, and once rounded down. So
-        udot takes three evaluations, and derivatives as many of theirs. This follows the algorithm, whose errors grow with
-        none of the condition numbers in general, and is right within a factor of 30 as a rule (docs/theory.md, section 9).
-        Errors of the arguments are not in it: `argument_error` says what a unit in their last places does (four evaluations).
-
-        Parameters
-        ----------
-        q, u, p, inputs, t
-            One state. Not assembled: `gap` says how far loops are open.
-        dq, du, dp, dinputs, dt : optional
-            Seeds of the derivatives; left out: independent coordinates and speeds, parameters, inputs and t, each by itself.
-        derivatives : bool
-            Whether there are any.
-
-        Returns
-        -------
-        Diagnosis
-            Print it to have it in words. A state at which rank is lost is a diagnosis too, and no error.
-        """
+    def diagnose(self, state: tuple[Any, ...], seeds: tuple[Any, ...], derivatives: bool) -> Diagnosis:
+        """See `Solver.diagnose`."""
         if "accelerations" not in self._functions:
             raise AttributeError(self._why_not("diagnose"))
-        given = state(q, u, p, inputs, t)
+        given, along = dict(zip(STATE, state, strict=True)), dict(zip(ALONG, seeds, strict=True))
         arrays, batch = self._arguments.take(given, self._left_out)
-        along = seeds(dq, du, dp, dinputs, dt)
         if any(x is not None for x in along.values()):
             names, directions, batch = self._given_directions(along, given, arrays, batch)
         else:
             names, directions = self._units() if derivatives and "sensitivities" in self._functions else ((), {})
-        if batch:
-            raise ValueError(
-                f"the arguments are a batch of shape {batch}, expected one state: call this for each of them"
-            )
+        alone(batch)
         udot, udot_error, failure = self._rounded("accelerations", arrays)
         dudot, dudot_error, less = self._rounded("sensitivities", arrays, Seeds(directions, len(names)))
         return Diagnosis(
@@ -102,13 +79,12 @@ class Diagnosing(Dynamics):
         """What computes the same in any rounding mode: NumPy's elementary functions may not."""
         if opened.target.name != "numpy":
             return opened.target
-        known: dict[int, Target] = self.__dict__.setdefault("_nearest_targets", {})
-        if opened.number not in known:
+        if opened.number not in self._nearest:
             target = NumpyTarget(opened.folder, opened.manifest)
             target.module.np = NearestFunctions()
             vars(target.module).update((name, to_nearest(getattr(ON_ARRAYS, name))) for name in ELEMENTWISE)
-            known[opened.number] = target
-        return known[opened.number]
+            self._nearest[opened.number] = target
+        return self._nearest[opened.number]
 
     def _by_arguments(self, arrays: Mapping[str, Any], udot: Array) -> Array:
         """What udot changes by, (nu,), if every argument changes by a unit in its last place."""
@@ -133,7 +109,7 @@ class Diagnosing(Dynamics):
         self, along: Mapping[str, Any], given: Mapping[str, Any], arrays: Mapping[str, Any], batch: tuple[int, ...]
     ) -> tuple[tuple[str, ...], Mapping[str, Array], tuple[int, ...]]:
         self._find(self._opened, "sensitivities")
-        self._look_at_directions("sensitivities", (*given.values(),), (*along.values(),))
+        self.package._look_at_directions("sensitivities", (*given.values(),), (*along.values(),))
         (directions, k), batch = Seeds.take(self._arguments, along, arrays, batch)
         return tuple(f"direction {j + 1}" for j in range(k)), directions, batch
 

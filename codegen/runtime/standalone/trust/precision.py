@@ -29,6 +29,7 @@ from ..calls.functions import Function
 from ..calls.non_finite import tell_infinite
 from ..calls.numpy_target import NumpyTarget, in_rows
 from ..calls.package import Package, state
+from ..calls.room import Room
 from ..calls.targets import Opened
 from ..files.manifest import check_files
 from ..state.jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
@@ -265,7 +266,7 @@ class ExtendedArguments(Arguments):
 
 
 class Extended(Package):
-    """A solver in more digits than double precision has: the same functions by the same statements; see `Precision`.
+    """A solver in more digits than double precision has: the same functions by the same statements; see `Solver.in_precision`.
 
     Attributes
     ----------
@@ -274,8 +275,8 @@ class Extended(Package):
         Of these digits: its functions, such as ``exact.mp.sin``, keep them.
     """
 
-    def __init__(self, solver: Precision, digits: int, texts: Callable[[int], str] | None):
-        self.__dict__.update(solver.__dict__)
+    def __init__(self, solver: Package, digits: int, texts: Callable[[int], str] | None):
+        self.__dict__.update((n, x) for n, x in solver.__dict__.items() if not _is_room(type(solver), n))
         self._solver, self._texts = solver, texts
         self._made, self._making = {}, threading.Lock()
         self._digits = Digits(digits)
@@ -292,11 +293,6 @@ class Extended(Package):
                 text = self._texts(partition) if self._texts else file.read_text(encoding="utf-8")
                 self._made[partition] = replace(opened, target=ExtendedTarget(opened, self._digits, text))
             return self._made[partition]
-
-    def _use(self, opened: Opened) -> None:
-        super()._use(opened)
-        if opened.manifest["closure_names"]:  # double precision closes the loops first
-            self._assembly: Any = type(self._assembly)(self._solver._open(opened.number))
 
     def __reduce__(self) -> Any:
         return extended, (self._solver, self.digits, self._texts)
@@ -338,6 +334,16 @@ class Extended(Package):
             tell_infinite(in_double, f, [x.astype(float) for x in results], floats, batch, directions)
         return results
 
+    @functools.cached_property
+    def _states(self) -> Any:
+        of_doubles: Any = self._solver
+        return _with(ExtendedStates, type(of_doubles._states))(self, of_doubles._states)
+
+    @functools.cached_property
+    def _gradients(self) -> Any:
+        of_doubles: Any = self._solver
+        return _with(ExtendedGradients, type(of_doubles._gradients))(self, self._states)
+
     def jacobians(
         self,
         q: Numbers,
@@ -359,19 +365,39 @@ class Extended(Package):
         shapes = {n: batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
         return jacobians_of({n: found.get(f"J_{n}", np.full(shapes[n], zero, object)) for n in asked})
 
+    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
+        """In double precision there is a warning of directions that have no derivative."""
+
+
+class ExtendedGradients(Room):
+    """In front of `WeightedGradients`: results as numbers of mpmath's."""
+
+    package: Extended
+
     def _filled(self, found: Mapping[str, Array], k: int, batch: Shape) -> Any:
         gradients = super()._filled(found, k, batch)  # type: ignore[misc]
-        return type(gradients)(*map(self._digits.as_mpf, gradients))
+        return type(gradients)(*map(self.package._digits.as_mpf, gradients))
 
-    # -- consistent states ---------------------------------------------------------------------------------------------
 
-    def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
+class ExtendedStates(Room):
+    """In front of `States`, or `Loops`: consistent states in more digits, from those of doubles."""
+
+    package: Extended
+
+    def __init__(self, package: Extended, of_doubles: Any):
+        super().__init__(package, of_doubles._equilibrium)  # type: ignore[call-arg]
+        self._digits, self.closing = package._digits, package._solver._open
+
+    def _closing(self) -> Opened:
+        return self.closing(self._opened.number)  # double precision closes the loops first
+
+    def assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).astype(object)
         normalise(q_new, self._arguments.quaternions)
         if self.closure_names:
             p = placing(arrays, batch, self._opened.manifest)
             rough = {n: np.asarray(arrays[n]).astype(float) for n in ("p", "inputs", "t") if n in arrays}
-            near = super()._assembled({"q": q_new.astype(float), **rough}, batch, follow)  # type: ignore[misc]
+            near = super().assembled({"q": q_new.astype(float), **rough}, batch, follow)  # type: ignore[misc]
             for at in np.ndindex(batch):
                 moved = np.abs(near[at] - q_new[at].astype(float)) > SAME * (1.0 + np.abs(near[at]))
                 q_new[at] = self._closed(np.where(moved, self._digits.to_mpf(near[at]), q_new[at]), p[at], at)
@@ -382,7 +408,7 @@ class Extended(Package):
 
     def _closed(self, q: Any, p: Any, at: tuple[int, ...]) -> Any:
         """Coordinates (nq,) that are closed in double precision, closed in this one."""
-        opened, assembly = self._opened, self._assembly
+        opened, assembly = self._opened, self.assembly  # type: ignore[attr-defined]
         u, named = np.zeros(self.nu), assembly.newton.named
 
         def gaps(q: Any) -> Any:
@@ -398,13 +424,11 @@ class Extended(Package):
             if not 2 * max(after) < max(left):
                 break
             q, left = trial, after
-        if not max(left) < self.mp.mpf(10) ** (LEFT - self.digits):
+        if not max(left) < self.package.mp.mpf(10) ** (LEFT - self.package.digits):
             where = f" (state {list(at)} of the batch)" if at else ""
-            raise assembly.open(int(np.argmax(left)), float(max(left)), f" in {self.digits} digits{where}")
+            digits = f" in {self.package.digits} digits{where}"
+            raise assembly.open(int(np.argmax(left)), float(max(left)), digits)
         return q
-
-    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
-        """In double precision there is a warning of directions that have no derivative."""
 
 
 class Refused:
@@ -421,48 +445,24 @@ for _name in REFUSED:
     setattr(Extended, _name, Refused(_name))
 
 
-class Precision(Package):
-    """The same solver in more digits."""
-
-    def in_precision(self, digits: int = 40) -> Any:
-        """This solver in more digits, to settle a doubt about rounding: the same statements on longer numbers.
-
-        Its members take what those of this solver take, and mpmath's numbers and decimal text too; floats count as exactly
-        what they are. They return mpmath's numbers in arrays of objects, which keep these digits whatever ``mpmath.mp.dps``
-        is; ``.astype(float)`` rounds an array to doubles. `assemble` closes loops to these digits; the other members take
-        coordinates as they are given, as everywhere. There are no ``out=``, `simulate`, `judge`, `equilibrium`, `linearize`
-        and `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in the
-        package.
-
-        Parameters
-        ----------
-        digits : int
-            Decimal digits of results, at least 16; what is computed with has ten more. Cancellation takes digits away, so
-            compare with those of more.
-
-        Returns
-        -------
-        Solver
-            With ``digits``, and ``mp``, mpmath's functions in these digits.
-
-        Raises
-        ------
-        ImportError
-            mpmath is not installed.
-        """
-        return extended(self, digits)
-
-
-def extended(solver: Precision, digits: int, texts: Callable[[int], str] | None = None) -> Any:
+def extended(solver: Package, digits: int, texts: Callable[[int], str] | None = None) -> Any:
     """A solver in more digits; `texts` gives the NumPy module of each partition where it is not the package's own."""
     solver = getattr(solver, "_solver", solver)
     if isinstance(digits, bool) or not isinstance(digits, (int, np.integer)) or not FEWEST <= digits <= MOST:
         raise ValueError(f"digits is {digits!r}, expected a whole number from {FEWEST} to {MOST}; doubles have 16")
-    kind: Any = type(solver)
-    return _extended_class(kind)(solver, int(digits), texts)
+    return _with(Extended, type(solver))(solver, int(digits), texts)
+
+
+def _is_room(kind: type, name: str) -> bool:
+    """Whether a member is a room of its solver, which works on that one."""
+    return isinstance(getattr(kind, name, None), functools.cached_property)
+
+
+def _with(front: Any, plain: Any) -> Any:
+    """A class with one of these in front of it."""
+    return _made_of(front, plain)
 
 
 @functools.cache
-def _extended_class(plain: Any) -> Any:
-    """A solver's class with `Extended` in front."""
-    return type("ExtendedSolver", (Extended, plain), {"__doc__": Extended.__doc__})
+def _made_of(front: Any, plain: Any) -> Any:
+    return type(front.__name__, (front, plain), {"__doc__": front.__doc__})

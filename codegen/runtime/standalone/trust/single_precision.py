@@ -8,6 +8,7 @@ package, which has the same statements, and round what they return.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from ..arrays import dtype_of
 from ..calls.package import Package
-from ..calls.targets import Opened
+from ..files.manifest import read_manifest
 from .diagnosis import Diagnosis
 
 IN_DOUBLE = (
@@ -30,9 +31,6 @@ IN_DOUBLE_WITH_LOOPS = (
     "bias_force_sensitivities",
 )  # fmt: skip
 """Those of mechanisms with loops too, which Python makes of other functions."""
-
-MOTIONS = ("simulate", "judge", "state_rates", "state_rate_sensitivities")
-"""What there is in double precision only."""
 
 
 def rounded(value: Any, dtype: Any) -> Any:
@@ -70,62 +68,51 @@ def check_tolerance(
         )
 
 
-class SinglePrecision(Package):
-    """Members that compute in double precision, of solvers in another scalar type."""
+class InDouble:
+    """Members of a solver that compute in double precision.
 
-    _is_double = False
-    _double: SinglePrecision | None = None
+    Parameters
+    ----------
+    solver : Package
+        In another scalar type.
+    """
 
-    def _read(self) -> dict[str, Any]:
-        found = super()._read()
-        return without_scalar(found) if self._is_double else found
+    def __init__(self, solver: Package):
+        self.solver, self.dtype = solver, dtype_of(solver._manifest)
 
-    def _use(self, opened: Opened) -> None:
-        super()._use(opened)
-        if "scalar" not in self._manifest:
-            return
-        for name in (*IN_DOUBLE, *(IN_DOUBLE_WITH_LOOPS if self.closure_names else ())):
-            if name not in self.__dict__ and callable(getattr(type(self), name, None)):
-                self.__dict__[name] = self._member(name)
+    def put_in_place(self) -> None:
+        """Let these members of the solver compute with `double`."""
+        for name in (*IN_DOUBLE, *(IN_DOUBLE_WITH_LOOPS if self.solver.closure_names else ())):
+            if callable(getattr(type(self.solver), name, None)):
+                self.solver.__dict__[name] = self._member(name)
 
     def _member(self, name: str) -> Callable[..., Any]:
-        dtype = dtype_of(self._manifest)
-
         def call(*given: Any, **named: Any) -> Any:
-            called = getattr(self._in_double(), name)
-            check_tolerance(called, name, given, named, dtype)
+            called = getattr(self.double(), name)
+            check_tolerance(called, name, given, named, self.dtype)
             found = called(*given, **named)
-            return of_unit(found, dtype) if isinstance(found, Diagnosis) else rounded(found, dtype)
+            return of_unit(found, self.dtype) if isinstance(found, Diagnosis) else rounded(found, self.dtype)
 
-        call.__name__, call.__doc__ = name, getattr(type(self), name).__doc__
+        call.__name__, call.__doc__ = name, getattr(type(self.solver), name).__doc__
         return call
 
-    def _in_double(self) -> SinglePrecision:
-        """This solver in double precision on NumPy, with the same partition."""
-        double = self._double
-        if double is None:
-            double = object.__new__(type(self))
-            double._is_double = True
-            Package.__init__(double, self.folder, "numpy")
-            self._double = double
-        if double._opened.number != self._opened.number:
-            double._use(double._open(self._opened.number))
-        double.bad_states = self.bad_states
+    @functools.cached_property
+    def _double(self) -> Package:
+        double = object.__new__(type(self.solver))
+        double.__dict__["_read"] = lambda: without_scalar(read_manifest(self.solver.folder))
+        Package.__init__(double, self.solver.folder, "numpy")
         return double
 
-    def _why_not(self, name: str) -> str:
-        if name not in MOTIONS or "scalar" not in self._manifest:
-            return super()._why_not(name)
-        return (
-            f"{self.name} was generated with --scalar {self._manifest['scalar']}: it evaluates functions and their derivatives; "
-            f"motions are integrated in double precision, which needs a package of --scalar float64"
-        )
+    def double(self) -> Package:
+        """The solver in double precision on NumPy, with the same partition."""
+        double, number = self._double, self.solver._opened.number
+        if double._opened.number != number:
+            double._use(double._open(number))
+        double.bad_states = self.solver.bad_states
+        return double
 
 
 def without_scalar(manifest: dict[str, Any]) -> dict[str, Any]:
     """A manifest as of a package in double precision."""
     found = {n: x for n, x in manifest.items() if n != "scalar"}
     return found | {"others": [without_scalar(x) for x in found["others"]]} if "others" in found else found
-
-
-__all__ = ["SinglePrecision"]
