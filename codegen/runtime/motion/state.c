@@ -9,7 +9,7 @@ enum { CLOSING_STEPS = 12 };
 /* What one more of Newton's steps leaves: its square, times the condition of the closure. */
 static const double CLOSED = 1e-15;
 
-/* Scaled residual that rounding may leave. */
+/* Scaled residual that rounding of coordinates of one may leave: an angle after many turns is known less well. */
 static const double ROUNDING = 1e-13;
 
 /* ---- Quaternions. ---- */
@@ -127,6 +127,13 @@ static double largest_residual(const ordernm_motion *m)
     return largest;
 }
 
+static double left_by_rounding(const ordernm_motion *m)
+{
+    double largest = 1.0;
+    for (int i = 0; i < m->system->nq; ++i) largest = fmax(largest, fabs(m->q[i]));
+    return ROUNDING*largest;
+}
+
 /* Closes the loops of m->q by Newton's method, in long double where rounding of the conditions would move the dependent
  * coordinates by too much, and says in m->precise whether derivatives are to be computed so, too, and in m->precise_values whether
  * rates are. Returns 0, what the function returned, or -1 if they do not close. */
@@ -148,7 +155,8 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         if (singular) return singular;
         const double residual = largest_residual(m);
         const int no_better = !(residual < 0.5*before);
-        if (no_better && residual > fmax(ROUNDING, s->slack)) return -1;
+        const int is_rounding = no_better && residual <= left_by_rounding(m);
+        if (no_better && !is_rounding && residual > s->slack) return -1;
         double step = 0.0;
         for (int i = 0; i < s->nq; ++i) {
             m->q[i] += m->newton[i];
@@ -171,7 +179,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
             continue;
         }
         /* where conditions imply each other only nearly, what is left of them stays */
-        if ((no_better && residual <= ROUNDING) || step*step*condition <= CLOSED) {
+        if (is_rounding || step*step*condition <= CLOSED) {
             if (s->ndropped) note_dropped(m);
             return 0;
         }
