@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime import CompileError, PackageError
+from codegen.runtime import CompileError, PackageError, SimulationError
 from codegen.runtime.standalone.calls.arguments import MOST_AXES
 
 TEXT = """\
@@ -361,3 +361,28 @@ def test_results_larger_than_memory_are_told_with_their_size(odd):
     ):
         with pytest.raises(MemoryError, match=rf"results of shape {shape} take \d[\d,]* GiB.*fewer states"):
             call()
+
+
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_prescribed_motion_without_value_is_named_and_no_spring(tmp_path, target):
+    model = codegen.parse_model("""
+model: carried
+bodies:
+  a: {parent: ground, mass: 1, joint: {type: prismatic, axis: x}}
+  b: {parent: a, mass: 1, joint: {type: prismatic, axis: y}}
+points: {tip: {body: b}, post: {body: ground, at: [0, 0, 3]}}
+forces:
+  cord: {type: spring, from: tip, to: post, stiffness: 2, free_length: 1}
+motion: {a: asin(t)}
+""")
+    codegen.generate(model, tmp_path)
+    solver = codegen.load(tmp_path, target=target)
+    because = "the prescribed position of a is not (motion a = asin(t))"
+    udot, (said,) = told(lambda: solver.accelerations([0.0], [0.0], t=2.0))
+    assert np.isnan(udot).all()
+    assert said == f"carried: udot of accelerations is not finite: {because}"
+    udot, (said,) = told(lambda: solver.accelerations([[0.0], [0.0]], [0.0], t=[0.5, 2.0]))
+    assert np.isfinite(udot[0]).all() and np.isnan(udot[1]).all()
+    assert said == f"carried: udot of accelerations is not finite in state [1] of the batch: {because}"
+    with pytest.raises(SimulationError, match=re.escape(because)):
+        solver.simulate(2.0)

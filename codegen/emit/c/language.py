@@ -181,7 +181,7 @@ class CLanguage(Writer):
                 text = printer(value)
                 if store.memory is MARGIN:
                     assert culprit is not None
-                    body.append(f"REQUIRE({is_positive(value, printer, self.zero)}, {culprit(name)} + 1);")
+                    body.append(f"REFUSE({is_not_positive(value, printer, self.zero)}, {culprit(name)} + 1);")
                     continue
                 if store.lanes and value.is_Number:
                     text = "(VECTOR){0}" if value is ZERO else f"(VECTOR){{0}} + {text}"
@@ -296,14 +296,14 @@ class CLanguage(Writer):
         return Located(at.variable, f"a->{at.region} + {at.row}", f"[{at.component}]", type_)
 
 
-def is_positive(e: Expr, printer: Callable[[Expr], str], zero: str) -> str:
-    """The condition that an expression is positive: of a difference, that what is added is more than what is taken away."""
+def is_not_positive(e: Expr, printer: Callable[[Expr], str], zero: str) -> str:
+    """The condition that an expression is zero or less: of a difference, that what is added is at most what is taken away."""
     if _is_number(e):
-        return f"{in_all(printer(e))} > {zero}"
+        return f"{in_all(printer(e))} <= {zero}"
     terms = [algebra.coefficient(t) for t in (e.args if e.is_Add else (e,))]
     more = [algebra.multiply(c, t) for c, t in terms if c > 0]
     less = [algebra.multiply(algebra.negative(c), t) for c, t in terms if c < 0]
-    return f"{printer(algebra.add(*more))} > {printer(algebra.add(*less)) if less else zero}"
+    return f"{printer(algebra.add(*more))} <= {printer(algebra.add(*less)) if less else zero}"
 
 
 def _is_number(e: Expr) -> bool:

@@ -45,7 +45,7 @@ class CSweeps(CLanguage):
                 self.lines_of(part, in_stack(place, real), culprit, each),
                 arrays_used(part, real),
             )
-            parameters = [("a", "REQUIRE"), *([("i", "")] if indexed else [])]
+            parameters = [("a", "REFUSE"), *([("i", "")] if indexed else [])]
             lines = [*(f"(void){n};" for n, by in parameters if not reads(lines, n, by)), *lines]
             called = f"{name}_part_{i}"
             whose = "PART" if shared else "STATIC_PART"

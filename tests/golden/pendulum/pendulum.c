@@ -21,7 +21,7 @@ typedef double number;
 typedef int status;
 #define ALL(x) (x)
 #define TRUTH(condition) ((double)(condition))
-#define REQUIRE(condition, code) if (!a->singular && !(condition)) a->singular = code
+#define REFUSE(condition, code) if (!a->singular && (condition)) a->singular = code
 #define STOPPED(a) (a)->singular
 #define MORE_OF_A_CALL
 #endif
@@ -307,7 +307,7 @@ static void triangularize_0(call *a)
     const double c_J_xx = c->inertia_xx;
     const double scale = c->inertia_zz + 2.0*c_J_xx; /* zero pivot */
     const double bound = 2e-15*scale;
-    REQUIRE(c_J_xx > bound, 0 + 1);
+    REFUSE(c_J_xx <= bound, 0 + 1);
     const double Dinv = 1.0/c_J_xx; /* Eq. 47 */
     me->inverse_pivot_0 = Dinv;
     const double tau_rod = tau[0];

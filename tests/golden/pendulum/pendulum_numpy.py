@@ -114,7 +114,7 @@ def set_columns(matrix, i, columns, value, shape):
 
 
 def check_pivot(a, margin, link):
-    if a.solves and not np.all(margin > 0.0):
+    if a.solves and np.any(margin <= 0.0):  # what is no number is reported with the results
         raise SingularJointError(LINKS[link])
 
 

@@ -162,6 +162,12 @@ class Call:
 def _first_infinite(package: Mapping[str, Any], call: Call, moved: bool, elements: bool) -> str:
     """The first force, force element or body whose numbers are not finite, in words."""
     links, speeds, a = package["links"], package["speed_names"], call.a
+    for i in _bad(getattr(a, "prescribed", ())):
+        name = package["prescribed_names"][i // 3]
+        written = [
+            line.strip() for line in package.get("description", ()) if line.strip().startswith(f"motion {name} =")
+        ]
+        return f"the prescribed {('position', 'speed', 'acceleration')[i % 3]} of {name} is not ({'; '.join(written) or name})"
     for i in _bad(getattr(a, "tau", ())) if moved else ():
         return f"the force on joint {speeds[i].partition('.')[0]} is not ({_force_on(package, speeds[i])})"
     for array in ("coefficient", "drive"):
