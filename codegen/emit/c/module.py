@@ -17,6 +17,7 @@ from . import sines, vectors
 from .columns import GROUP
 from .functions import CFunctions
 from .legend import about_names, legend
+from .libraries import LIBRARIES, number_of
 from .memory import lays_out
 from .prepared import CPrepared
 from .states import over_states, states_context
@@ -120,6 +121,7 @@ class CWriter(CPrepared):
             "batches": c_functions.batch_lines(of_width),
             "batch_signatures": [c_functions.batch_signature(f, model.name, w) for f, w in of_width],
             "called": (library := self.printer.library()),
+            "first_library": number_of(LIBRARIES[0]),
             **states_context(lines, states, self.workspace, self.scalar, library),
             "own_words": [f"c/{w}.c.jinja" for w in self.printer.words],
             "own_words_of_states": [f"c/{w}_of_states.c.jinja" for w in self.printer.words],
