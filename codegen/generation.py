@@ -251,6 +251,7 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     from .emit.templates import render
     from .runtime.sections import carried_files
     from .runtime.standalone.files.manifest import file_digest, seal
+    from .runtime.stub import stub_context
 
     digest = hashlib.sha256()
     for name, text in sorted(source.files.items()):
@@ -258,7 +259,7 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     model = source.system.model
     header = f"{model.name}_model.h"
     runtime = carried_files(source.manifest)
-    own = ["README.md", "__init__.py", "model.json", header, *runtime]
+    own = ["README.md", "__init__.py", "__init__.pyi", "py.typed", "model.json", header, *runtime]
     manifest = {
         "generator": "ordernm",
         "version": __version__,
@@ -275,6 +276,8 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     }  # fmt: skip
     made = {
         "__init__.py": render("package/init.py.jinja", context),
+        "__init__.pyi": render("package/init.pyi.jinja", context | stub_context(manifest)),
+        "py.typed": "\n",
         "README.md": render("package/README.md.jinja", context),
         header: render("package/model.h.jinja", context),
         **runtime,

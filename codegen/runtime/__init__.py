@@ -21,8 +21,8 @@ if TYPE_CHECKING:
         TargetsDifferError,
     )
     from .standalone.motion.functionals import At, AtEvent, Final, Integral, LeastSquares
+    from .standalone.state.derivatives import Jacobians
     from .standalone.state.frame_motion import FrameMotion, PointMotion
-    from .standalone.state.jacobians import Jacobians
     from .standalone.statics.equilibrium import Equilibrium
     from .standalone.statics.linearization import Linearization
     from .standalone.trajectory.events import Event
@@ -52,7 +52,7 @@ _PLACES = {
     ),
     **dict.fromkeys(("FrameMotion", "PointMotion"), "standalone.state.frame_motion"),
     **dict.fromkeys(("At", "AtEvent", "Final", "Integral", "LeastSquares"), "standalone.motion.functionals"),
-    **dict.fromkeys(("Jacobians",), "standalone.state.jacobians"),
+    **dict.fromkeys(("Jacobians",), "standalone.state.derivatives"),
     **dict.fromkeys(("Linearization",), "standalone.statics.linearization"),
     **dict.fromkeys(("Event",), "standalone.trajectory.events"),
     **dict.fromkeys(("Trajectory",), "standalone.trajectory.trajectory"),

@@ -52,7 +52,7 @@ TOGETHER = ("statics", "state.loop_forces")
 ANYWAY = ("weighted gradients", "outputs")
 """Sections of these that serve models too that have none of these functions; who chose functions without them does without."""
 
-ALWAYS = ("errors", "state.jacobians")
+ALWAYS = ("errors", "state.derivatives")
 """Modules that the ``__init__.py`` of every package imports beside its solver."""
 
 _HEAD = re.compile(r"^    # -- (.+?) -+\n", re.MULTILINE)
@@ -140,4 +140,4 @@ def _imported(module: str, text: str) -> set[str]:
     return {name if above or not room else f"{room}.{name}" for above, name in found}
 
 
-__all__ = ["CARRIED", "carried_files", "is_carried", "sections_of", "solver_text"]
+__all__ = ["CARRIED", "ON_INDEPENDENTS", "carried_files", "carried_text", "is_carried", "sections_of", "solver_text"]

@@ -24,6 +24,7 @@ FILES = (
     "pendulum_numpy.py",
     "model.json",
     "README.md",
+    "__init__.pyi",
 )
 UPDATE = "ORDERNM_UPDATE_GOLDEN"
 

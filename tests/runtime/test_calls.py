@@ -9,7 +9,7 @@ import pytest
 import codegen
 from codegen.runtime import CompileError, Jacobians
 from codegen.runtime.standalone.calls import caller
-from codegen.runtime.standalone.state.jacobians import JACOBIANS
+from codegen.runtime.standalone.state.derivatives import JACOBIANS
 
 SEEDS = ("dq", "du", "dp", "dinputs")
 

@@ -22,11 +22,12 @@ from .motion.functional_gradients import MEMORY, FunctionalGradients
 from .motion.functionals import Functional, Judged
 from .motion.run import Progress
 from .motion.simulation import MOST_STEPS
+from .state.derivatives import Gradients, Jacobians
 from .state.frame_motion import FrameMotion, PointMotion
 from .state.frames import Bodies, Frames, Points
-from .state.jacobians import Jacobians, jacobians
+from .state.jacobians import jacobians
 from .state.reactions import JointLinks, joint_links, reaction_sensitivities_of, reactions_of
-from .state.weighted_gradients import Gradients, WeightedGradients
+from .state.weighted_gradients import WeightedGradients
 from .statics.equilibrium import Equilibrium
 from .statics.linearization import Linearization
 from .statics.statics import Statics

@@ -40,6 +40,14 @@ WEIGHTED = {
 }
 """The seeds of transposed functions: weights of sums of results."""
 
+MEMBERS = {
+    "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
+    "energy_sensitivities_transposed": "energy_gradients", "completion_sensitivities_transposed": "assemble_gradients",
+    "coordinate_rate_sensitivities_transposed": "coordinate_rate_gradients", "bias_force": "inverse_dynamics",
+    "bias_force_sensitivities": "inverse_dynamics_sensitivities", "completion_sensitivities": "assemble_sensitivities",
+}  # fmt: skip
+"""What generated functions, and members that are made of others, are called where functions are chosen."""
+
 WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
     "accelerations": {"results": ("udot",)},
     "sensitivities": {"seeds": ALONG, "results": ("udot", "dudot")},

@@ -20,7 +20,7 @@ from .arguments import NO_SEEDS, Arguments, Seeds
 from .bad_states import BAD_STATES, Lenient, spread, tell_bad
 from .batches import spoil
 from .c_target import CTarget
-from .functions import WITHOUT_ENTRIES, Function, Wanted, function, shapes_of
+from .functions import MEMBERS, WITHOUT_ENTRIES, Function, Wanted, function, shapes_of
 from .non_finite import tell_infinite
 from .operation_counts import OperationCounts
 from .results import empty, overlap, places, put
@@ -374,15 +374,6 @@ _ON_INDEPENDENTS = dict.fromkeys(
     ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),
     "; mass_matrix is there, on the independent speeds",
 )
-MEMBERS = {
-    "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
-    "energy_sensitivities_transposed": "energy_gradients", "completion_sensitivities_transposed": "assemble_gradients",
-    "coordinate_rate_sensitivities_transposed": "coordinate_rate_gradients", "bias_force": "inverse_dynamics",
-    "bias_force_sensitivities": "inverse_dynamics_sensitivities", "completion_sensitivities": "assemble_sensitivities",
-}  # fmt: skip
-"""What generated functions, and members that are made of others, are called where functions are chosen."""
-
-
 MADE_OF = (
     dict.fromkeys(
         ("equilibrium", "linearize"),

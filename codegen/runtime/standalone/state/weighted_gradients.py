@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..calls.arguments import Seeds
 from ..calls.functions import ALONG, STATE, WEIGHTED, Wanted
 from ..calls.package import Package, state
 from ..calls.room import Room
+from .derivatives import Gradients
 
 WEIGHTS = {"dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
            "dfull_u": "weights_u"}  # fmt: skip
@@ -21,25 +22,6 @@ WEIGHTS = {"dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqd
 
 BY_ALL = {name: Wanted(name, ALONG) for name in WEIGHTED}
 """Derivatives by everything, those too that the functions leave out since they are zero."""
-
-
-class Gradients(NamedTuple):
-    """Gradients of k weighted sums with respect to every argument; entries of dependent coordinates and speeds are zero.
-
-    Attributes
-    ----------
-    q : (k, ..., nq)
-    u : (k, ..., nu)
-    p : (k, ..., np)
-    inputs : (k, ..., ninputs)
-    t : (k, ...)
-    """
-
-    q: Array
-    u: Array
-    p: Array
-    inputs: Array
-    t: Array
 
 
 class WeightedGradients(Room):
@@ -73,9 +55,9 @@ class WeightedGradients(Room):
 
     def of(self, name: str, given: tuple[Any, ...], weights: tuple[Any, ...]) -> Gradients:
         """Gradients by a transposed function."""
-        opened = self._opened
-        if not self._watched:
-            gradients = self.package._calls[BY_ALL[name]](given, weights, None)
+        package = self.package
+        if not package._watched:
+            gradients = package._calls[BY_ALL[name]](given, weights, None)
             if gradients is not None:
                 return Gradients(*gradients)
         arrays, batch = self._arguments.take(dict(zip(STATE, given, strict=True)), self._left_out)
@@ -83,10 +65,11 @@ class WeightedGradients(Room):
         seeds, batch = Seeds.take(self._arguments, named, arrays, batch, WEIGHTS)
         if not any(self._shapes[w[1:]][-1] for w in named):  # no outputs
             return self._filled({}, seeds.k, batch)
+        opened = package._opened
         f = self._find(opened, name)
-        if self._watched:
-            self.package._look_at_directions(name, given, (None, None, np.eye(self.np), None, None))
-        results = dict(zip(f.results, self.package._compute(opened, f, arrays, batch, seeds, []), strict=True))
+        if package._watched:
+            package._look_at_directions(name, given, (None, None, np.eye(self.np), None, None))
+        results = dict(zip(f.results, package._compute(opened, f, arrays, batch, seeds, []), strict=True))
         return self._filled(results, seeds.k, batch)
 
     def _filled(self, found: Mapping[str, Array], k: int, batch: tuple[int, ...]) -> Gradients:

@@ -32,7 +32,7 @@ from ..calls.package import Package, state
 from ..calls.room import Room
 from ..calls.targets import Opened
 from ..files.manifest import check_files
-from ..state.jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
+from ..state.derivatives import JACOBIANS, Jacobians, asked_for, jacobians_of
 
 GUARD = 10
 """Decimal digits beyond those that are asked for."""

@@ -1,0 +1,168 @@
+"""What type checkers and editors read of a package, ``__init__.pyi``: names of the model, and the methods that its solver has."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .sections import ON_INDEPENDENTS, carried_text, sections_of, solver_text
+from .standalone.calls.functions import MEMBERS, WITHOUT_ENTRIES
+
+WIDTH = 110
+"""Columns of a signature."""
+
+TIE = "\N{NO-BREAK SPACE}"
+"""Stands for a blank at which no line is broken."""
+
+ENTRIES = {
+    "Coordinates": "coordinate_names", "Speeds": "speed_names", "Parameters": "parameter_names", "Inputs": "input_names",
+    "Outputs": "output_names",
+}  # fmt: skip
+"""Types of mappings from names to numbers, and where a manifest has these names."""
+
+MAPPINGS = {
+    **dict.fromkeys(("q", "dq", "dq0", "weights_q"), "Coordinates"),
+    **dict.fromkeys(("u", "du", "du0", "weights_u", "udot", "dudot", "b", "db"), "Speeds"),
+    **dict.fromkeys(("p", "dp"), "Parameters"), **dict.fromkeys(("inputs", "dinputs"), "Inputs"),
+    "gradients.weights": "Speeds", "output_gradients.weights": "Outputs", "coordinate_rate_gradients.weights": "Coordinates",
+}  # fmt: skip
+"""Which of them an argument may be, by its name, or by those of the method and its own."""
+
+NAMES = {"linearize.outputs": ("OutputName", "output_names"), "Bodies": ("BodyName", "bodies")}
+"""Arguments that are names, by those of the method and their own, or by their type in `Solver`; their type in the stub, and where
+a manifest has these names."""
+
+PLAIN = {
+    "Points": "Any", "Times": "ArrayLike", "Times | None": "ArrayLike | None",
+    "Progress | None": "Callable[[float, float], None] | None",
+}  # fmt: skip
+"""Types of `Solver` that a stub writes out."""
+
+CALLS = {
+    "jacobians": ("jacobians",), "judge": ("outputs",), "initial_sensitivities": ("completion_sensitivities",),
+    "frames": ("frames",), "points": ("frames",), "frame_sensitivities": ("frame_sensitivities",),
+    "frame_jacobians": ("frame_sensitivities",), "point_sensitivities": ("frame_sensitivities",),
+    "point_jacobians": ("frame_sensitivities",),
+}  # fmt: skip
+"""Functions that methods call by way of a room; the others are named where they are called."""
+
+
+class Method(NamedTuple):
+    """A method of `Solver`: its definition, and the functions of the generated code that it calls by name."""
+
+    definition: ast.FunctionDef
+    calls: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        return self.definition.name
+
+
+def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """What ``init.pyi.jinja`` is rendered with: ready lines."""
+    kinds = {kind: manifest[names] for kind, names in ENTRIES.items() if manifest[names]}
+    there = [m for m in _methods(tuple(sections_of(manifest))) if m.name not in manifest.get("left_out", ())]
+    there = [m for m in there if all(_is_there(manifest, f) for f in m.calls)]
+    types: set[str] = {"Literal", *(["TypedDict"] if kinds else [])}
+    there.sort(key=lambda m: not m.definition.decorator_list)  # properties first
+    members = [_lines(m, manifest, kinds, types) for m in there]
+    used = set(re.findall(r"\w+", " ".join(types)))
+    return {
+        "typing": sorted(used & {"Any", "Literal", "TypedDict"}), "abc": sorted(used & {"Callable", "Sequence"}),
+        "names": {kind: manifest[names] for kind, names in NAMES.values() if kind in used},
+        "entries": {kind: names for kind, names in kinds.items() if kind in used},
+        "scalar": np.dtype(manifest.get("scalar", "float64")).name,
+        "imports": _imports(used), "members": members,
+    }  # fmt: skip
+
+
+@functools.lru_cache(8)
+def _methods(sections: tuple[str, ...]) -> tuple[Method, ...]:
+    """The public methods of `Solver` in some of its sections, and those that all solvers have."""
+    found = []
+    for text in (carried_text("calls.package"), solver_text(sections)):
+        text = re.sub(r'""".*?"""', '""', text, flags=re.DOTALL)
+        (solver,) = (c for c in ast.parse(text).body if isinstance(c, ast.ClassDef) and c.name in ("Package", "Solver"))
+        for definition in solver.body:
+            if isinstance(definition, ast.FunctionDef) and not definition.name.startswith("_"):
+                calls = CALLS.get(definition.name) or tuple(_called(definition))
+                found.append(Method(definition, calls))
+    return tuple(found)
+
+
+def _called(definition: ast.FunctionDef) -> Iterator[str]:
+    """Names of functions in calls of a method, such as ``self._call("accelerations", ...)``."""
+    for node in ast.walk(definition):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("self._call", "self._gradients.of"):
+            yield ast.literal_eval(node.args[0])
+
+
+def _is_there(manifest: Mapping[str, Any], function: str) -> bool:
+    """Whether a call of a function has a result."""
+    if function in manifest["functions"]:
+        return True
+    if MEMBERS.get(function, function) in manifest.get("left_out", ()):
+        return False
+    if function == "completion_sensitivities":  # a tree's states are complete
+        return not manifest["closure_names"]
+    if function.endswith("_transposed"):  # of no outputs
+        return function.startswith("output") and not manifest["output_names"]
+    of_loops = bool(manifest["closure_names"]) and manifest["functions"].keys() >= {*ON_INDEPENDENTS}
+    return function in WITHOUT_ENTRIES or (of_loops and function.startswith(("mass_matrix", "inverse_dynamics")))
+
+
+def _lines(
+    method: Method, manifest: Mapping[str, Any], kinds: Mapping[str, Sequence[str]], types: set[str]
+) -> list[str]:
+    """A method in the stub; `types` gets those that it names."""
+    definition, of = method.definition, method.definition.args
+    assert definition.returns is not None
+
+    def written(argument: ast.arg, default: ast.expr | None) -> str:
+        if argument.annotation is None:
+            return argument.arg
+        types.add(kind := _type(method.name, argument, manifest, kinds))
+        known = ast.unparse(default) if isinstance(default, ast.Constant) else "..."
+        return f"{argument.arg}: {kind}" + (f" = {known}" if default is not None else "")
+
+    defaults = [*[None] * (len(of.args) - len(of.defaults)), *of.defaults]
+    given = [written(*pair) for pair in zip(of.args, defaults, strict=True)]
+    if of.vararg is not None or of.kwonlyargs:
+        given.append(f"*{written(of.vararg, None)}" if of.vararg is not None else "*")
+    given += [written(*pair) for pair in zip(of.kwonlyargs, of.kw_defaults, strict=True)]
+    types.add(returned := ast.unparse(definition.returns))
+    decorators = [f"@{ast.unparse(decorator)}" for decorator in definition.decorator_list]
+    start, end, whole = f"def {method.name}(", f") -> {returned}: ...", ", ".join(given)
+    if len(start + whole + end) <= WIDTH:
+        return [*decorators, start + whole + end]
+    tied = ", ".join(one.replace(" ", TIE) for one in given)
+    wrapped = textwrap.wrap(tied, WIDTH - 4, break_long_words=False, break_on_hyphens=False)
+    return [*decorators, start, *(f"    {line}".replace(TIE, " ") for line in wrapped), end]
+
+
+def _type(method: str, argument: ast.arg, manifest: Mapping[str, Any], kinds: Mapping[str, Sequence[str]]) -> str:
+    """The type of an argument: with names of the model where it takes names."""
+    assert argument.annotation is not None
+    written, key = ast.unparse(argument.annotation), f"{method}.{argument.arg}"
+    kind, names = NAMES.get(key) or NAMES.get(written) or ("", "")
+    if manifest.get(names):
+        return f"{kind} | Sequence[{kind}] | None"
+    if written == "Numbers":
+        kind = MAPPINGS.get(key) or MAPPINGS.get(argument.arg, "")
+        return kind if kind in kinds else "ArrayLike | None"
+    return PLAIN.get(written, written)
+
+
+def _imports(used: set[str]) -> list[str]:
+    """Lines that import types of the run time."""
+    found = []
+    for module, names in re.findall(r"^from (\.\S+) import (.+)$", carried_text("solver"), re.MULTILINE):
+        kept = [name for name in names.split(", ") if name in used - {"Array", "Jacobians"}]
+        found += [f"from ._runtime{module} import {', '.join(kept)}"] * bool(kept)
+    return found
