@@ -35,6 +35,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
     functions = manifest["functions"].items()
     along = [_along(name, n, f, sizes, scalar.word) for n, f in functions if f.get("seeds")]
     points = _points(name, manifest["functions"], scalar.word)
+    accelerated = _accelerated(manifest["functions"])
     counted = ("coordinate_names", "speed_names", "parameter_names", "input_names", "output_names")
     return render(
         "c/calls.c.jinja",
@@ -53,6 +54,8 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "along": along,
             "point_parts": ["c/calls_points.c.jinja"] if points else [],
             "points": points,
+            "acceleration_parts": ["c/calls_point_accelerations.c.jinja"] if accelerated else [],
+            "accelerated": accelerated,
             "bodies": len(manifest.get("bodies", ())),
             "model_points": len(manifest.get("points", ())),
             "few": _few([symbol for f in along for symbol in f["few"]]),
@@ -105,6 +108,19 @@ def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[st
         known = lines if places in functions else []
         found.append({"name": name, "frames": frames, "guard": guard, "parts": parts, "places": known})
     return found
+
+
+def _accelerated(functions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The same with accelerations."""
+    of = (
+        ("point_accelerations", "points", "frames", "frame_accelerations", 1),
+        ("point_acceleration_sensitivities", "point_sensitivities", "frame_sensitivities", "frame_acceleration_sensitivities", 2),
+    )  # fmt: skip
+    return [
+        {"name": name, "points": points, "frames": accelerations, "guard": guard_of_library(frames), "parts": parts}
+        for name, points, frames, accelerations, parts in of
+        if frames in functions and accelerations in functions
+    ]
 
 
 FIRST = f"ORDERNM_LIBRARY == {number_of(LIBRARIES[0])}"

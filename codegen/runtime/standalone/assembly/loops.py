@@ -39,7 +39,7 @@ class Loops(States):
         speeds = self.package._one_state("completion", given) if self._is_closed(given) else None
         return None if speeds is None else (given[0].copy(), speeds[0])
 
-    def _consistent_along(
+    def consistent_along(
         self, given: tuple[Any, ...], seeds: tuple[Any, ...]
     ) -> tuple[Array, Array, Array, Array] | None:
         if self._watched or not self._is_closed(given):

@@ -64,7 +64,7 @@ class States(Room):
         self, given: tuple[Any, ...], along: tuple[Any, ...], follow: bool | None = None
     ) -> tuple[Array, Array, Array, Array]:
         """See `Solver.assemble_sensitivities`."""
-        consistent = self._consistent_along(given, along)
+        consistent = self.consistent_along(given, along)
         if consistent is not None:
             return consistent
         arrays, batch = self._arguments.take(state(*given), self._left_out)
@@ -78,6 +78,23 @@ class States(Room):
             de /= length
             de -= e * np.sum(e * de, axis=-1, keepdims=True)
         return self._completed_along(q_new, arrays, batch, dq_new, du_new, along[2:])
+
+    def closure(self, given: tuple[Any, ...]) -> tuple[Array, Array]:
+        """See `Solver.closure`; without loops there are no residuals."""
+        if not self.closure_names and (rates := self.package._calls["coordinate_rates"](given, None, None)) is not None:
+            none = rates[0][..., :0]
+            return none.copy(), none.copy()
+        position, velocity = self._call("closure", given)
+        return position, velocity
+
+    def closure_sensitivities(self, given: tuple[Any, ...], along: tuple[Any, ...]) -> tuple[Array, Array]:
+        """See `Solver.closure_sensitivities`."""
+        if not self.closure_names:
+            rates = self.package._calls["coordinate_rate_sensitivities"](given, along, None)
+            if rates is not None:
+                return rates[0][..., :0].copy(), rates[1][..., :0].copy()
+        position, opened = self._call("closure_sensitivities", given, along)
+        return position, opened
 
     # -- how -----------------------------------------------------------------------------------------------------------
 
@@ -143,18 +160,20 @@ class States(Room):
             return None
         return given[0].copy(), given[1].copy()
 
-    def _consistent_along(
+    def consistent_along(
         self, given: tuple[Any, ...], seeds: tuple[Any, ...]
     ) -> tuple[Array, Array, Array, Array] | None:
         """The same with its derivatives along seeds."""
-        if self._arguments.quaternions:
+        q, u, dq, du = *given[:2], *seeds[:2]
+        if self._arguments.quaternions or not {type(dq), type(du)} <= {np.ndarray, type(None)}:
             return None
         rates = self.package._one_state("coordinate_rate_sensitivities", given, seeds)
         if rates is None:
             return None
         k = len(rates[1])
-        dq, du = (filled((k, n), 0.0 if x is None else x) for n, x in zip((self.nq, self.nu), seeds, strict=False))
-        return given[0].copy(), given[1].copy(), dq, du
+        dq = np.zeros((k, self.nq)) if dq is None else dq.reshape(k, self.nq).copy()
+        du = np.zeros((k, self.nu)) if du is None else du.reshape(k, self.nu).copy()
+        return q.copy(), u.copy(), dq, du
 
     def assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         """Assembled coordinates, (*batch, nq)."""

@@ -36,7 +36,10 @@ FEW_LACK = -3
 """What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
 
 
-BESIDE = {"points": "frames", "point_sensitivities": "frame_sensitivities"}
+BESIDE = {
+    "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
+    "point_acceleration_sensitivities": "frame_sensitivities",
+}  # fmt: skip
 """Functions over chosen points, and those in whose library they are."""
 
 

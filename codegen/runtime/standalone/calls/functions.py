@@ -139,15 +139,21 @@ class Wanted:
         self.name, self.returned, self.function, self.table = name, tuple(returned), function, table
 
 
-def over_points(f: Function, places: Shape, shape: Shape) -> Function:
-    """The call of ``NAME_calls.c`` that gives the motion of points of that shape, from the function that gives frames."""
-    names = ("frames", "point_places", "position", "velocity")
-    shapes = (f.shapes[0], places, shape, shape)
+def over_points(f: Function, accelerations: Function | None, places: Shape, shape: Shape) -> Function:
+    """The call of ``NAME_calls.c`` that gives the motion of points of that shape, from the functions that give frames, and their
+    accelerations if these are wanted."""
+    names: tuple[str, ...] = ("frames", "point_places", "position", "velocity")
+    shapes: tuple[Shape, ...] = (f.shapes[0], places, shape, shape)
+    name = "points" if accelerations is None else "point_accelerations"
+    if accelerations is not None:
+        names, shapes = (*names, "acceleration", "frame_accelerations"), (*shapes, shape, accelerations.shapes[0])
     if not f.seeds:
-        return replace(f, name="points", results=names, shapes=shapes, derived=(False,) * 4)
-    both = tuple(n for name in names for n in (name, f"d{name}"))
+        return replace(f, name=name, results=names, shapes=shapes, derived=(False,) * len(names))
+    both = tuple(n for result in names for n in (result, f"d{result}"))
     twice = tuple(s for s in shapes for _ in range(2))
-    return replace(f, name="point_sensitivities", results=both, shapes=twice, derived=(False, True) * 4)
+    widths = f.widths if accelerations is None else (*f.widths, *accelerations.widths)
+    name = f"{name.removesuffix('s')}_sensitivities"
+    return replace(f, name=name, results=both, shapes=twice, derived=(False, True) * len(names), widths=widths)
 
 
 def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:

@@ -280,11 +280,12 @@ class Package:
         return tuple(self._compute(opened, f, arrays, batch, along, taken, bad))
 
     def _one_state(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None) -> Any:
-        """Results of a function; None unless it is one state, and seeds, in arrays that go straight to the C."""
-        plain = all(x is None or type(x) is float or (type(x) is np.ndarray and x.ndim == 1) for x in given)
-        if not plain or any(type(x) not in (float, np.ndarray, type(None)) for x in seeds or ()):
+        """Results of a function, vectors; None unless q and u are arrays of one state, and all goes straight to the C."""
+        q, u, *_ = given
+        if type(q) is not np.ndarray or type(u) is not np.ndarray or q.ndim != 1 or u.ndim != 1:
             return None
-        return self._calls[wanted](given, seeds, None)
+        found = self._calls[wanted](given, seeds, None)
+        return found if found is not None and found[0].ndim == 1 else None
 
     def _taken(self, f: Function, values: Sequence[Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
         """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error."""

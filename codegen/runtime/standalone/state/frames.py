@@ -48,13 +48,13 @@ class Frames(Room):
         """See `Solver.frame_jacobians`."""
         chosen, names = self._bodies(bodies)
         _, along = self._by_speeds(q, p, inputs, t, chosen, names)
-        return _columns(along.angular_velocity, along.velocity)
+        return _last(along._frames[..., 12:])
 
     def points(self, given: tuple[Any, ...], points: Points, accelerations: bool) -> PointMotion:
         """See `Solver.points`."""
         chosen = self._chosen(points)
         given = self._moving(given)
-        known = None if accelerations else self.package._calls[chosen.values](given, None, None)
+        known = self.package._calls[chosen.values[accelerations]](given, None, None)
         if known is not None:
             return PointMotion(chosen.names, *known)
         frames = self._frames(given, accelerations, None, chosen.names)
@@ -67,10 +67,9 @@ class Frames(Room):
         """See `Solver.point_sensitivities`."""
         chosen = self._chosen(points)
         given = self._moving(given)
-        known = None if accelerations or self._watched else self.package._calls[chosen.along](given, along, None)
+        known = None if self._watched else self.package._calls[chosen.along[accelerations]](given, along, None)
         if known is not None:
-            position, dposition, velocity, dvelocity = known
-            return PointMotion(chosen.names, position, velocity), PointMotion(chosen.names, dposition, dvelocity)
+            return PointMotion(chosen.names, *known[::2]), PointMotion(chosen.names, *known[1::2])
         values, tangents = self._frames_along(given, along, accelerations, None, chosen.names)
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
         r = chosen.places(given[2])
@@ -81,6 +80,10 @@ class Frames(Room):
     def point_jacobians(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, points: Points) -> Array:
         """See `Solver.point_jacobians`."""
         chosen = self._chosen(points)
+        known = self.package._calls[chosen.by_speeds](*self._at_rest_by_speeds(q, p, inputs, t), None)
+        if known is not None:
+            dframes, dvelocity = known
+            return _columns(dframes.take(chosen.at, axis=-2)[..., 12:15], dvelocity)
         values, tangents = self._by_speeds(q, p, inputs, t, None, chosen.names)
         frames, along = chosen.carriers(values, False), chosen.carriers(tangents, True)
         moved = point_tangents(frames, along, chosen.places(p), 0.0, chosen.names)
@@ -91,7 +94,7 @@ class Frames(Room):
 
     def _moving(self, given: tuple[Any, ...]) -> tuple[Any, ...]:
         """A state with speeds, zero where they are left out."""
-        return given if given[1] is not None else (given[0], np.zeros(self.nu), *given[2:])
+        return given if given[1] is not None else (given[0], self._speed_units[0], *given[2:])
 
     def _bodies(self, bodies: Bodies) -> tuple[Any, tuple[str, ...]]:
         """Where bodies are among all, an index that one alone makes a number, and their names."""
@@ -164,10 +167,17 @@ class Frames(Room):
         self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Any, names: tuple[str, ...]
     ) -> tuple[FrameMotion, FrameMotion]:
         """Frames at rest, and their derivatives by each speed."""
-        unit = np.eye(self.nu)
-        return self._frames_along(
-            (q, np.zeros(self.nu), p, inputs, t), (None, unit, None, None, None), False, bodies, names
-        )
+        return self._frames_along(*self._at_rest_by_speeds(q, p, inputs, t), False, bodies, names)
+
+    def _at_rest_by_speeds(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times) -> tuple[Any, Any]:
+        """Arguments at rest, and seeds of each speed."""
+        rest, units = self._speed_units
+        return (q, rest, p, inputs, t), (None, units, None, None, None)
+
+    @functools.cached_property
+    def _speed_units(self) -> tuple[Array, Array]:
+        """Speeds of zero, and unit speeds."""
+        return np.zeros(self.nu), np.eye(self.nu)
 
 
 NOTHING = Wanted("", ())
@@ -190,11 +200,17 @@ class _Chosen:
         One was asked for alone.
     moved : bool
         Whether parameters move some of them in their bodies.
-    values, along : Wanted
-        Their motion by a single call of the C; `NOTHING` for a choice that is not remembered.
+    at : int or array of int
+        Where these are among the bodies.
+    values, along : tuple of Wanted
+        Their motion by a single call of the C, without accelerations and with them; `NOTHING` for a choice that is not
+        remembered, or that the package lacks.
+    by_speeds : Wanted
+        Derivatives of frames of bodies, and of velocities of points; `NOTHING` also where the ground carries any.
     """
 
-    values = along = NOTHING
+    values = along = (NOTHING, NOTHING)
+    by_speeds = NOTHING
 
     def __init__(self, solver: Frames, points: Points):
         self.solver = solver
@@ -230,6 +246,7 @@ class _Chosen:
             called.append(point if isinstance(point, str) else f"{point[0]} {[float(e) for e in at]}")
         self.names = tuple(called)
         self.on = np.array([b if b >= 0 else len(known) for b in carriers], int)
+        self.at = int(self.on[0]) if self.single else self.on
         self.ground = -1 in carriers
         self.given = np.array(places).reshape(-1, 3)
         self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
@@ -242,12 +259,24 @@ class _Chosen:
         table[:, 1] = self.of_model if self.moved else -1
         numbers = np.concatenate([[len(self.on)], table.reshape(-1)])
         shape = (3,) if self.single else (len(self.on), 3)
-        if "frames" in functions:
-            f = over_points(functions["frames"], places, shape)
-            self.values = Wanted("frames", f.results[2:], f, numbers)
-        if "frame_sensitivities" in functions:
-            f = over_points(functions["frame_sensitivities"], places, shape)
-            self.along = Wanted("frame_sensitivities", f.results[4:], f, numbers)
+
+        def wanted(frames: str, accelerations: str) -> tuple[Wanted, Wanted]:
+            """The motion without accelerations and with them."""
+            of_frames, of_accelerations = functions.get(frames), functions.get(accelerations)
+            if of_frames is None:
+                return NOTHING, NOTHING
+            n = 2 if of_frames.seeds else 1
+            f = over_points(of_frames, None, places, shape)
+            found = Wanted(frames, f.results[2 * n : 4 * n], f, numbers)
+            if of_accelerations is None:
+                return found, NOTHING
+            f = over_points(of_frames, of_accelerations, places, shape)
+            return found, Wanted(frames, f.results[2 * n : 5 * n], f, numbers)
+
+        self.values = wanted("frames", "frame_accelerations")
+        self.along = wanted("frame_sensitivities", "frame_acceleration_sensitivities")
+        if self.along[0] is not NOTHING and not self.ground:
+            self.by_speeds = Wanted("frame_sensitivities", ("dframes", "dvelocity"), self.along[0].function, numbers)
 
     def carriers(self, frames: FrameMotion, tangents: bool) -> FrameMotion:
         """The frame of each point's body, from those of the bodies."""
@@ -326,4 +355,9 @@ def _place(name: Any, known: Sequence[str], what: str) -> int:
 
 def _columns(angular: Array, linear: Array) -> Array:
     """Jacobians (..., n, 6, nu) from derivatives by each speed (nu, ..., n, 3)."""
-    return np.moveaxis(np.concatenate([angular, linear], axis=-1), 0, -1)
+    return _last(np.concatenate([angular, linear], axis=-1))
+
+
+def _last(x: Array) -> Array:
+    """An array with its first axis as the last one."""
+    return x.transpose(*range(1, x.ndim), 0)

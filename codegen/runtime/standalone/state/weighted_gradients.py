@@ -33,6 +33,12 @@ class WeightedGradients(Room):
 
     def of_assembled(self, given: tuple[Any, ...], weights_q: Numbers, weights_u: Numbers) -> Gradients:
         """See `Solver.assemble_gradients`."""
+        if not self.closure_names:
+            consistent = self.states.consistent_along(given, (weights_q, weights_u, None, None, None))
+            if consistent is not None:
+                *_, dq, du = consistent
+                k = len(dq)
+                return Gradients(dq, du, np.zeros((k, self.np)), np.zeros((k, self.ninputs)), np.zeros(k))
         arrays, batch = self._arguments.take(state(*given), self._left_out)
         weights = {"dfull_q": weights_q, "dfull_u": weights_u}
         (along, k), batch = Seeds.take(self._arguments, weights, arrays, batch, WEIGHTS)
