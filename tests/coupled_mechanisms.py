@@ -8,9 +8,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from loop_closure import assemble, independent_coordinates
 from random_mechanisms import Mechanism
 
-from codegen.loops import assemble, complete_speeds, partition
+from codegen.loops import complete_speeds, partition
 from codegen.model import Model, parse_model
 
 PIN = "{type: revolute, axis: y}"
@@ -230,7 +231,7 @@ def assembled(model: Model) -> Mechanism:
     chosen = partition(model)
     rng = np.random.default_rng(5)
     q = np.array(chosen.q)
-    for i in chosen.independent_coordinates(model):
+    for i in independent_coordinates(model, chosen):
         q[i] += 0.01 * rng.normal()
     p = np.array([x.value for x in model.parameters])
     q = np.array(assemble(model, chosen, q, p))

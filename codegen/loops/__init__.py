@@ -1,7 +1,6 @@
 """Closed loops before any symbol: where they are, how they close, which coordinates depend on which. Floats only."""
 
-from .assembling import assemble, initial_configuration
-from .closure import closure, closure_matrix
+from .assembling import initial_configuration
 from .description import describe
 from .ears import Ear, Partition
 from .errors import AssemblyError, PartitionError
@@ -13,9 +12,6 @@ __all__ = [
     "Ear",
     "Partition",
     "PartitionError",
-    "assemble",
-    "closure",
-    "closure_matrix",
     "complete_speeds",
     "describe",
     "initial_configuration",

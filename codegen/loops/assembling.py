@@ -13,7 +13,7 @@ from .closure import Cuts, body_frames
 from .dependents import choose_dependents, ranks, whole_joints
 from .ears import Partition
 from .errors import AssemblyError
-from .geometry import Geometry, advance, evaluator, padded, parameter_values
+from .geometry import Geometry, advance, evaluator, parameter_values
 from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
 from .vectors import Array
@@ -58,38 +58,6 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
         size = np.linalg.norm(e)
         e[:] = e / size if size > 1e-6 else (1.0, 0.0, 0.0, 0.0)
     return q, u
-
-
-def assemble(
-    model: Model,
-    partition: Partition,
-    q: Sequence[float] | Array,
-    p: Sequence[float] | Array | None = None,
-) -> Array:
-    """Close all loops by moving dependent coordinates only, ear by ear, from a guess.
-
-    An ear that does not close from there is tried from other dependents, further and further off, the same each time.
-
-    Parameters
-    ----------
-    q : (nq,) array
-        The guess; its independent entries are kept. A quaternion or position of which some speeds are dependent is moved
-        along those only: rotation and displacement in child axes.
-    p : (np,) array, optional
-        The defaults if left out.
-
-    Returns
-    -------
-    (nq,) array
-        Closed to rounding; quaternions of dependent joints have unit length.
-
-    Raises
-    ------
-    AssemblyError
-        A loop stays open; the text names it and says by how much.
-    """
-    geometry = Geometry(model.with_turned(partition.turned), p)
-    return assembled(geometry, partition, padded(q), tries=GUESSES)[0, : geometry.nq]
 
 
 def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False, tries: int = 0) -> Array:

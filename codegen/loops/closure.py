@@ -29,8 +29,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..model.model import Model
-from .geometry import Geometry, padded
+from .geometry import Geometry
 from .vectors import Array, cross, turn
 
 Frames = tuple[Array, Array]
@@ -41,73 +40,6 @@ COUPLED = 3
 
 HALF_TURN = 1e-12
 """1 + cos below which the direction of the way back from half a turn is arbitrary."""
-
-
-def closure(
-    model: Model,
-    q: Sequence[float] | Array,
-    u: Sequence[float] | Array,
-    p: Sequence[float] | Array | None = None,
-    lengths: Sequence[float] | Array | None = None,
-) -> tuple[Array, Array]:
-    """Residuals of all loops in the order of `Model.closure_names`.
-
-    Parameters
-    ----------
-    q : (nq,) array
-    u : (nu,) array
-    p : (np,) array, optional
-        The defaults if left out.
-    lengths : (L,) array, optional
-        By what the linear conditions of each loop are divided, m; those of `Geometry` if left out.
-
-    Returns
-    -------
-    position : (m,) array
-    velocity : (m,) array
-        1/s.
-    """
-    geometry = Geometry(model, p)
-    if lengths is not None:
-        geometry.lengths = np.asarray(lengths, dtype=float)
-    q, cuts = padded(q), Cuts(geometry, range(len(model.loops)), geometry.rows)
-    frames = body_frames(geometry, q)
-    position = cuts.place(cuts.faces(frames), q)
-    speeds = np.asarray(u, dtype=float)[None, :, None]
-    w, v = body_twists(geometry, q, frames, speeds)
-    rates = cuts.difference(frames[1], w, v, speeds)
-    return cuts.kept(position)[0], cuts.kept(rates)[0, :, 0]
-
-
-def closure_matrix(
-    model: Model,
-    loop: int,
-    q: Sequence[float] | Array,
-    p: Sequence[float] | Array | None = None,
-    length: float | None = None,
-) -> tuple[tuple[int, ...], Array]:
-    """What the speeds of a loop's tree joints do to its velocity residual.
-
-    Returns
-    -------
-    speeds : tuple of int
-        Those of all joints on the loop's cycle, the start side outward, then the end side outward.
-    E : (rows, f) array
-        Their unit screws at the cut on the loop's conditions, scaled with its characteristic length.
-    """
-    geometry = Geometry(model, p)
-    if length is not None:
-        geometry.lengths[loop] = length
-    q, cuts = padded(q), Cuts(geometry, [loop])
-    frames = body_frames(geometry, q)
-    cuts.place(cuts.faces(frames), q)
-    sides = [[s for k in reversed(side) for s in geometry.speeds[k]] for side in geometry.cycle(loop)]
-    speeds = [*sides[0], *sides[1]]
-    w, v = ground_screws(geometry, q, frames)
-    o = frames[1][:, geometry.speed_body[speeds]]
-    sign = np.array([[-1.0] * len(sides[0]) + [1.0] * len(sides[1])])
-    at_cut = cuts.at_cut(w[:, speeds], v[:, speeds], o)
-    return tuple(speeds), cuts.matrix(w[:, speeds], at_cut, sign, speeds)[0]
 
 
 # --- kinematics of all bodies -------------------------------------------------------------------------------------------
@@ -135,33 +67,6 @@ def ground_screws(geometry: Geometry, q: Array, frames: Frames) -> tuple[Array, 
     w, v = geometry.all_joints.screws(q)
     R = frames[0][:, geometry.speed_body]
     return turn(R, w), turn(R, v)
-
-
-def body_twists(geometry: Geometry, q: Array, frames: Frames, u: Array) -> tuple[Array, Array]:
-    """Angular velocities and velocities of the origins of all bodies and the ground, ground frame.
-
-    Parameters
-    ----------
-    u : (S, nu, K) array
-        K sets of speeds for each configuration.
-
-    Returns
-    -------
-    w, v : (S, n + 1, 3, K) array
-    """
-    n = geometry.ground
-    screws = ground_screws(geometry, q, frames)
-    w, v = (np.zeros((len(q), n + 1, 3, u.shape[-1])) for _ in range(2))
-    for total, screw in zip((w, v), screws, strict=True):
-        for s, k in enumerate(geometry.speed_body):
-            total[:, k] += screw[:, s, :, None] * u[:, s, None, :]
-    o, base = frames[1], np.array(geometry.parent)
-    while len(open_ := np.flatnonzero(base != n)):
-        b = base[open_]
-        v[:, open_] += shifted(w[:, b], v[:, b], o[:, open_] - o[:, b])
-        w[:, open_] += w[:, b]
-        base[open_] = base[b]
-    return w, v
 
 
 def shifted(w: Array, v: Array, r: Array) -> Array:
@@ -304,17 +209,6 @@ class Cuts(PlacedCuts):
         found.n = self.n[:, i] * other[:, None, None]
         found.residual = self.residual[:, i]
         found.residual[..., :3] *= other[:, None]
-        return found
-
-    def difference(self, o: Array, w: Array, v: Array, u: Array) -> Array:
-        """Velocity residuals ``(S, l, 6, K)`` from the motion of all bodies: origins ``(S, n, 3)``, twists ``(S, n, 3, K)``.
-
-        Speeds are ``u (S, nu, K)``.
-        """
-        at = [shifted(w[:, b], v[:, b], self.point - o[:, b]) for b in (self.starts, self.ends)]
-        found = self.conditions(w[:, self.ends] - w[:, self.starts], at[1] - at[0])
-        for n, coupled in self.couplings:
-            found[:, n, COUPLED] = np.einsum("t,stk->sk", coupled.factors, u[:, coupled.speeds])
         return found
 
 

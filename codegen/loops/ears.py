@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..model.model import Model, closure_row_names
 from .comparison import Comparison
-from .speed_groups import SpeedGroup, coordinates_of, speed_groups
+from .speed_groups import SpeedGroup, speed_groups
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +95,6 @@ class Partition:
     def dependent(self) -> tuple[int, ...]:
         """Indices of the dependent speeds, ascending."""
         return tuple(sorted(s for ear in self.ears for s in ear.dependent))
-
-    def independent_coordinates(self, model: Model) -> tuple[int, ...]:
-        """Indices of the independent coordinates, ascending: of a split rotation or displacement all."""
-        dependent, _ = coordinates_of(model, self.dependent)
-        return tuple(sorted({*range(model.nq)} - {*dependent}))
 
     def split(self, model: Model) -> list[SpeedGroup]:
         """Rotations and displacements of which some speeds are dependent and some are not."""

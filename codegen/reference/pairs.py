@@ -7,14 +7,15 @@ partial derivative times operand derivative.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..elementary import TABLE
 from ..model.expressions import Expression
-from ..model.grammar import Tree
+from ..model.grammar import FUNCTIONS, OF_TREES, Tree
 from ..model.slopes import is_singular, leaves, slope
 from .arithmetic import Arithmetic, Array
 
@@ -53,6 +54,16 @@ class Pair:
         """Quotient of numbers."""
         value = self.value / other.value
         return Pair(value, (self.tangent - value * other.tangent) / other.value)
+
+    def __pow__(self, exponent: int) -> Pair:
+        """Power of a number; the exponents 0 and 1 do not meet 0**-1 at a base of zero."""
+        if exponent == 0:
+            return Pair(self.value**0, 0 * self.tangent)
+        return Pair(self.value**exponent, exponent * self.value ** (exponent - 1) * self.tangent)
+
+    def __bool__(self) -> bool:
+        """Whether a number is none of zero."""
+        return bool(self.value)
 
     def __matmul__(self, other: Pair) -> Pair:
         return Pair(self.value @ other.value, self.tangent @ other.value + self.value @ other.tangent)
@@ -97,6 +108,8 @@ class Pairs:
         # Bodies of a repeat share their Expression objects: each is evaluated once per call, and kept so that its id
         # is not given to another.
         self._known: dict[int, tuple[Expression, Pair]] = {}
+        self._functions: dict[str, Callable[..., Pair]] = {"number": self.number, "**": self.power}
+        self._functions |= {name: partial(self.call, name) for name in (*FUNCTIONS, *OF_TREES)}
 
     # --- numbers and matrices -------------------------------------------------------------------------------------
 
@@ -189,7 +202,8 @@ class Pairs:
         key = id(expression)
         if key not in self._known:
             tree = expression.tree
-            found = self._with_limits(tree) if self.k and is_singular(tree) else self._tree(tree)
+            limits = self.k and is_singular(tree)
+            found = self._with_limits(tree) if limits else expression.evaluate(self.environment, self._functions)
             self._known[key] = expression, found
         return self._known[key][1]
 
@@ -205,36 +219,8 @@ class Pairs:
 
     def _value(self, tree: Tree) -> Any:
         names = {leaf[1]: Pair(self.environment[leaf[1]].value, self.arithmetic.zeros(0)) for leaf in leaves(tree)}
-        return Pairs(self.arithmetic, 0, names)._tree(tree).value
+        return Pairs(self.arithmetic, 0, names).expression(Expression(tree)).value
 
     def vector(self, expressions: Sequence[Expression]) -> Pair:
         """A column of model expressions."""
         return self.column([self.expression(e) for e in expressions])
-
-    def _tree(self, tree: tuple[Any, ...]) -> Pair:
-        operator, *operands = tree
-        if operator == "number":
-            return self.number(operands[0])
-        if operator == "name":
-            return self.environment[operands[0]]
-        if operator == "call" and operands[0] == "choice":
-            return self._tree(operands[2] if self._tree(operands[1]).value else operands[3])
-        if operator == "call" and operands[0] == "vanishing":
-            a = self._tree(operands[1])
-            return a * self._tree(operands[2]) if a.value else self.number(0)
-        if operator == "call":
-            return self.call(operands[0], *(self._tree(a) for a in operands[1:]))
-        if operator == "neg":
-            return -self._tree(operands[0])
-        a, b = (self._tree(x) for x in operands)
-        if operator == "+":
-            return a + b
-        if operator == "-":
-            return a - b
-        if operator == "*":
-            return a * b
-        if operator == "/":
-            return a / b
-        if operator == "**":
-            return self.power(a, b)
-        raise ValueError(f"unknown operator {operator!r} in an expression")

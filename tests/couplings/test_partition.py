@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from loop_closure import closure, closure_matrix
 
 import codegen
-from codegen.loops import closure, closure_matrix
 from codegen.loops.components import components
 from codegen.loops.geometry import Geometry
 from codegen.loops.partition import partition

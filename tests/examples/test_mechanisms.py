@@ -5,10 +5,11 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from loop_closure import assemble, closure
 from mpmath import mpf
 
 import codegen
-from codegen.loops import assemble, closure, complete_speeds, initial_configuration, partition
+from codegen.loops import complete_speeds, initial_configuration, partition
 from codegen.model import parse_model
 from codegen.reference import DenseEngine
 

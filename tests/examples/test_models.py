@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from loop_closure import assemble
 from random_models import RandomState, random_seeds, random_state, relative_error
 
 import codegen
-from codegen.loops import AssemblyError, assemble, initial_configuration, partition
+from codegen.loops import AssemblyError, initial_configuration, partition
 from codegen.reference import DenseEngine, RecursiveEngine
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -12,11 +12,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from loop_closure import closure
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import codegen
-from codegen.loops import closure
 
 RANK = 1e-9
 """Singular values of the conditions' matrix below this part of the largest are of conditions that follow from others."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from loop_closure import closure_matrix
 from random_models import expression, vector
 
-from codegen.loops import closure_matrix
 from codegen.loops.closure import body_frames
 from codegen.loops.geometry import Geometry, padded
 from codegen.model.model import GROUND, Body, Face, Joint, Loop, Model

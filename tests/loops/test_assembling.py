@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from loop_closure import assemble, closure
 from loops.mechanisms import (
     GROUND,
     RandomMechanism,
@@ -25,7 +26,7 @@ from loops.mechanisms import (
 from random_models import expression, vector
 
 import codegen
-from codegen.loops import AssemblyError, assemble, closure, complete_speeds, initial_configuration, partition
+from codegen.loops import AssemblyError, complete_speeds, initial_configuration, partition
 from codegen.model.model import Parameter
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -6,9 +6,9 @@ import mpmath
 import numpy as np
 import pytest
 from joint_types import TYPES, coordinates, every_type, extended, given_axes, joint, known_types, one_body, pose, twist
+from loop_closure import closure, closure_matrix
 from random_models import vector
 
-from codegen.loops.closure import closure, closure_matrix
 from codegen.loops.geometry import Geometry, advance, padded
 from codegen.loops.speed_groups import speed_groups
 from codegen.model.model import GROUND, Face, Loop

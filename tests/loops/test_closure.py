@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from loop_closure import body_twists, closure, closure_matrix
 from loops.mechanisms import (
     GROUND,
     ORIGIN,
@@ -23,8 +24,8 @@ from loops.mechanisms import (
 )
 from random_mechanisms import LOOP_JOINTS
 
-from codegen.loops import closure, closure_matrix, initial_configuration
-from codegen.loops.closure import body_frames, body_twists
+from codegen.loops import initial_configuration
+from codegen.loops.closure import body_frames
 from codegen.loops.geometry import Geometry, advance, padded
 from codegen.model.model import CLOSURE_ROWS
 

@@ -5,9 +5,10 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from loop_closure import assemble
 
 import codegen
-from codegen.loops import AssemblyError, assemble, partition
+from codegen.loops import AssemblyError, partition
 from codegen.reference import RecursiveEngine
 
 

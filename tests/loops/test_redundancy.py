@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from loop_closure import assemble, closure
 
-from codegen.loops import AssemblyError, PartitionError, assemble, closure, describe, partition
+from codegen.loops import AssemblyError, PartitionError, describe, partition
 from codegen.loops.dependents import condition
 from codegen.loops.geometry import Geometry, padded
 from codegen.loops.velocities import Motion

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from loop_closure import assemble
 from loops.mechanisms import (
     GROUND,
     RandomMechanism,
@@ -22,7 +23,7 @@ from loops.mechanisms import (
 from loops.test_partition import check, cross_branch
 
 from codegen import load_model
-from codegen.loops import AssemblyError, assemble, complete_speeds, describe, partition
+from codegen.loops import AssemblyError, complete_speeds, describe, partition
 from codegen.loops.components import components
 from codegen.loops.dependents import conditions, pivoted_columns
 from codegen.loops.geometry import Geometry, padded

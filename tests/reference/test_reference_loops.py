@@ -5,6 +5,7 @@ import dataclasses
 import mpmath
 import numpy as np
 import pytest
+from loop_closure import closure
 from random_mechanisms import (
     DRAWN,
     LOOP_JOINTS,
@@ -17,7 +18,7 @@ from random_mechanisms import (
 )
 from random_models import expression, random_seeds, relative_error
 
-from codegen.loops import PartitionError, closure, partition
+from codegen.loops import PartitionError, partition
 from codegen.reference import DenseEngine, RecursiveEngine
 
 ENGINES = (RecursiveEngine, DenseEngine)
