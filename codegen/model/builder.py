@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from typing import Any
 
@@ -309,44 +309,29 @@ class ModelBuilder:
             self._problems.append(Problem("builder", None, None, f"{section}.{name}", problem))
 
 
+def _operation(operator: str, swapped: bool = False) -> Callable[[object, object], Name]:
+    """A method of `Name`: the text of an operation."""
+
+    def of(one: object, other: object) -> Name:
+        left, right = (other, one) if swapped else (one, other)
+        return Name(f"({_operand(left)} {operator} {_operand(right)})")
+
+    return of
+
+
 class Name(str):
     """Name of a parameter, constant or input that may be calculated with: ``L / 2`` is the expression of that text."""
 
     __slots__ = ()
 
-    def __add__(self, other: object) -> Name:
-        return _joined(self, "+", other)
-
-    def __radd__(self, other: object) -> Name:
-        return _joined(other, "+", self)
-
-    def __sub__(self, other: object) -> Name:
-        return _joined(self, "-", other)
-
-    def __rsub__(self, other: object) -> Name:
-        return _joined(other, "-", self)
-
-    def __mul__(self, other: object) -> Name:
-        return _joined(self, "*", other)
-
-    def __rmul__(self, other: object) -> Name:
-        return _joined(other, "*", self)
-
-    def __truediv__(self, other: object) -> Name:
-        return _joined(self, "/", other)
-
-    def __rtruediv__(self, other: object) -> Name:
-        return _joined(other, "/", self)
-
-    def __pow__(self, other: object) -> Name:
-        return _joined(self, "**", other)
+    __add__, __radd__ = _operation("+"), _operation("+", swapped=True)
+    __sub__, __rsub__ = _operation("-"), _operation("-", swapped=True)
+    __mul__, __rmul__ = _operation("*"), _operation("*", swapped=True)
+    __truediv__, __rtruediv__ = _operation("/"), _operation("/", swapped=True)
+    __pow__ = _operation("**")
 
     def __neg__(self) -> Name:
         return Name(f"(-{_operand(self)})")
-
-
-def _joined(left: object, operator: str, right: object) -> Name:
-    return Name(f"({_operand(left)} {operator} {_operand(right)})")
 
 
 def _operand(value: object) -> str:

@@ -8,8 +8,9 @@ lines of a ``repeat`` hold the same `Expression` objects, and the generator reco
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
+from typing import Any
 
 from .axes import Vector, coordinate_axis, least_along
 from .conditions import CONDITIONS
@@ -584,36 +585,17 @@ class Model:
 
     def expressions(self) -> Iterator[Expression]:
         """Every expression of the model, shared ones as often as they are used."""
-        if self.gravity:
-            yield from self.gravity
-        for b in self.bodies:
-            yield from b.joint.at
-            for axis in b.joint.axes:
-                yield from axis
-            for axis, angle in b.joint.rotation:
-                yield from axis
-                yield angle
-            yield from b.joint.factors
-            yield from b.joint.armature
-            yield b.mass
-            yield from b.com
-            yield from b.inertia
-        for loop in self.loops:
-            for axis in loop.axes:
-                yield from axis
-            for face in (loop.start, loop.end):
-                yield from face.at
-                for axis, angle in face.rotation:
-                    yield from axis
-                    yield angle
-            if isinstance(loop, Coupling):
-                yield from (term.factor for term in loop.terms)
-                yield loop.offset
-            if isinstance(loop, PointCondition):
-                yield from loop.equations
-        for element in self.elements:
-            yield from element.expressions()
-        for output in self.outputs:
-            yield from output.expressions()
-        for x in self.prescribed:
-            yield from x.values
+        gravity = self.gravity or ()
+        return _expressions_in((*gravity, *self.bodies, *self.loops, *self.elements, *self.outputs, *self.prescribed))
+
+
+def _expressions_in(part: Any) -> Iterator[Expression]:
+    """The expressions of a part of a model, in the order of its attributes."""
+    if isinstance(part, Expression):
+        yield part
+    elif isinstance(part, tuple):
+        for inner in part:
+            yield from _expressions_in(inner)
+    elif is_dataclass(part):
+        for attribute in fields(part):
+            yield from _expressions_in(getattr(part, attribute.name))
