@@ -9,40 +9,25 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import hashlib
-import importlib.metadata
 import math
-import os
-import shutil
-import sys
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .cached_solver import read, solver_of
 from .choices import more_choices
 from .own_files import add_force, refuse_foreign_file
 from .terminal import StatusLine
 
 if TYPE_CHECKING:
     from .ending import Ending
-    from .model import Model
     from .runtime import Solver, Trajectory
 
 SAMPLES = 201
 """Times in a trajectory, if nobody says how many."""
 
 METHODS = ("dop853", "rk4", "radau")
-
-KEPT = 20
-"""So many generated packages are kept for models that are simulated again."""
-
-SOURCES = (".py", ".jinja", ".c", ".h")
-"""Files of the generator that its output depends on."""
-
-NEEDED = ("numpy", "sympy", "scipy", "jinja2", "PyYAML", "pydantic")
-"""Packages that its output depends on."""
 
 TOLERANCE = 1e-9
 """Relative and absolute, if nobody gives others."""
@@ -187,24 +172,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
             )  # fmt: skip
 
     with contextlib.ExitStack() as stack:
-        with _remarks(remarks):
-            model = read(options.model, status)
-            solver = stack.enter_context(solver_of(model, status))
-            trajectory = moved(solver)
-        held = 1
-        while not isinstance(model, Path) and (more := more_choices(solver, trajectory, held)):
-            ending.deferred, held = False, more
-            again = [
-                f"the dependent coordinates were hardly determined at t = {trajectory.stats['t']:.6g} s, as at a dead point: "
-                f"made a solver with {held} choices of independent coordinates, and began again"
-            ]
-            try:
-                with _remarks(again):
-                    solver = stack.enter_context(solver_of(model, status, partitions=held))
-                    trajectory = moved(solver)
-            except KeyboardInterrupt:  # before the second motion began: the first one is kept
-                break
-            remarks[:] = again
+        trajectory = _with_choices(options, status, remarks, moved, stack)
         ending.deferred = True
         done = Run(trajectory, times[-1])
         for path, write in writers if len(trajectory) else ():
@@ -217,6 +185,35 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
                 done.failed = done.failed or error
         done.lines = lines_of(done, width)  # units are read from the package, which may be in a temporary folder
     return done
+
+
+def _with_choices(
+    options: argparse.Namespace,
+    status: StatusLine,
+    remarks: list[str],
+    moved: Callable[[Solver], Trajectory],
+    stack: contextlib.ExitStack,
+) -> Trajectory:
+    """The motion; at dead points it is begun again with more choices of independent coordinates."""
+    with _remarks(remarks):
+        model = read(options.model, status)
+        solver = stack.enter_context(solver_of(model, status))
+        trajectory = moved(solver)
+    held = 1
+    while not isinstance(model, Path) and (more := more_choices(solver, trajectory, held)):
+        options.ending.deferred, held = False, more
+        again = [
+            f"the dependent coordinates were hardly determined at t = {trajectory.stats['t']:.6g} s, as at a dead point: "
+            f"made a solver with {held} choices of independent coordinates, and began again"
+        ]
+        try:
+            with _remarks(again):
+                solver = stack.enter_context(solver_of(model, status, partitions=held))
+                trajectory = moved(solver)
+        except KeyboardInterrupt:  # before the second motion began: the first one is kept
+            break
+        remarks[:] = again
+    return trajectory
 
 
 @contextlib.contextmanager
@@ -383,112 +380,6 @@ def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajecto
     return found
 
 
-# -- the solver ----------------------------------------------------------------------------------------------------------
-
-
-def read(file: str, status: StatusLine) -> Model | Path:
-    """The model of a file, or the folder of a generated package."""
-    from .model import load_model
-
-    if Path(file).is_dir():
-        return Path(file)
-    status("reading", 0, 0)
-    model = load_model(file)
-    for remark in model.warnings:
-        warnings.warn(str(remark), RuntimeWarning, stacklevel=1)
-    return model
-
-
-@contextlib.contextmanager
-def solver_of(model: Model | Path, status: StatusLine, partitions: int = 1) -> Iterator[Solver]:
-    """The solver of a generated package, or of a model: generated into a cache, where it is found again.
-
-    Where there is no cache that only this user can write to, a temporary folder serves.
-    """
-    from .runtime import load
-
-    if isinstance(model, Path):
-        status("loading", 0, 0)
-        yield load(model)
-        return
-    with contextlib.ExitStack() as stack:
-        folder = _cached(model, partitions) or Path(
-            stack.enter_context(tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True)), model.name
-        )
-        _generate(model, folder, status, partitions)
-        status("loading", 0, 0)
-        yield load(folder)
-
-
-def _generate(model: Model, folder: Path, status: StatusLine, partitions: int) -> None:
-    """Generate and compile the solver, unless it is there."""
-    from .generation import generate
-    from .runtime import PackageError
-    from .runtime.standalone.files.manifest import check_files, read_manifest
-    from .runtime.standalone.files.user_cache import trusted
-
-    with contextlib.suppress(PackageError, OSError):
-        if all(trusted(file) for file in folder.rglob("*")):
-            check_files(folder, read_manifest(folder), ("",))
-            os.utime(folder)  # used just now, so it is kept
-            return
-    shutil.rmtree(folder, ignore_errors=True)  # one that is damaged would be refused
-    mask = os.umask(0o077)
-    try:
-        generate(model, folder, progress=status, partitions=partitions)
-    finally:
-        os.umask(mask)
-    _forget_old(folder.parent)
-
-
-def _cached(model: Model, partitions: int) -> Path | None:
-    """Where the package of a model is kept; None if nothing can be kept: a warning says why, but for a user without a home.
-
-    The name holds a digest of all that the package depends on: every file of the model as it was read, the generator, the
-    packages that it computes and prints with, and the options. Compiled libraries have flags, compiler and processor in names
-    of their own.
-    """
-    from .runtime.standalone.files.user_cache import make_private, user_cache
-
-    key = hashlib.sha256(f"{model.digest} {partitions}".encode())
-    key.update(_generator())
-    try:
-        place = make_private(user_cache() / "simulated")
-    except RuntimeError:  # a user without a home
-        return None
-    except OSError as error:
-        warnings.warn(f"nothing is kept for the next time: {error}", RuntimeWarning, stacklevel=1)
-        return None
-    if not os.access(place, os.W_OK | os.X_OK):
-        warnings.warn(
-            f"nothing is kept for the next time: no permission to write in {place}", RuntimeWarning, stacklevel=1
-        )
-        return None
-    return place / f"{model.name}-{key.hexdigest()[:16]}"
-
-
-def _generator() -> bytes:
-    """A digest of the generator, also between two versions, and of the versions of what it needs."""
-    package = Path(__file__).parent
-    found = hashlib.sha256(sys.version.encode())
-    for folder in (package, package.parent / "templates"):
-        for file in sorted(folder.rglob("*")):
-            if file.suffix in SOURCES:
-                found.update(f"{file.relative_to(folder).as_posix()}\0".encode() + file.read_bytes())
-    for name in NEEDED:
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found.update(f"{name} {importlib.metadata.version(name)}\0".encode())
-    return found.digest()
-
-
-def _forget_old(place: Path) -> None:
-    """Keep the packages that were used last."""
-    with contextlib.suppress(OSError):
-        found = sorted((p for p in place.iterdir() if not p.name.startswith(".")), key=lambda p: p.stat().st_mtime)
-        for old in found[:-KEPT]:
-            shutil.rmtree(old, ignore_errors=True)
-
-
 # -- what is printed -----------------------------------------------------------------------------------------------------
 
 
@@ -517,17 +408,3 @@ def lines_of(run: Run, width: int | None) -> list[str]:
     if run.written:
         lines.append(f"  written: {', '.join(map(str, run.written))}")
     return lines
-
-
-__all__ = [
-    "MotionError",
-    "RequestError",
-    "Run",
-    "add_arguments",
-    "lines_of",
-    "numbers_by_name",
-    "read",
-    "simulate",
-    "solver_of",
-    "times_of",
-]

@@ -12,7 +12,8 @@ from .errors import ModelError, Problem
 from .forces import JointForce
 from .model import GROUND, Model
 from .positions import Document, digest_of_documents
-from .reading import Reader, TooManyProblems
+from .problems import TooManyProblems
+from .reading import Reader
 from .repetition import CannotGoOn
 from .schema import SECTIONS
 from .sections.bodies import check_freedoms, read_bodies

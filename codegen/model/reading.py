@@ -5,7 +5,7 @@ A `Reader` holds the state of one reading. The modules of `sections` are functio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any, Final
 
@@ -16,56 +16,35 @@ from . import entries
 from .axes import Vector
 from .binding import Numbers, Scope, vector_key
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
-from .errors import Problem, nearest, with_article, within_a_line
+from .errors import with_article
 from .explaining import explain, repaired, validate
 from .expressions import Expression, compares, has_factors
-from .grammar import MEASURED, ExpressionError, Tree
+from .grammar import ExpressionError, Tree
 from .parsing import parse
 from .parts import Files, Instance, Part
-from .positions import Document, Path_, show_path
+from .positions import Document, Path_
+from .problems import Problems
 from .rates import with_names_replaced
 from .repetition import Counter, Repetition, labels, name_of
 from .slopes import regular
-from .surfaces import AS_WRITTEN, COORDINATES
+from .surfaces import COORDINATES
 from .units import Dimension, DimensionError, dimension_of, in_words
+from .unknown_names import column_of, is_measured, unknown_name
 from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
-
-MAX_PROBLEMS: Final = 200
-MAX_ERRORS: Final = 10_000
-"""So many errors are counted, those of repetitions that are not said again included."""
 
 _EXPRESSION: Final = TypeAdapter(Expr)
 _VECTOR: Final = TypeAdapter(entries.Vector)
 
 
-ALLOWED: Final = {
-    "constants": "numbers and constants",
-    "parameters": "numbers, constants and parameters",
-    "equations": "numbers, constants, parameters and the coordinates x, y and z of the point",
-    "inputs": "numbers, constants, parameters, inputs and t",
-    "motion": "numbers, constants, parameters, inputs, t, q.NAME and u.NAME",
-}
-"""What may stand in expressions of a scope, in words."""
-
 SWITCHED = ("expressions", "forces", "outputs")
 """Sections in which expressions may change their branch: where they are used, motions find when they do."""
 
 
-class TooManyProblems(Exception):
-    """Enough problems to print."""
-
-
-def is_measured(name: str) -> bool:
-    """Whether a name is the position or velocity of a point."""
-    return name.startswith(tuple(f"{what}." for what in MEASURED))
-
-
-class Reader:
+class Reader(Problems):
     """One reading of one model.
 
     Attributes
     ----------
-    problems : list of Problem
     parts : list of Part
         The files that it is read from: its own first, each before those that it uses.
     own : Part
@@ -89,15 +68,11 @@ class Reader:
         Bodies that were reported; their coordinates are not known.
     places : dict of str to dict of str to (int, int)
         Line and column of entries by section and name.
-    errors : int
-        How often an error was reported, those of repeated entries that were said before included: as long as it stays,
-        what was read is sound.
     """
 
     def __init__(self, document: Document, folder: str | None = None) -> None:
-        self.document = document
+        super().__init__(document)
         self.files = Files(document, folder)
-        self.problems: list[Problem] = list(document.problems)
         self._counter = Counter()
         self._repetitions: dict[int, Repetition] = {}
         self.parts: list[Part] = []
@@ -113,10 +88,8 @@ class Reader:
         self.prescribed: dict[str, Tree] = {}
         self.units_of_motion: dict[tuple[str, str], tuple[str, ...]] = {}
         self.points: list[Mapping[str, Any]] = []
-        self.errors = 0
         self.places: dict[str, dict[str, tuple[str, int | None, int | None]]] = {}
         self._key_places: dict[tuple[int, str], tuple[str, int | None, int | None]] = {}
-        self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, int], Any] = {}
         self.bound_once: dict[tuple[int, int, Path_], dict[Path_, Expression]] = {}
         """Bound expressions of validated entries that no repeat index changes; see `placement.bound_expressions`."""
@@ -136,63 +109,6 @@ class Reader:
     def expand(self, part: Part, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
         """Entries of a section of a file, those of repeat blocks one repetition after the other."""
         return self._repetitions[id(part)].expand(section, path)
-
-    # --- problems -----------------------------------------------------------------------------------------------
-
-    def add(self, problem: Problem) -> None:
-        if problem.severity == "error" and sum(p.severity == "error" for p in self.problems) >= MAX_PROBLEMS:
-            message = f"more than {MAX_PROBLEMS} problems; mend these first"
-            self.problems.append(Problem(self.document.file, problem.line, problem.column, "", message))
-            raise TooManyProblems
-        self.problems.append(problem)
-
-    def report(
-        self,
-        at: Instance,
-        sub: Path_,
-        message: str | Callable[[], str],
-        *,
-        key: bool = False,
-        inside: int | None = None,
-        severity: str = "error",
-    ) -> None:
-        """A problem in an entry; of a repeated one the first repetition is enough.
-
-        A message that takes long to make, such as one with the nearest of many names, is given as a function.
-        """
-        self.errors += severity == "error"
-        path = (at.key, *sub)
-        existing = self._existing(at.container, path)
-        if at.section == ("submodels",):  # where such an entry has the keys of a joint, see `files._frame`
-            existing = tuple("on" if key == "parent" else key for key in existing if key != "joint")
-        shown = show_path((*at.section, *existing))
-        document = at.part.document
-        line, column = document.place(at.container, path, key=key, inside=inside)
-        if self.errors > MAX_ERRORS:
-            message = f"more than {MAX_ERRORS} mistakes with those that repetitions repeat; mend these first"
-            self.problems.append(Problem(document.file, line, column, shown, message))
-            raise TooManyProblems
-        if at.indices or at.part.is_submodel:
-            mark = (document.file, line, column, shown, severity)
-            if mark in self._reported:
-                return
-            self._reported.add(mark)
-        text = message if isinstance(message, str) else message()
-        if at.indices:
-            text += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
-        text += at.part.where
-        self.add(Problem(document.file, line, column, shown, within_a_line(text), severity))
-
-    @staticmethod
-    def _existing(container: Any, path: Path_) -> Path_:
-        """The parts of a path that lead to something written."""
-        result: list[str | int] = []
-        for part in path:
-            listed = isinstance(container, (list, tuple)) and isinstance(part, int) and part < len(container)
-            if listed or (isinstance(container, dict) and part in container):
-                container = container[part]
-                result.append(part)
-        return tuple(result)
 
     # --- expressions and names ----------------------------------------------------------------------------------
 
@@ -286,7 +202,7 @@ class Reader:
                 continue
             if is_measured(name) and scope == "measured" and ("point", name.split(".")[1]) in self.first_seen:
                 continue  # a point that is there but wrong has been reported
-            self.report(at, sub, partial(self._unknown, name, scope, at), inside=self._column(at, sub, name))
+            self.report(at, sub, partial(unknown_name, self, name, scope, at), inside=column_of(at, sub, name))
         if unknown:
             return False
         if not moving and result.names <= self.defaults.keys():
@@ -295,62 +211,6 @@ class Reader:
                 self.report(at, sub, f"{written} has no finite value at the default parameters: {value}")
                 return False
         return True
-
-    def _column(self, at: Instance, sub: Path_, name: str) -> int | None:
-        value: Any = at.container
-        for part in self._existing(value, (at.key, *sub)):
-            value = value[part]
-        if not isinstance(value, str):
-            return None
-        name = at.part.written(name)
-        start = value.find(name)
-        while start >= 0:  # no regular expression: compiling one for each of many names takes longest
-            end = start + len(name)
-            around = value[max(start - 1, 0) : start] + value[end : end + 1]
-            if not any(c.isalnum() or c in "_." for c in around):
-                return start + 1
-            start = value.find(name, end)
-        return None
-
-    def _unknown(self, name: str, scope: str, at: Instance) -> str:
-        everything = self.allowed["motion"]
-        if name.lower() in ("nan", "inf", "infinity"):
-            return f"{name} is no finite number; only finite numbers are allowed"
-        if is_measured(name):
-            return self._not_measured(name, scope)
-        if name in everything or name == "t" or (name[:2] in ("q.", "u.") and scope not in ("motion", "measured")):
-            kind = "input" if name in self.inputs else "parameter" if name in self.defaults else "motion"
-            what = {
-                "input": f"input {name!r}",
-                "parameter": f"parameter {name!r}",
-                "motion": f"{name!r}, which changes with the motion,",
-            }[kind]
-            return f"{what} is not allowed here; only {ALLOWED[scope]} are"
-        if name[:2] in ("q.", "u."):
-            what = "coordinate" if name[0] == "q" else "speed"
-            names = [n for n in everything if n[:2] == name[:2]]
-            joint = [n for n in names if n.startswith(name + ".")]
-            if joint:
-                return f"{name} has several freedoms; write one of {', '.join(sorted(joint))}"
-            hint = self.loop_hint(name[2:]) or nearest(name, names)
-            return f"unknown {what} {name!r}; the joints of this model have {some(names)}{hint}"
-        those = self.allowed["motion" if scope == "measured" else scope]
-        known = [n for n in at.part.constants if n[0] != "'" and "." not in n]
-        known += at.part.own(n for n in those if n[:2] not in ("q.", "u."))
-        known += AS_WRITTEN if scope == "equations" else ()
-        name = at.part.written(name)
-        which = "constants written before it" if scope == "constants" else "known here"
-        return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"
-
-    def _not_measured(self, name: str, scope: str) -> str:
-        """What is wrong with the position or velocity of a point."""
-        if scope != "measured":
-            return (
-                f"{name!r}, which changes with the motion, is not allowed here; only {ALLOWED[scope]} are; positions and "
-                f"velocities of points may stand in forces in joints, and in those on bodies that have no potential energy"
-            )
-        point, known = name.split(".")[1], [n for names in self.points for n in names]
-        return f"unknown point {point!r} in {name}; a point or a body is allowed: {some(known)}{nearest(point, known)}"
 
     def loop_hint(self, name: str) -> str:
         """``; 'foot' closes a loop, ...`` where a loop is taken for a joint with coordinates, or nothing."""
@@ -628,10 +488,3 @@ class Reader:
 def _is_said(expression: Expression) -> bool:
     """Whether what is wrong with names was reported for the first of three components."""
     return bool(expression.tree[0] == "component" and expression.tree[2] > 0)
-
-
-def some(names: Iterable[str]) -> str:
-    """The first names of many."""
-    listed = list(names)
-    text = ", ".join(listed[:12])
-    return (f"{text}, ... ({len(listed)} in all)" if len(listed) > 12 else text) or "(none)"

@@ -14,10 +14,12 @@ from ..grammar import ExpressionError
 from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..parts import Instance
 from ..positions import Path_
-from ..reading import Reader, TooManyProblems, some
+from ..problems import TooManyProblems
+from ..reading import Reader
 from ..repetition import CannotGoOn, name_of
 from ..schema import BodyEntry, BodyJoint
 from ..shapes import Inertia, mass_properties
+from ..unknown_names import some
 from .digits import check_axis
 from .placement import Bound, bound_entry, expressions_of, rotation, vector
 

@@ -11,8 +11,9 @@ from ..joints import JointType
 from ..model import Coupling, Term, coupling, joint_coordinates
 from ..parts import Instance
 from ..positions import Path_
-from ..reading import Reader, some
+from ..reading import Reader
 from ..schema import CouplingEntry
+from ..unknown_names import some
 from .bodies import BodySection
 
 Joints = dict[str, tuple[type[JointType], tuple[str, ...], int]]

@@ -11,9 +11,10 @@ from ..errors import nearest
 from ..grammar import ExpressionError
 from ..parts import MAX_PARTS, Given, Instance, Part
 from ..positions import Document
-from ..reading import Reader, some
+from ..reading import Reader
 from ..repetition import CannotGoOn, name_of
 from ..schema import SECTIONS, SubmodelEntry
+from ..unknown_names import some
 from .quantities import read_constants
 
 

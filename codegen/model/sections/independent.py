@@ -15,8 +15,9 @@ from ..joints import JointType
 from ..model import joint_coordinates
 from ..parts import Instance
 from ..positions import Path_
-from ..reading import Reader, some
+from ..reading import Reader
 from ..repetition import name_of
+from ..unknown_names import some
 from .bodies import BodySection
 
 

@@ -15,7 +15,8 @@ from ..model import joint_coordinates
 from ..motions import Motion
 from ..parts import Instance
 from ..places import GROUND, Face, Point
-from ..reading import Reader, is_measured, some
+from ..reading import Reader
+from ..unknown_names import is_measured, some
 from .bodies import BodySection, body_index
 from .points import face_at, held_together, point_at, point_named, unmoved
 

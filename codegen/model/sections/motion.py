@@ -16,8 +16,9 @@ from ..kinks import Kink, find_kink
 from ..model import joint_coordinates
 from ..parts import Instance
 from ..rates import rate, rates_of
-from ..reading import Reader, some
+from ..reading import Reader
 from ..repetition import name_of
+from ..unknown_names import some
 from .bodies import BodySection
 
 Groups = dict[str, tuple[type[JointType], tuple[str, ...]]]

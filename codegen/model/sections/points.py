@@ -10,7 +10,8 @@ from ..errors import nearest
 from ..model import GROUND, Face, Point
 from ..parts import Instance
 from ..positions import Path_
-from ..reading import Reader, some
+from ..reading import Reader
+from ..unknown_names import some
 from .bodies import BodySection, body_index
 from .placement import bound_expressions, rotation, vector
 

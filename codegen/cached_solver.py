@@ -1,0 +1,133 @@
+"""The solver of a model that ``ordernm simulate`` is given: generated into a cache, where it is found again."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.metadata
+import os
+import shutil
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .terminal import StatusLine
+
+if TYPE_CHECKING:
+    from .model import Model
+    from .runtime import Solver
+
+KEPT = 20
+"""So many generated packages are kept for models that are simulated again."""
+
+SOURCES = (".py", ".jinja", ".c", ".h")
+"""Files of the generator that its output depends on."""
+
+NEEDED = ("numpy", "sympy", "scipy", "jinja2", "PyYAML", "pydantic")
+"""Packages that its output depends on."""
+
+
+def read(file: str, status: StatusLine) -> Model | Path:
+    """The model of a file, or the folder of a generated package."""
+    from .model import load_model
+
+    if Path(file).is_dir():
+        return Path(file)
+    status("reading", 0, 0)
+    model = load_model(file)
+    for remark in model.warnings:
+        warnings.warn(str(remark), RuntimeWarning, stacklevel=1)
+    return model
+
+
+@contextlib.contextmanager
+def solver_of(model: Model | Path, status: StatusLine, partitions: int = 1) -> Iterator[Solver]:
+    """The solver of a generated package, or of a model: generated into a cache, where it is found again.
+
+    Where there is no cache that only this user can write to, a temporary folder serves.
+    """
+    from .runtime import load
+
+    if isinstance(model, Path):
+        status("loading", 0, 0)
+        yield load(model)
+        return
+    with contextlib.ExitStack() as stack:
+        folder = _cached(model, partitions) or Path(
+            stack.enter_context(tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True)), model.name
+        )
+        _generate(model, folder, status, partitions)
+        status("loading", 0, 0)
+        yield load(folder)
+
+
+def _generate(model: Model, folder: Path, status: StatusLine, partitions: int) -> None:
+    """Generate and compile the solver, unless it is there."""
+    from .generation import generate
+    from .runtime import PackageError
+    from .runtime.standalone.files.manifest import check_files, read_manifest
+    from .runtime.standalone.files.user_cache import trusted
+
+    with contextlib.suppress(PackageError, OSError):
+        if all(trusted(file) for file in folder.rglob("*")):
+            check_files(folder, read_manifest(folder), ("",))
+            os.utime(folder)  # used just now, so it is kept
+            return
+    shutil.rmtree(folder, ignore_errors=True)  # one that is damaged would be refused
+    mask = os.umask(0o077)
+    try:
+        generate(model, folder, progress=status, partitions=partitions)
+    finally:
+        os.umask(mask)
+    _forget_old(folder.parent)
+
+
+def _cached(model: Model, partitions: int) -> Path | None:
+    """Where the package of a model is kept; None if nothing can be kept: a warning says why, but for a user without a home.
+
+    The name holds a digest of all that the package depends on: every file of the model as it was read, the generator, the
+    packages that it computes and prints with, and the options. Compiled libraries have flags, compiler and processor in names
+    of their own.
+    """
+    from .runtime.standalone.files.user_cache import make_private, user_cache
+
+    key = hashlib.sha256(f"{model.digest} {partitions}".encode())
+    key.update(_generator())
+    try:
+        place = make_private(user_cache() / "simulated")
+    except RuntimeError:  # a user without a home
+        return None
+    except OSError as error:
+        warnings.warn(f"nothing is kept for the next time: {error}", RuntimeWarning, stacklevel=1)
+        return None
+    if not os.access(place, os.W_OK | os.X_OK):
+        warnings.warn(
+            f"nothing is kept for the next time: no permission to write in {place}", RuntimeWarning, stacklevel=1
+        )
+        return None
+    return place / f"{model.name}-{key.hexdigest()[:16]}"
+
+
+def _generator() -> bytes:
+    """A digest of the generator, also between two versions, and of the versions of what it needs."""
+    package = Path(__file__).parent
+    found = hashlib.sha256(sys.version.encode())
+    for folder in (package, package.parent / "templates"):
+        for file in sorted(folder.rglob("*")):
+            if file.suffix in SOURCES:
+                found.update(f"{file.relative_to(folder).as_posix()}\0".encode() + file.read_bytes())
+    for name in NEEDED:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found.update(f"{name} {importlib.metadata.version(name)}\0".encode())
+    return found.digest()
+
+
+def _forget_old(place: Path) -> None:
+    """Keep the packages that were used last."""
+    with contextlib.suppress(OSError):
+        found = sorted((p for p in place.iterdir() if not p.name.startswith(".")), key=lambda p: p.stat().st_mtime)
+        for old in found[:-KEPT]:
+            shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,91 @@
+"""What is wrong with a model, with the places in its files: each once, and not without end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from .errors import Problem, within_a_line
+from .parts import Instance
+from .positions import Document, Path_, show_path
+
+MAX_PROBLEMS: Final = 200
+MAX_ERRORS: Final = 10_000
+"""So many errors are counted, those of repetitions that are not said again included."""
+
+
+class TooManyProblems(Exception):
+    """Enough problems to print."""
+
+
+class Problems:
+    """Gathers the problems of a model.
+
+    Attributes
+    ----------
+    problems : list of Problem
+    errors : int
+        How often an error was reported, those of repeated entries that were said before included: as long as it stays,
+        what was read is sound.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.problems: list[Problem] = list(document.problems)
+        self.errors = 0
+        self._reported: set[tuple[Any, ...]] = set()
+
+    def add(self, problem: Problem) -> None:
+        if problem.severity == "error" and sum(p.severity == "error" for p in self.problems) >= MAX_PROBLEMS:
+            message = f"more than {MAX_PROBLEMS} problems; mend these first"
+            self.problems.append(Problem(self.document.file, problem.line, problem.column, "", message))
+            raise TooManyProblems
+        self.problems.append(problem)
+
+    def report(
+        self,
+        at: Instance,
+        sub: Path_,
+        message: str | Callable[[], str],
+        *,
+        key: bool = False,
+        inside: int | None = None,
+        severity: str = "error",
+    ) -> None:
+        """A problem in an entry; of a repeated one the first repetition is enough.
+
+        A message that takes long to make, such as one with the nearest of many names, is given as a function.
+        """
+        self.errors += severity == "error"
+        path = (at.key, *sub)
+        existing = existing_path(at.container, path)
+        if at.section == ("submodels",):  # where such an entry has the keys of a joint, see `files._frame`
+            existing = tuple("on" if key == "parent" else key for key in existing if key != "joint")
+        shown = show_path((*at.section, *existing))
+        document = at.part.document
+        line, column = document.place(at.container, path, key=key, inside=inside)
+        if self.errors > MAX_ERRORS:
+            message = f"more than {MAX_ERRORS} mistakes with those that repetitions repeat; mend these first"
+            self.problems.append(Problem(document.file, line, column, shown, message))
+            raise TooManyProblems
+        if at.indices or at.part.is_submodel:
+            mark = (document.file, line, column, shown, severity)
+            if mark in self._reported:
+                return
+            self._reported.add(mark)
+        text = message if isinstance(message, str) else message()
+        if at.indices:
+            text += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
+        text += at.part.where
+        self.add(Problem(document.file, line, column, shown, within_a_line(text), severity))
+
+
+def existing_path(container: Any, path: Path_) -> Path_:
+    """The parts of a path that lead to something written."""
+    result: list[str | int] = []
+    for part in path:
+        listed = isinstance(container, (list, tuple)) and isinstance(part, int) and part < len(container)
+        if listed or (isinstance(container, dict) and part in container):
+            container = container[part]
+            result.append(part)
+    return tuple(result)
