@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from codegen.runtime.standalone.calls.named_entries import Entry, Names, apart, look_up, look_up_all
-from codegen.runtime.standalone.statics.named_directions import named_directions
+from codegen.runtime.standalone.calls.named_entries import Entry, Names, apart, look_up, look_up_all, seeds_by_name
 
 NAMES = Names(("mass", "length"), ("motor", "brake"), ("a", "b", "c"), ("a", "b", "c"), ("a",), ("a", "c"))
 
@@ -41,14 +40,14 @@ def test_others_are_refused(asked: tuple[Any, ...], message: str) -> None:
 
 
 def test_a_state_of_rest_has_whole_inputs_only() -> None:
-    along = named_directions(("inputs.brake", "mass"), NAMES.parameters, NAMES.inputs)
+    along = seeds_by_name(("inputs.brake", "mass"), NAMES.parameters, NAMES.inputs)
     assert along.p.tolist() == [[0.0, 0.0], [1.0, 0.0]]
     assert along.inputs.tolist() == [[0.0, 1.0], [0.0, 0.0]]
     for name in ("inputs.brake[0]", "q0.a"):
         with pytest.raises(
             ValueError, match=re.escape(f"{name!r} is not known; expected is any of mass, length, inputs.motor")
         ):
-            named_directions(name, NAMES.parameters, NAMES.inputs)
+            seeds_by_name(name, NAMES.parameters, NAMES.inputs)
 
 
 def test_a_vector_stands_for_its_entries() -> None:
@@ -60,6 +59,6 @@ def test_a_vector_stands_for_its_entries() -> None:
     vector = ("pin.x", "pin.y", "pin.z")
     expected = ("mass", *vector, "q0.ball.e1", "u0.ball.wx", "u0.ball.wy", *asked[4:])
     assert apart(names, asked) == expected  # what stands for nothing stays, to be refused by its own name
-    assert named_directions("pin", names.parameters, names.inputs).names == vector
+    assert seeds_by_name("pin", names.parameters, names.inputs).names == vector
     with pytest.raises(ValueError, match=re.escape("sensitivities name something twice")):
         look_up_all(names, apart(names, ("pin.x", "pin")), (3,))

@@ -32,7 +32,7 @@ from .statics.equilibrium import Equilibrium
 from .statics.linearization import Linearization
 from .statics.statics import Statics
 from .trajectory.trajectory import Trajectory
-from .trust.diagnosing import Diagnosing
+from .trust.diagnose import Diagnosing
 from .trust.diagnosis import Diagnosis
 from .trust.precision import extended
 
@@ -81,15 +81,9 @@ class Solver(Package):
     # -- dynamics ------------------------------------------------------------------------------------------------------
 
     def accelerations(
-        self,
-        q: Numbers,
-        u: Numbers,
-        p: Numbers = None,
-        inputs: Numbers = None,
-        t: Times = 0.0,
-        *,
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """The derivatives of the speeds, udot (..., nu), by Eqs. 18-24 and 42-56."""
         return self._call("accelerations", (q, u, p, inputs, t), None, out)[0]
 
@@ -102,29 +96,16 @@ class Solver(Package):
         return self._call("sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt), out)
 
     def jacobians(
-        self,
-        q: Numbers,
-        u: Numbers,
-        p: Numbers = None,
-        inputs: Numbers = None,
-        t: Times = 0.0,
-        *,
-        wrt: str | Sequence[str] | None = None,
-        out: Jacobians | None = None,
-    ) -> Jacobians:
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        wrt: str | Sequence[str] | None = None, out: Jacobians | None = None,
+    ) -> Jacobians:  # fmt: skip
         """The partial derivatives of udot, or those by what `wrt` names, ``"q, u"``; the others are not computed, and None."""
         return jacobians(self, (q, u, p, inputs, t), wrt, out)
 
     def coordinate_rates(
-        self,
-        q: Numbers,
-        u: Numbers,
-        p: Numbers = None,
-        inputs: Numbers = None,
-        t: Times = 0.0,
-        *,
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """The derivatives of the coordinates, qdot (..., nq), by Eq. 1."""
         return self._call("coordinate_rates", (q, u, p, inputs, t), None, out)[0]
 
@@ -458,15 +439,9 @@ class Solver(Package):
     # -- outputs -------------------------------------------------------------------------------------------------------
 
     def outputs(
-        self,
-        q: Numbers,
-        u: Numbers,
-        p: Numbers = None,
-        inputs: Numbers = None,
-        t: Times = 0.0,
-        *,
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """The model's outputs (..., noutputs), in the order of `output_names`."""
         return self._call("outputs", (q, u, p, inputs, t), None, out)[0]
 
@@ -510,15 +485,9 @@ class Solver(Package):
         return self._call("inverse_dynamics_sensitivities", given, along, out)
 
     def bias_force(
-        self,
-        q: Numbers,
-        u: Numbers,
-        p: Numbers = None,
-        inputs: Numbers = None,
-        t: Times = 0.0,
-        *,
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """The joint forces (..., nu) that hold udot at zero, -K of Eq. 4: M udot + bias_force = 0."""
         return self._call("inverse_dynamics", (q, u, p, inputs, t, np.zeros(self.nu)), None, out)[0]
 

@@ -101,8 +101,7 @@ class Assembly:
     def _of_initial(self, q: Array) -> NDArray[np.bool_]:
         """Which guesses (..., nq) have the dependent coordinates of the initial state."""
         others = self.follower.others
-        found: NDArray[np.bool_] = (q[..., others] == self._initial[others]).all(axis=-1)
-        return found
+        return (q[..., others] == self._initial[others]).all(axis=-1)
 
     def is_turned(self, q: Array, x: Array) -> NDArray[np.bool_]:
         """Which guesses (..., nq) are the initial state with independent coordinates, or a time, whole turns away perhaps.

@@ -238,5 +238,4 @@ class Follower:
     def _others(self, change: Array) -> Array:
         """The largest of the changes of coordinates that follow, scaled, (n,)."""
         mine = np.abs(change[:, self.others] / self.newton.scale[self.others])
-        found: Array = mine.max(axis=1, initial=0.0)
-        return found
+        return mine.max(axis=1, initial=0.0)

@@ -98,23 +98,19 @@ class Parts:
 
     def squares(self, gaps: Array) -> Array:
         """Sums of squares of residuals (n, m), (n, parts)."""
-        found: Array = (gaps * gaps) @ self._of_rows.T
-        return found
+        return (gaps * gaps) @ self._of_rows.T
 
     def spread(self, values: Any) -> Array:
         """Values of parts (n, parts) for each coordinate, (n, nq)."""
-        found: Array = values[:, self.coordinates]
-        return found
+        return values[:, self.coordinates]
 
     def over_rows(self, values: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The same for each condition, (n, m)."""
-        found: NDArray[np.bool_] = values[:, self.rows]
-        return found
+        return values[:, self.rows]
 
     def _largest(self, of: Array, members: NDArray[np.bool_]) -> Array:
         if self.count == 1:
-            found: Array = np.abs(of).max(axis=1, initial=0.0)[:, None]
-            return found
+            return np.abs(of).max(axis=1, initial=0.0)[:, None]
         return np.stack([np.abs(of[:, m]).max(axis=1, initial=0.0) for m in members], axis=1)
 
 
@@ -155,8 +151,7 @@ class Newton:
     def all_gaps(self, q: Array, x: Array) -> Array:
         """Scaled position residuals of all conditions, (..., of them); x has the axes of q, or none."""
         given = self.named(q, x) | {"u": self.still}
-        found: Array = self.opened.target.compute(self.opened.functions["closure"], given, q.shape[:-1])[0]
-        return found
+        return self.opened.target.compute(self.opened.functions["closure"], given, q.shape[:-1])[0]
 
     def gaps(self, q: Array, x: Array) -> Array:
         """Those of the conditions that count."""
@@ -210,8 +205,7 @@ class Newton:
 
     def sizes(self, steps: Array) -> Array:
         """The largest of the changes of coordinates (n, nq), scaled, (n,)."""
-        found: Array = np.abs(steps / self.scale).max(axis=1, initial=0.0)
-        return found
+        return np.abs(steps / self.scale).max(axis=1, initial=0.0)
 
     def paces(self, q: Array, x: Array) -> Array:
         """The largest dependent speeds of n states by prescribed motion alone, (n,), 1/s; infinite where rank is lost."""

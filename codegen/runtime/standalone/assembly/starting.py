@@ -109,8 +109,7 @@ class Starts:
         n, k = len(q), self._unknowns
         units = np.tile(MOVED * np.eye(k), (n, 1))
         found = self.newton.gaps(*self._changed(np.repeat(q, k, axis=0), np.repeat(x, k, axis=0), units))
-        slopes: Array = ((found.reshape(n, k, -1) - gaps[:, None]) / MOVED).transpose(0, 2, 1)
-        return slopes
+        return ((found.reshape(n, k, -1) - gaps[:, None]) / MOVED).transpose(0, 2, 1)
 
     def _changed(self, q: Array, x: Array, change: Array) -> tuple[Array, Array]:
         """States with their unknowns changed (n, unknowns): independent coordinates, scaled, and the time."""
@@ -124,5 +123,4 @@ class Starts:
 
 
 def _squares(gaps: Array) -> Array:
-    found: Array = np.einsum("ij,ij->i", gaps, gaps)
-    return found
+    return np.einsum("ij,ij->i", gaps, gaps)

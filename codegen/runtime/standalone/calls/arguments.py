@@ -118,11 +118,9 @@ class Arguments:
             raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
         names = self.names[of]
         given = self._single(name, given, names)
-        unknown = [n for n in given if n not in names]
-        if unknown:
-            near = difflib.get_close_matches(str(unknown[0]), names, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"{name}: {unknown[0]!r} is not known; expected is any of {some(names)}{hint}")
+        for n in given:
+            if n not in names:
+                raise unknown(name, n, names)
         columns = {n: self._numbers(f"{name}[{n!r}]", x) for n, x in given.items()}
         try:
             lead = np.broadcast_shapes(np.shape(rest)[:-1], *(x.shape for x in columns.values()))
@@ -280,6 +278,13 @@ def placed(q: Array, p: Array, count: int) -> dict[str, Any]:
     t = np.ascontiguousarray(p[..., -1])
     inputs = np.ascontiguousarray(p[..., count:-1])
     return {"q": q, "p": np.ascontiguousarray(p[..., :count]), "inputs": inputs, "t": t if p.ndim > 1 else t[0]}
+
+
+def unknown(what: str, name: Any, known: Sequence[str]) -> ValueError:
+    """The error that says which names there are, and which one is nearest."""
+    near = difflib.get_close_matches(str(name), known, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return ValueError(f"{what}: {name!r} is not known; expected is any of {some(known)}{hint}")
 
 
 def some(names: Sequence[str]) -> str:

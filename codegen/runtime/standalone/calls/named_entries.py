@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from .arguments import some
+import numpy as np
+
+from ..arrays import Array
+from .arguments import some, unknown
 
 
 class Entry(NamedTuple):
@@ -89,9 +91,7 @@ def look_up(names: Names, asked: Any, values: Sequence[int] | None = None) -> En
         *names.parameters, *(f"q0.{n}" for n in names.independent), *(f"u0.{n}" for n in names.independent_speeds),
         *(f"inputs.{n}" for n in names.inputs),
     ]  # fmt: skip
-    near = difflib.get_close_matches(str(asked), known, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise ValueError(f"sensitivities: {asked!r} is not known; expected is any of {some(known)}{hint}")
+    raise unknown("sensitivities", asked, known)
 
 
 def _initial_or_input(names: Names, asked: str, values: Sequence[int] | None) -> Entry | None:
@@ -134,4 +134,28 @@ def look_up_all(names: Names, asked: Sequence[Any], values: Sequence[int]) -> li
         if not isinstance(name, str):
             raise ValueError(f"sensitivities hold {name!r}; names are needed, such as 'length' or 'q0.crank'")
         found.append(Entry("p", places[name]) if name in places else look_up(names, name, values))
+    return found
+
+
+class Named(NamedTuple):
+    """Unit seeds of parameters p (k, np) and inputs (k, ninputs), and their k names."""
+
+    names: tuple[str, ...]
+    p: Array
+    inputs: Array
+
+
+def seeds_by_name(asked: str | Sequence[str], parameters: Sequence[str], inputs: Sequence[str]) -> Named:
+    """Unit seeds of parameters, and of inputs as ``inputs.motor``.
+
+    Raises
+    ------
+    ValueError
+        A name is not known; tells the nearest one.
+    """
+    known = Names(parameters, inputs)
+    names = apart(known, (asked,) if isinstance(asked, str) else tuple(asked))
+    found = Named(names, np.zeros((len(names), len(parameters))), np.zeros((len(names), len(inputs))))
+    for row, entry in enumerate(look_up(known, name) for name in names):
+        (found.p if entry.of == "p" else found.inputs)[row, entry.at] = 1.0
     return found

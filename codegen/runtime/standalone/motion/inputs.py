@@ -76,8 +76,7 @@ class Inputs:
         if order and not self.knots[self.degree] <= t <= self.knots[len(self.values)]:
             return np.zeros(self.values.shape[1])
         place, weights = spline_weights(self.knots, self.degree, len(self.values), t, order, before)
-        found: Array = weights @ self.values[place : place + len(weights)]
-        return found
+        return weights @ self.values[place : place + len(weights)]
 
     def check_moving(self, names: Sequence[str], start: float, end: float) -> None:
         """Refuse inputs that prescribed motion reads, and that jump, or have a velocity that jumps, in a motion.

@@ -247,8 +247,7 @@ class MotionRun(Room):
         values = parts[-1][0] + parts[-1][1]
         _, size, before = parts[part]
         start = values + k * before
-        found: Array = rows[..., start : start + k * size].reshape(*rows.shape[:-1], k, size)
-        return found
+        return rows[..., start : start + k * size].reshape(*rows.shape[:-1], k, size)
 
     # -- one partition -------------------------------------------------------------------------------------------------
 

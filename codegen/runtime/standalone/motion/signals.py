@@ -296,8 +296,7 @@ def _misfit(old: tuple[Array, Array], new: tuple[Array, Array], t: Array, x: Arr
         rounding = 1e4 * np.finfo(float).eps * size / (t[1] - t[0]) ** 2
         allowed = BENT * np.abs(bend).max(axis=0) + rounding
         off = np.maximum(off, np.abs(of(old, 2) - bend) / np.where(allowed > 0.0, allowed, 1.0))
-    found: Array = off.max(axis=1)
-    return found
+    return off.max(axis=1)
 
 
 def _numbers(name: str, given: Any) -> Array:

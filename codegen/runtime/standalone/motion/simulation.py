@@ -336,8 +336,7 @@ class Simulation(MotionRun):
     def _gaps_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """The largest scaled residual of closure over time, (nt,), of all conditions, dropped ones too."""
         gaps = self._call("closure", (q, u, problem.p, self._inputs_over(t, problem), t))[0]
-        found: Array = np.abs(gaps).max(axis=1, initial=0.0)
-        return found
+        return np.abs(gaps).max(axis=1, initial=0.0)
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
         """The cause in words, with time and what was in the way."""

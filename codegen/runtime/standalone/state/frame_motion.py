@@ -164,8 +164,7 @@ def cross(a: Array, b: Array | float) -> Array | float:
     """Cross products; nothing of nothing."""
     if isinstance(b, float):
         return 0.0
-    found: Array = a.take(YZX, -1) * b.take(ZXY, -1) - a.take(ZXY, -1) * b.take(YZX, -1)
-    return found
+    return a.take(YZX, -1) * b.take(ZXY, -1) - a.take(ZXY, -1) * b.take(YZX, -1)
 
 
 __all__ = ["FrameMotion", "PointMotion", "alone", "frames_from", "point_tangents", "points_on"]

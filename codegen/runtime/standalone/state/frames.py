@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Numbers, Times
-from ..calls.arguments import some
+from ..calls.arguments import unknown
 from ..calls.functions import Wanted, over_points
 from ..calls.room import Room
 from .frame_motion import FrameMotion, PointMotion, alone, frames_from, point_tangents, points_on
@@ -348,9 +347,7 @@ def _place(name: Any, known: Sequence[str], what: str) -> int:
     """Where a name stands among those that are known."""
     if name in known:
         return known.index(name)
-    near = difflib.get_close_matches(str(name), known, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise ValueError(f"{what}: {name!r} is not known; expected is any of {some(known)}{hint}")
+    raise unknown(what, name, known)
 
 
 def _columns(angular: Array, linear: Array) -> Array:

@@ -107,8 +107,7 @@ class LoopForces(Room):
         """What places of bodies depend on, as arrays."""
         read = ("q", "p", "inputs", "t") if self.prescribed_names else ("q", "p")
         known = {n: x for n, x in zip(STATE, given, strict=False) if n in read}
-        found: Mapping[str, Array] = self._arguments.take(known, self._left_out)[0]
-        return found
+        return self._arguments.take(known, self._left_out)[0]
 
     def _speeds(self, x: Array) -> Array:
         """Speeds (..., nu) whose independent entries are x (..., n)."""
@@ -160,8 +159,7 @@ class LoopForces(Room):
     def _kinetic_along(self, at: Mapping[str, Array], u: Array, seeds: Mapping[str, Any]) -> Array:
         """The derivative of the kinetic energy along seeds."""
         given = at["q"], u, at["p"], at.get("inputs"), at.get("t", 0.0)
-        found: Array = self._call("energy_sensitivities", given, tuple(seeds.get(s) for s in ALONG))[1][..., 0]
-        return found
+        return self._call("energy_sensitivities", given, tuple(seeds.get(s) for s in ALONG))[1][..., 0]
 
     def _missing(self, udot: Any, free: Array) -> Array:
         """By how much accelerations differ from those wanted, at independent speeds."""

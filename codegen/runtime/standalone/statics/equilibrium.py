@@ -263,8 +263,7 @@ def neutral_directions(J: Array) -> Array:
 
 def _regular(sizes: Array) -> NDArray[np.bool_]:
     """Which singular values are not zero."""
-    found: NDArray[np.bool_] = sizes > max(SINGULAR * sizes.max(initial=0.0), NONE)
-    return found
+    return sizes > max(SINGULAR * sizes.max(initial=0.0), NONE)
 
 
 def _inverse(J: Array) -> Array:

@@ -92,16 +92,14 @@ def value_of(x: Any) -> Any:
 
 def _wide(x: Any) -> Array:
     """Numbers with an axis that all directions share."""
-    found: Array = np.asarray(x, float)[..., None]
-    return found
+    return np.asarray(x, float)[..., None]
 
 
 def _scaled(*terms: tuple[Any, Any]) -> Array:
     """The sum of factors times slopes, of those that are jets."""
     # what does not move contributes nothing, even where the factor is infinite
     parts = [np.where(x.slope != 0.0, _wide(factor()) * x.slope, 0.0) for factor, x in terms if isinstance(x, Jet)]
-    found: Array = parts[0] if len(parts) == 1 else parts[0] + parts[1]
-    return found
+    return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
 
 def _add(x: Any, y: Any) -> Jet:

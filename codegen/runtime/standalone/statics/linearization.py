@@ -253,8 +253,7 @@ def _repeated(A: Array, values: Complex, right: Complex) -> NDArray[np.bool_]:
     """Which eigenvalues have another one beside them."""
     apart = np.abs(values[:, None] - values[None, :])
     np.fill_diagonal(apart, np.inf)
-    near: NDArray[np.bool_] = apart.min(axis=1, initial=np.inf) <= REPEATED * np.abs(values).max(initial=0.0)
-    return near
+    return apart.min(axis=1, initial=np.inf) <= REPEATED * np.abs(values).max(initial=0.0)
 
 
 def is_stable(A: Array, neutral: int) -> bool | None:

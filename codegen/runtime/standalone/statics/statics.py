@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import math
 from collections.abc import Sequence
@@ -13,14 +12,14 @@ import numpy as np
 from ..arrays import Array, Numbers, Times
 from ..assembly.partitions import conditions
 from ..assembly.states import States
-from ..calls.arguments import some
+from ..calls.arguments import unknown
 from ..calls.functions import ALONG, STATE
+from ..calls.named_entries import Named, seeds_by_name
 from ..calls.package import MADE_OF, Package, state
 from ..calls.room import Room, alone
 from ..warning import warn
 from .equilibrium import Equilibrium, Motions, Search, followed, neutral_directions, rests
 from .linearization import Linearization, Matrices, is_stable
-from .named_directions import Directions, named_directions
 from .second_derivatives import SecondDerivatives
 from .tangent_equations import Motion, Point, TangentEquations
 from .tangent_space import TangentSpace
@@ -45,7 +44,7 @@ class Statics(Room):
     ) -> Equilibrium:  # fmt: skip
         """See `Solver.equilibrium`."""
         self._needs_all("equilibrium")
-        along = named_directions(sensitivities, self.parameter_names, self.input_names)
+        along = seeds_by_name(sensitivities, self.parameter_names, self.input_names)
         at, space = self._point(q, 0.0, p, inputs, t), self._tangent_space()
 
         def motions(q: Array) -> Motions:
@@ -92,7 +91,7 @@ class Statics(Room):
             return SecondDerivatives(opened)
 
         def derivatives(names: Sequence[str], moving: bool) -> Matrices:
-            along = named_directions(names, self.parameter_names, self.input_names)
+            along = seeds_by_name(names, self.parameter_names, self.input_names)
             if self._opened is not opened:
                 raise ValueError("the partition was changed after linearize; call linearize again, or change it back")
             if moving and not at_rest:
@@ -138,13 +137,11 @@ class Statics(Room):
 
     def _accelerations_along(self, at: Point, **seeds: Array) -> tuple[Array, Array]:
         """udot (nu,) and its derivatives (k, nu) along seeds."""
-        found: tuple[Array, Array] = self._call("sensitivities", tuple(at), tuple(seeds.get(s) for s in ALONG))
-        return found
+        return self._call("sensitivities", tuple(at), tuple(seeds.get(s) for s in ALONG))
 
     def _tangents(self, at: Point, space: TangentSpace) -> Array:
         """Changes of coordinates (n, nq) for a unit of each independent speed."""
-        found: Array = self._call("coordinate_rates", (at.q, space.units, *at[2:]))[0]
-        return found
+        return self._call("coordinate_rates", (at.q, space.units, *at[2:]))[0]
 
     def _assembled_along(self, at: Point, dq: Array, dp: Array) -> tuple[Array, Array, Array, Array]:
         """The state and its derivatives where independent coordinates and parameters change."""
@@ -204,7 +201,7 @@ class Statics(Room):
         loops: list[str] = opened.manifest["loops"]
         return loops[int(np.argmax(of_loops))]
 
-    def _following(self, at: Point, m: Motions, space: TangentSpace, along: Directions) -> Array:
+    def _following(self, at: Point, m: Motions, space: TangentSpace, along: Named) -> Array:
         """dq (k, nq): how an equilibrium moves along parameters and inputs; NaN where there is none beside it."""
         if not along.names:
             return np.zeros((0, self.nq))
@@ -223,9 +220,7 @@ class Statics(Room):
         asked = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         for name in asked:
             if name not in self.output_names:
-                near = difflib.get_close_matches(str(name), self.output_names, 1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
-                raise ValueError(f"outputs: {name!r} is not known; expected is any of {some(self.output_names)}{hint}")
+                raise unknown("outputs", name, self.output_names)
         if asked:
             self._find(self._opened, "output_sensitivities")
         return asked

@@ -102,8 +102,7 @@ class TangentEquations:
     def _rates_along(self, q: Array, u: Array, dq: Array, dp: Array | None = None) -> tuple[Array, Array]:
         """qdot and its derivatives along seeds."""
         given, along = (q, u, self.at.p, None, 0.0), (dq, None, dp, None, None)
-        found: tuple[Array, Array] = self._call("coordinate_rate_sensitivities", given, along)
-        return found
+        return self._call("coordinate_rate_sensitivities", given, along)
 
     def _bracket(self) -> Array:
         """W (n, n)."""

@@ -166,8 +166,7 @@ class Diagnosing(Room):
             return found[f.results.index("du")][0][:, independent]
         if f := functions.get("energy_sensitivities"):
             found = target.compute(f, given, (n,), Seeds({"du": units[:, None]}, n))
-            rows: Array = found[f.results.index("denergy")][..., 0]
-            return rows
+            return found[f.results.index("denergy")][..., 0]
         return None
 
     def _closure_conditions(
