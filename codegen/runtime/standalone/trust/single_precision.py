@@ -87,13 +87,13 @@ class InDouble:
                 self.solver.__dict__[name] = self._member(name)
 
     def _member(self, name: str) -> Callable[..., Any]:
+        @functools.wraps(getattr(self.solver, name))
         def call(*given: Any, **named: Any) -> Any:
             called = getattr(self.double(), name)
             check_tolerance(called, name, given, named, self.dtype)
             found = called(*given, **named)
             return of_unit(found, self.dtype) if isinstance(found, Diagnosis) else rounded(found, self.dtype)
 
-        call.__name__, call.__doc__ = name, getattr(type(self.solver), name).__doc__
         return call
 
     @functools.cached_property
