@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -63,6 +64,25 @@ def _parts(e: Expr) -> Iterator[Expr]:
             yield from _parts(a)
 
 
+def in_full(at: Located) -> str:
+    """A component of a row that no variable points to."""
+    if at.row[0] == "&":
+        return at.row[1:] + (f".{at.text[2:]}" if at.text.startswith("->") else "")
+    if at.row[0] == "(":
+        return f"({at.row}){at.text}"
+    start, _, offset = at.row.partition(" + ")
+    index = at.text[1:-1]
+    if offset.isdigit() and index.isdigit():
+        return f"{start}[{int(offset) + int(index)}]"
+    return f"{start}[{' + '.join(x for x in (offset, index) if x not in ('', '0')) or 0}]"
+
+
+def is_array(row: str) -> bool:
+    """Whether a row is one of the arrays of a call, from a number on: it needs no variable."""
+    start, _, offset = row.partition(" + ")
+    return start.startswith("a->") and (offset or "0").isdigit()
+
+
 class CLanguage(Writer):
     """Writes blocks and loops in C, and where values lie."""
 
@@ -114,20 +134,25 @@ class CLanguage(Writer):
         culprit: Callable[[str], str] | None = None,
         each: str = "",
     ) -> list[str]:
-        stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
+        to = [place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN]
+        stored = {*to}
         written = {at.variable for at in stored}
         names = self.called_by(block, place)
         taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | set(names.values())
+        accesses = Counter(at.variable for at in (*(place(*of) for of in block.loads.values()), *to))
         pointers: dict[str, str] = {}
         body: list[str] = []
 
         def access(store: Store, name: str) -> str:
             at = place(store, name)
+            along = ".at[h]" if store.lanes else ""
+            if accesses[at.variable] == 1 or is_array(at.row):
+                return in_full(at) + along
             variable = f"{at.variable}_at" if at.variable in taken else at.variable
             if variable not in pointers:
                 const = "" if at.variable in written else "const "
                 pointers[variable] = f"{const}{at.type} *restrict {variable} = {at.row};"
-            return f"{variable}{at.text}{'.at[h]' if store.lanes else ''}"
+            return f"{variable}{at.text}{along}"
 
         # Before the loop over vectors stands what is stored once for all directions. Other numbers that they share stay in
         # the order of the block: compilers take them out of the loop, and know better which to keep in registers.

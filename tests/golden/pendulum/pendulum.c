@@ -230,10 +230,9 @@ static void sines_and_cosines(int n, double *trig)
 static void constants_0(call *a)
 {
     const number *restrict k = numbers_of_constants_0[0];
-    const double *restrict p = a->p;
     constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
     const double d = ALL(k[0])*ALL(k[1]); /* primitive */
-    const double length = p[0];
+    const double length = a->p[0];
     const double m = d*length;
     c->mass = m;
     const double k_5 = ALL(k[5]);
@@ -265,10 +264,9 @@ static void constants_0(call *a)
  * in: trig. out: me: position, attitude. operations: none */
 static void pose_0(call *a)
 {
-    const double *restrict trig = a->trig + 0;
     link_record *restrict me = &a->records[0];
     me->position_z = ALL(0.0);
-    me->attitude_zz = trig[COSINE];
+    me->attitude_zz = a->trig[COSINE];
 }
 
 /* positions and attitudes in the ground frame */
@@ -284,13 +282,9 @@ static void pose(call *a)
  * in: trig; up: acceleration; c: first_moment. out: me: moment. operations: 2 multiplications */
 static void kinematics_0(call *a)
 {
-    const double *restrict trig = a->trig + 0;
-    const double *restrict near_up = a->near + NEAR_SIZE*0;
-    const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
-    link_record *restrict me = &a->records[0];
-    const double ap_x = -trig[SINE]*near_up[KINEMATICS_ACCELERATION_Z]; /* Eq. 21 */
-    const double n_y = ap_x*c->first_moment_z; /* Eq. 24 */
-    me->moment_y = n_y;
+    const double ap_x = -a->trig[SINE]*a->near[NEAR_SIZE*0 + KINEMATICS_ACCELERATION_Z]; /* Eq. 21 */
+    const double n_y = ap_x*((constants_of_shape_0 *)(a->constants + 0))->first_moment_z; /* Eq. 24 */
+    a->records[0].moment_y = n_y;
 }
 
 /* kinematic sweep (Eqs. 18-24, 31) */
@@ -308,14 +302,13 @@ static void triangularize_0(call *a)
 {
     const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
     link_record *restrict me = &a->records[0];
-    const double *restrict tau = a->tau;
     const double c_J_xx = c->inertia_xx;
     const double scale = c->inertia_zz + 2.0*c_J_xx; /* zero pivot */
     const double bound = 2e-15*scale;
     REFUSE(c_J_xx <= bound, 0 + 1);
     const double Dinv = 1.0/c_J_xx; /* Eq. 47 */
     me->inverse_pivot_0 = Dinv;
-    const double tau_rod = tau[0];
+    const double tau_rod = a->tau[0];
     const double r = tau_rod - me->moment_y; /* Eq. 53 */
     const double rD = Dinv*r;
     me->right_side_0 = rD;
@@ -331,9 +324,7 @@ static void triangularize(call *a)
  * in: me: right_side_0. out: udot. operations: none */
 static void back_substitute_0(call *a)
 {
-    const link_record *restrict me = &a->records[0];
-    double *restrict udot = a->udot;
-    udot[0] = me->right_side_0;
+    a->udot[0] = a->records[0].right_side_0;
 }
 
 /* back substitution (Eqs. 53-56) */
@@ -346,11 +337,9 @@ static void back_substitute(call *a)
  * in: u. out: tau. operations: 1 multiplication */
 static void tau_0(call *a)
 {
-    const double *restrict u = a->u;
-    double *restrict tau_at = a->tau;
-    const double u_rod = u[0];
+    const double u_rod = a->u[0];
     const double tau = -0.01*u_rod;
-    tau_at[0] = tau;
+    a->tau[0] = tau;
 }
 
 /* joint forces */
@@ -365,13 +354,11 @@ static void joint_forces(call *a)
  * in: p; me: attitude, position. out: outputs. operations: 1 addition, 1 multiplication */
 static void outputs_of_link_0(call *a)
 {
-    const double *restrict p = a->p;
     const link_record *restrict me = &a->records[0];
-    double *restrict outputs = a->outputs;
-    const double length = p[0];
+    const double length = a->p[0];
     const double x_2 = -me->attitude_zz*length;
     const double value = me->position_z + x_2;
-    outputs[0] = value;
+    a->outputs[0] = value;
 }
 
 /* output formulas */

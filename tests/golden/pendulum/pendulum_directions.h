@@ -37,24 +37,18 @@ typedef struct {
  * operations: 1 addition, 4 multiplications; 1 addition, 3 multiplications per direction */
 static void DIRECTIONS(balance_out_0)(DIRECTIONS(call) *a)
 {
-    const double *restrict trig = a->trig + 0;
-    const double *restrict near_up = a->near + NEAR_SIZE*0;
-    const double *restrict udot = a->udot;
     const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
-    const LANES *restrict dq = a->dq;
-    const LANES *restrict dp = a->dp;
-    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
     EACH_VECTOR {
-        const double up_ta_z = near_up[BALANCE_OUT_TOTAL_ACCELERATION_Z];
-        const double ap_z = trig[COSINE]*up_ta_z; /* Eq. 21 */
-        const double ap_x = -trig[SINE]*up_ta_z;
-        const VECTOR dq_rod = dq[0].at[h];
+        const double up_ta_z = a->near[NEAR_SIZE*0 + BALANCE_OUT_TOTAL_ACCELERATION_Z];
+        const double ap_z = a->trig[COSINE]*up_ta_z; /* Eq. 21 */
+        const double ap_x = -a->trig[SINE]*up_ta_z;
+        const VECTOR dq_rod = a->dq[0].at[h];
         const VECTOR d_ap_x = -ap_z*dq_rod; /* d Eq. 21 */
-        const double udot_rod = udot[0];
+        const double udot_rod = a->udot[0];
         const double d_4 = ap_x*c->first_moment_z_d0 + c->inertia_xx_d0*udot_rod; /* primitive */
-        const VECTOR dp_length = dp[0].at[h];
+        const VECTOR dp_length = a->dp[0].at[h];
         const VECTOR d_n_y = c->first_moment_z*d_ap_x + d_4*dp_length; /* d Eq. 24 */
-        lane->moment_y.at[h] = d_n_y;
+        a->lanes[0].moment_y.at[h] = d_n_y;
     }
 }
 
@@ -72,12 +66,10 @@ static void DIRECTIONS(balance_out)(DIRECTIONS(call) *a)
 static void DIRECTIONS(balance_in_0)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
-    const LANES *restrict dtau = a->dtau;
-    const link_record *restrict me = &a->records[0];
     EACH_VECTOR {
-        const VECTOR dtau_rod = dtau[0].at[h];
+        const VECTOR dtau_rod = a->dtau[0].at[h];
         const VECTOR r = dtau_rod - lane->moment_y.at[h]; /* d Eq. 53 */
-        const VECTOR rD = me->inverse_pivot_0*r;
+        const VECTOR rD = a->records[0].inverse_pivot_0*r;
         lane->right_side_0.at[h] = rD;
     }
 }
@@ -92,10 +84,8 @@ static void DIRECTIONS(balance_in)(DIRECTIONS(call) *a)
  * in: lane: right_side_0. out: dudot. operations: none */
 static void DIRECTIONS(balance_back_0)(DIRECTIONS(call) *a)
 {
-    const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
-    LANES *restrict dudot = a->dudot;
     EACH_VECTOR {
-        dudot[0].at[h] = lane->right_side_0.at[h];
+        a->dudot[0].at[h] = a->lanes[0].right_side_0.at[h];
     }
 }
 
@@ -109,12 +99,10 @@ static void DIRECTIONS(balance_back)(DIRECTIONS(call) *a)
  * in: du. out: dtau. operations: 1 multiplication per direction */
 static void DIRECTIONS(dtau_0)(DIRECTIONS(call) *a)
 {
-    const LANES *restrict du = a->du;
-    LANES *restrict dtau = a->dtau;
     EACH_VECTOR {
-        const VECTOR du_rod = du[0].at[h];
+        const VECTOR du_rod = a->du[0].at[h];
         const VECTOR d_tau = -0.01*du_rod;
-        dtau[0].at[h] = d_tau;
+        a->dtau[0].at[h] = d_tau;
     }
 }
 
@@ -131,11 +119,9 @@ static void DIRECTIONS(joint_forces_tangents)(DIRECTIONS(call) *a)
  * in: dudot. out: lane: right_side_0. operations: none */
 static void DIRECTIONS(balance_back_transposed_0)(DIRECTIONS(call) *a)
 {
-    const LANES *restrict dudot = a->dudot;
-    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
     EACH_VECTOR {
-        const VECTOR dudot_rod = dudot[0].at[h];
-        lane->right_side_0.at[h] = dudot_rod;
+        const VECTOR dudot_rod = a->dudot[0].at[h];
+        a->lanes[0].right_side_0.at[h] = dudot_rod;
     }
 }
 
@@ -149,13 +135,11 @@ static void DIRECTIONS(balance_back_transposed)(DIRECTIONS(call) *a)
  * in: me: inverse_pivot_0; lane: right_side_0. out: lane: moment; dtau. operations: 1 multiplication per direction */
 static void DIRECTIONS(gradient_out_0)(DIRECTIONS(call) *a)
 {
-    const link_record *restrict me = &a->records[0];
     DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
-    LANES *restrict dtau = a->dtau;
     EACH_VECTOR {
-        const VECTOR r_bar = lane->right_side_0.at[h]*me->inverse_pivot_0; /* T d Eq. 53 */
+        const VECTOR r_bar = lane->right_side_0.at[h]*a->records[0].inverse_pivot_0; /* T d Eq. 53 */
         lane->moment_y.at[h] = -r_bar;
-        dtau[0].at[h] += r_bar;
+        a->dtau[0].at[h] += r_bar;
     }
 }
 
@@ -171,27 +155,20 @@ static void DIRECTIONS(gradient_out)(DIRECTIONS(call) *a)
  * operations: 1 addition, 4 multiplications; 3 multiplications per direction */
 static void DIRECTIONS(gradient_in_0)(DIRECTIONS(call) *a)
 {
-    const double *restrict trig = a->trig + 0;
-    const link_record *restrict up = &a->records[1];
-    const double *restrict udot = a->udot;
     const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
-    const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
-    LANES *restrict dq = a->dq;
-    LANES *restrict dp = a->dp;
-    LANES *restrict du = a->du;
     EACH_VECTOR {
-        const double up_ta_z = up->total_acceleration_z;
-        const double ap_z = trig[COSINE]*up_ta_z; /* Eq. 21 */
-        const VECTOR lane_n_y = lane->moment_y.at[h];
+        const double up_ta_z = a->records[1].total_acceleration_z;
+        const double ap_z = a->trig[COSINE]*up_ta_z; /* Eq. 21 */
+        const VECTOR lane_n_y = a->lanes[0].moment_y.at[h];
         const VECTOR d_ap_x_bar = c->first_moment_z*lane_n_y; /* T d Eq. 21 */
         const VECTOR dq_0_bar = -ap_z*d_ap_x_bar;
-        const double ap_x = -trig[SINE]*up_ta_z; /* Eq. 21 */
-        const double udot_rod = udot[0];
+        const double ap_x = -a->trig[SINE]*up_ta_z; /* Eq. 21 */
+        const double udot_rod = a->udot[0];
         const double d_4 = ap_x*c->first_moment_z_d0 + c->inertia_xx_d0*udot_rod; /* primitive */
         const VECTOR dp_0_bar = d_4*lane_n_y;
-        dq[0].at[h] = dq_0_bar;
-        dp[0].at[h] += dp_0_bar;
-        du[0].at[h] = (VECTOR){0};
+        a->dq[0].at[h] = dq_0_bar;
+        a->dp[0].at[h] += dp_0_bar;
+        a->du[0].at[h] = (VECTOR){0};
     }
 }
 
@@ -205,12 +182,10 @@ static void DIRECTIONS(gradient_in)(DIRECTIONS(call) *a)
  * in: dtau. out: du. operations: 1 multiplication per direction */
 static void DIRECTIONS(tau_0_transposed)(DIRECTIONS(call) *a)
 {
-    const LANES *restrict dtau = a->dtau;
-    LANES *restrict du = a->du;
     EACH_VECTOR {
-        const VECTOR dtau_rod = dtau[0].at[h];
+        const VECTOR dtau_rod = a->dtau[0].at[h];
         const VECTOR du_0_bar = -0.01*dtau_rod;
-        du[0].at[h] += du_0_bar;
+        a->du[0].at[h] += du_0_bar;
     }
 }
 
