@@ -82,7 +82,11 @@ def members(solver: Any, n: int) -> list[Member]:
         Member("frames", "frames", state, out=False),
         Member("frame_sensitivities", "frame_sensitivities", state, along, False, 1),
         Member("points", "frames", state, {"points": [(solver._manifest["bodies"][-1], (0.0, 0.0, -0.5))]}, False),
+        Member("points, accelerations", "", state,
+               {"points": [(solver._manifest["bodies"][-1], (0.0, 0.0, -0.5))], "accelerations": True}, False),
+        Member("frame_jacobians", "", at, out=False),
         Member("assemble", "", state, out=False),
+        Member("assemble_sensitivities", "", state, along, False),
     ]  # fmt: skip
     return found
 
@@ -150,7 +154,7 @@ def calls_of(solver: Any, theirs: Mapping[str, Callable[[], Any]]) -> dict[tuple
             found[m.name, "C"] = partial(of_each, elapsed(loop))
         if (placed := with_places(solver, m)) is not None:
             found[m.name, "out="] = elapsed(placed, LOOP)
-    found["simulate(1e-3)", "Python"] = elapsed(partial(solver.simulate, 1e-3), LOOP)
+    found["simulate(1e-3)", "Python"] = elapsed(partial(solver.simulate, 1e-3), LOOP // 4)
     return found | {(name, "Python"): elapsed(call, LOOP) for name, call in theirs.items()}
 
 

@@ -45,9 +45,9 @@ class Frames(Room):
 
     def frame_jacobians(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Bodies) -> Array:
         """See `Solver.frame_jacobians`."""
-        chosen, names = self._bodies(bodies)
-        _, along = self._by_speeds(q, p, inputs, t, chosen, names)
-        return _last(along._frames[..., 12:])
+        chosen, _ = self._bodies(bodies)
+        tangents = self._call("frame_sensitivities", *self._at_rest_by_speeds(q, p, inputs, t))[1]
+        return _last((tangents if chosen is None else tangents[..., chosen, :])[..., 12:])
 
     def points(self, given: tuple[Any, ...], points: Points, accelerations: bool) -> PointMotion:
         """See `Solver.points`."""
@@ -83,7 +83,8 @@ class Frames(Room):
         if known is not None:
             dframes, dvelocity = known
             return _columns(dframes.take(chosen.at, axis=-2)[..., 12:15], dvelocity)
-        values, tangents = self._by_speeds(q, p, inputs, t, None, chosen.names)
+        at = self._at_rest_by_speeds(q, p, inputs, t)
+        values, tangents = self._frames_along(*at, False, None, chosen.names)
         frames, along = chosen.carriers(values, False), chosen.carriers(tangents, True)
         moved = point_tangents(frames, along, chosen.places(p), 0.0, chosen.names)
         found = _columns(along.angular_velocity, moved.velocity)
@@ -161,12 +162,6 @@ class Frames(Room):
         found = self._call("frame_sensitivities", given, along)
         a = self._call("frame_acceleration_sensitivities", given, along) if accelerations else (None, None)
         return frames_from(found[0], a[0], bodies, names), frames_from(found[1], a[1], bodies, names)
-
-    def _by_speeds(
-        self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Any, names: tuple[str, ...]
-    ) -> tuple[FrameMotion, FrameMotion]:
-        """Frames at rest, and their derivatives by each speed."""
-        return self._frames_along(*self._at_rest_by_speeds(q, p, inputs, t), False, bodies, names)
 
     def _at_rest_by_speeds(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times) -> tuple[Any, Any]:
         """Arguments at rest, and seeds of each speed."""
