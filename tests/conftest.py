@@ -1,7 +1,6 @@
 """What every test runs under: private caches, and hypothesis without deadlines (compiling takes its time)."""
 
 import os
-import shutil
 import signal
 from pathlib import Path
 
@@ -13,7 +12,7 @@ os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native")
 
 import hypothesis
 import pytest
-from tiers import mark_quick
+from tiers import cpu_seconds, mark_quick
 
 # Interpreters that tests start know `import ordernm` also where the checkout was installed before there was that name.
 ALIAS = str(Path(__file__).parents[1] / "codegen" / "alias")
@@ -31,9 +30,29 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, data
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 
+RUNNING = pytest.StashKey[pytest.Item]()
+"""The test that runs."""
+BEGUN = pytest.StashKey[float]()
+"""CPU seconds of this process and those it has waited for when a test began."""
+
+
 def pytest_collection_modifyitems(items):
     """Quick tests get their marker."""
     mark_quick(items)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    item.config.stash[RUNNING] = item
+    item.stash[BEGUN] = cpu_seconds()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """JUnit files have the CPU seconds of each test, its fixtures included; `tiers.py` reads them."""
+    if call.when == "teardown":
+        item.user_properties.append(("cpu", f"{cpu_seconds() - item.stash[BEGUN]:.3f}"))
+    return (yield)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -62,31 +81,13 @@ def python_compiled_once(whole_run):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def compiled_once(whole_run):
-    """What any process of this run has compiled is copied where the same is compiled again: sources, flags, compiler alike.
+def made_once(whole_run, request):
+    """Solvers are written and compiled once in all processes of this run; a test that patches anything writes its own."""
+    from once_a_run import compiled_once, written_once
 
-    Small sources, which tests of compiling itself write by hand, are compiled each time.
-    """
-    from codegen.runtime.standalone.files.build import Build
+    def patched():
+        return "monkeypatch" in request.config.stash[RUNNING].fixturenames
 
-    kept = whole_run / "libraries"
-    kept.mkdir(exist_ok=True)
-    compile_anew = Build._compile
-
-    def compile_or_copy(build, output, log_file):
-        if type(build) is not Build or sum(s.stat().st_size for s in build.sources) < 20_000:
-            return compile_anew(build, output, log_file)
-        library = kept / f"{build.key()}.so"
-        if library.exists():
-            shutil.copyfile(library, output)
-            log_file.unlink(missing_ok=True)
-            return None
-        compile_anew(build, output, log_file)
-        copied = kept / f"{os.getpid()}.so"
-        shutil.copyfile(output, copied)
-        os.replace(copied, library)  # complete, whoever looks for it meanwhile
-        return None
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Build, "_compile", compile_or_copy)
+    (kept := whole_run / "kept").mkdir(exist_ok=True)
+    with compiled_once(kept), written_once(kept, patched):
         yield

@@ -31,7 +31,8 @@ def test_quick_functions_stand_in_every_folder() -> None:
 
 
 def test_times_of_a_run_are_those_of_functions(tmp_path: Path) -> None:
-    case = '<testcase classname="tests.model.test_units" name="test_{}" time="{}"/>'
+    case = """<testcase classname="tests.model.test_units" name="test_{}" time="9.0">
+        <properties><property name="cpu" value="{}"/></properties></testcase>"""
     cases = "".join(case.format(*x) for x in (("a[1]", 0.5), ("a[x.y[0]]", 0.75), ("b", 0.125)))
     (tmp_path / "run.xml").write_text(f"<testsuites><testsuite>{cases}</testsuite></testsuites>")
     name = "tests/model/test_units.py::test_"

@@ -1,6 +1,6 @@
 """Which tests are quick, and what a recorded run says about the time of tests.
 
-A test function is quick if all its cases together take less than `LIMIT` seconds, fixtures included: whoever changes the
+A test function is quick if all its cases together take less than `LIMIT` CPU seconds, fixtures included: whoever changes the
 program runs all that is quick. `long_tests.txt` lists the other functions. A test that shares a fixture of its file with a
 long one is not quick either: it would wait for the same solver. `ALWAYS` are long tests that run all the same, so that every
 part of the program is called.
@@ -12,6 +12,8 @@ part of the program is called.
 from __future__ import annotations
 
 import argparse
+import resource
+import time
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -20,7 +22,7 @@ from pathlib import Path
 import pytest
 
 LIMIT = 0.3
-"""Seconds of all cases of a quick function."""
+"""CPU seconds of all cases of a quick function."""
 FACTOR = 3.0
 """A listed function stays listed, and another stays off the list, within this factor: times vary."""
 LIST = Path(__file__).with_name("long_tests.txt")
@@ -61,12 +63,21 @@ def _fixtures_of_file(item: pytest.Function) -> set[tuple[str, str]]:
     return {(file, n) for n, known in definitions.items() if known[-1].scope != "function" and known[-1].baseid == file}
 
 
+def cpu_seconds() -> float:
+    """Of this process and those that it has waited for."""
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + ended.ru_utime + ended.ru_stime
+
+
 def recorded(file: Path) -> Counter[str]:
-    """Seconds of each test function in a JUnit file of pytest."""
+    """CPU seconds of each test function in a JUnit file of pytest, its fixtures included."""
     found: Counter[str] = Counter()
     for case in ElementTree.parse(file).iter("testcase"):
         path = case.attrib["classname"].replace(".", "/")
-        found[function_of(f"{path}.py::{case.attrib['name']}")] += float(case.attrib["time"])
+        given = case.find("properties/property[@name='cpu']")
+        found[function_of(f"{path}.py::{case.attrib['name']}")] += (
+            0.0 if given is None else float(given.attrib["value"])
+        )
     return found
 
 
@@ -86,8 +97,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if asked.write:
         LIST.write_text("".join(f"{n}\n" for n in sorted(times) if times[n] >= LIMIT), encoding="utf-8")
         return
-    print(f"{sum(times.values()):.0f} s in {len(times)} test functions; the longest, with all their cases:")
-    for name, seconds in times.most_common(20):
+    files: Counter[str] = Counter()
+    for name, seconds in times.items():
+        files[name.partition("::")[0]] += seconds
+    print(
+        f"{files.total():.0f} CPU s in {len(times)} test functions; the longest files, and functions with all their cases:"
+    )
+    for name, seconds in (*files.most_common(20), *times.most_common(20)):
         print(f"{seconds:8.1f} s  {name}")
     missing, outdated = missing_and_outdated(times, long_functions())
     for title, names in (("missing from", missing), ("no longer long, but in", outdated)):

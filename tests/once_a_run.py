@@ -1,0 +1,114 @@
+"""What one process of a run has written or compiled is there for the others: the same input gives the same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import io
+import os
+import pickle
+import shutil
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import codegen.pipeline
+from codegen.model import Model
+from codegen.pipeline import Source
+from codegen.program.progress import silent
+from codegen.runtime.standalone.files.build import Build
+
+SMALL = 20_000
+"""Bytes of sources that are compiled each time: tests of compiling itself write them by hand."""
+
+
+@contextmanager
+def compiled_once(kept: Path) -> Iterator[None]:
+    """Libraries are copied from a folder where sources, flags and compiler are alike."""
+    compile_anew = Build._compile
+
+    def compile_or_copy(build: Build, output: Path, log_file: Path) -> None:
+        if type(build) is not Build or sum(s.stat().st_size for s in build.sources) < SMALL:
+            return compile_anew(build, output, log_file)
+        library = kept / f"{build.key()}.so"
+        if library.exists():
+            shutil.copyfile(library, output)
+            log_file.unlink(missing_ok=True)
+            return None
+        compile_anew(build, output, log_file)
+        put(library, output.read_bytes())
+        return None
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Build, "_compile", compile_or_copy)
+        yield
+
+
+@contextmanager
+def written_once(kept: Path, anew: Callable[[], bool]) -> Iterator[None]:
+    """`codegen.generate` takes the text of a solver from a folder where model and options are alike, unless `anew()`.
+
+    Who calls `write_solver` writes it, and so does who follows the progress.
+    """
+    write_anew = codegen.pipeline.write_solver
+    signature = inspect.signature(write_anew)
+
+    def write_or_read(*arguments: Any, **options: Any) -> Source:
+        call = signature.bind(*arguments, **options)
+        call.apply_defaults()
+        asked = call.arguments
+        printed = asked.pop("printed")
+        if anew() or asked.pop("progress") is not silent:
+            return write_anew(*arguments, **options)
+        file = kept / digest({n: part(x) for n, x in asked.items()})
+        if file.exists():
+            source: Source = pickle.loads(zlib.decompress(file.read_bytes()))
+            if printed is not None:
+                printed(source.files, source.manifest)
+            return source
+        source = write_anew(*arguments, **options)
+        put(file, zlib.compress(pickle.dumps(without_statements(source)), 1))
+        return source
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(codegen.pipeline, "write_solver", write_or_read)
+        yield
+
+
+def part(value: Any) -> Any:
+    """A value as far as a solver depends on it: of a model not where its lines stand, nor what has been computed from it."""
+    return [getattr(value, f.name) for f in fields(value) if f.compare] if isinstance(value, Model) else value
+
+
+def digest(value: Any) -> str:
+    """Equal for values that are equal, whatever objects they share."""
+    written = io.BytesIO()
+    pickler = pickle.Pickler(written)
+    pickler.fast = True
+    pickler.dump(value)
+    return hashlib.sha256(written.getbuffer()).hexdigest()
+
+
+def without_statements(source: Source) -> Source:
+    """What `codegen.generate` needs of a source."""
+    system, program = source.system, source.program
+    given: dict[str, Any] = {f.name: getattr(source, f.name) for f in fields(source)} | {
+        "system": SimpleNamespace(
+            model=replace(system.model), links=range(len(system.links)), kinds=range(len(system.kinds))
+        ),
+        "program": SimpleNamespace(sweep_seconds=program.sweep_seconds),
+    }
+    return Source(**given)
+
+
+def put(file: Path, content: bytes) -> None:
+    """Write a file that is complete for whoever looks for it meanwhile."""
+    part = file.with_name(f"{os.getpid()}.part")
+    part.write_bytes(content)
+    part.replace(file)
