@@ -56,7 +56,7 @@ class CompilingAhead:
             for name, text in {**files, **carried_files(manifest)}.items():
                 if name.endswith((".c", ".h")):
                     file = self._copy / name
-                    file.parent.mkdir(exist_ok=True)
+                    file.parent.mkdir(parents=True, exist_ok=True)
                     file.write_text(text, encoding="utf-8")
             self._build = first_build(self._copy, manifest, self.everything)
             self._build.places[0] = self.folder
