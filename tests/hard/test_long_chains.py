@@ -94,13 +94,16 @@ def test_errors_do_not_follow_the_condition(build: Callable[..., Any], n: int, f
 @pytest.mark.parametrize("form", ["coiled", "coiled at rest"])
 @pytest.mark.parametrize("n", [100, pytest.param(1000, marks=pytest.mark.campaign)])
 def test_small_derivatives_keep_their_digits(build: Callable[..., Any], n: int, form: str) -> None:
-    """By the angle of a joint far out on a coil, of rods that all but fall freely: down to 1e-166 of the largest."""
+    """By the angle of a joint far out on a coil, of rods that all but fall freely: down to 1e-166 of the largest.
+
+    They are products over all joints on the way, of factors that are alike: half a unit in the last place for each may add up.
+    """
     solver = build(MODEL.format(n=n, part=repr(1 / n)))
     q, u = coordinates(form, n)
     dq = np.eye(n)[[n // 4, n // 2, n - 1]]
     _, along = solver.sensitivities(q, u, dq=dq)
     _, exact = accelerations(q, u, [1 / n] * n, [1 / n] * n, k=len(dq), dq=dq)
-    assert max(errors(along, exact)) < 4e-14
+    assert max(errors(along, exact)) < max(4e-14, n * 2.0**-53)
 
 
 @pytest.mark.parametrize("n, expected", [(10, 4e4), (100, 4e8)])
