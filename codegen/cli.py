@@ -27,6 +27,9 @@ OK, MODEL_WRONG, USAGE, COMPILING_FAILED, NUMBERS_FAILED = 0, 1, 2, 3, 4
 SIGNALLED = 128
 """To which the number of a signal is added."""
 
+COMPUTING = ("simulate", "report", "bench")
+"""Commands that may have large matrices."""
+
 PROBLEMS = 50
 """So many problems of a model are listed."""
 
@@ -427,12 +430,15 @@ def _how_it_ended(run: Any, received: Sequence[int]) -> int:
     return OK
 
 
-def _be_short_lived() -> None:
+def _be_short_lived(command: str) -> None:
     """A command's expressions live until it ends, which is soon: looking for cycles in them took a third of its time.
 
-    Nor does it look through all installed packages for plugins of Pydantic's, which would not say more of a model.
+    Nor does it look through all installed packages for plugins of Pydantic's, which would not say more of a model, or start
+    threads for matrices where it has small ones only.
     """
     gc.disable()
+    if command not in COMPUTING:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     atexit.register(gc.freeze)
 
@@ -513,7 +519,7 @@ def _ended(run: Callable[[Sequence[str] | None], int], arguments: Sequence[str] 
 def _generate_main(arguments: Sequence[str] | None) -> int:
     _tolerate_terminal()
     if arguments is None:
-        _be_short_lived()
+        _be_short_lived("generate")
     parser = argparse.ArgumentParser(
         prog="generate", description="Generate a solver with exact design sensitivities from a model file."
     )
@@ -530,10 +536,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: Sequence[str] | None) -> int:
     _tolerate_terminal()
-    if arguments is None:
-        _be_short_lived()
     given = sys.argv[1:] if arguments is None else arguments
-    return _run(parser_of_commands(given[0] if given else "").parse_args(arguments))
+    command = given[0] if given else ""
+    if arguments is None:
+        _be_short_lived(command)
+    return _run(parser_of_commands(command).parse_args(arguments))
 
 
 def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:

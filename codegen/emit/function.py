@@ -43,7 +43,8 @@ class Function:
     @property
     def head(self) -> list[str]:
         """Lines of the whole comment."""
-        return [line for text in (self.comment, *self.notes) for line in textwrap.wrap(text, COMMENT) or [""]]
+        texts = (self.comment, *self.notes)
+        return [x for t in texts for x in ([t.rstrip()] if len(t) <= COMMENT else textwrap.wrap(t, COMMENT))]
 
 
 def called_with(head: str, items: list[str], end: str = ")") -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from random import Random
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def singular_joint(
             resists[key] = _resists(b, mass[k], inertia[k], value, driven.get(k, ()))
     if all(resists.values()) or len(bodies) > MAX_BODIES:
         return None
-    rng = np.random.default_rng(1)
+    rng = Random(1)
     with np.errstate(all="ignore"):
         found = [_singular_at(rng, bodies, order, mass, inertia, value, driven) for _ in range(_STATES)]
     common = set(found[0]).intersection(*found[1:])
@@ -79,7 +80,7 @@ def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value, driven:
     if len(driven) == len(body.joint.kind.speeds):
         return True
     with np.errstate(all="ignore"):
-        s = np.delete(_freedoms(body.joint, np.random.default_rng(2), value)[2], driven, axis=1)
+        s = np.delete(_freedoms(body.joint, Random(2), value)[2], driven, axis=1)
         own = _spatial(mass, np.array([value(e) for e in body.com]), inertia)
         pivot = s.T @ own @ s + armature_matrix(body.joint, value, driven)
         scale = float(np.abs(pivot).max())
@@ -89,7 +90,7 @@ def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value, driven:
 
 
 def _singular_at(
-    rng: np.random.Generator,
+    rng: Random,
     bodies: Sequence[Body],
     order: Sequence[int],
     mass: np.ndarray,
@@ -140,18 +141,18 @@ def armature_matrix(joint: Joint, value: Value, driven: Sequence[int] = ()) -> n
     return np.diag(np.delete(found, driven))
 
 
-def _freedoms(joint: Joint, rng: np.random.Generator, value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _freedoms(joint: Joint, rng: Random, value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """At a random position of the joint: rotation and shift of the body in the joint frame, and its motions (6, f)."""
     axes = [np.array([value(e) for e in axis]) for axis in joint.axes]
     axes = [axis / (np.abs(axis).max() or 1.0) for axis in axes]
     kind = joint.kind
     turn, away, columns = np.eye(3), np.zeros(3), np.zeros((6, len(kind.speeds)))
     w, v = columns[:3], columns[3:]
-    angles, ways = rng.uniform(0.3, 2.8, len(kind.speeds)), rng.normal(size=len(kind.speeds))
+    angles, ways = [rng.uniform(0.3, 2.8) for _ in kind.speeds], _normal(rng, len(kind.speeds))
     at_end: dict[int, np.ndarray] = {}  # velocities in components of the end
     for n, m in enumerate(kind.motion):
         if isinstance(m, Turn | Ball):
-            own, place = (axes[m.axis], m.index) if isinstance(m, Turn) else (rng.normal(size=3), m.speed)
+            own, place = (axes[m.axis], m.index) if isinstance(m, Turn) else (_normal(rng, 3), m.speed)
             back = rotation(own, angles[place]).T
             if n:
                 w[:], v[:] = back @ w, back @ v
@@ -169,11 +170,16 @@ def _freedoms(joint: Joint, rng: np.random.Generator, value: Value) -> tuple[np.
             v[:, m.index] += along
             away = away + turn @ along * by
         else:
-            away = rng.normal(size=3)
+            away = _normal(rng, 3)
             at_end |= {m.speed + i: unit for i, unit in enumerate(np.eye(3))}
     for place, unit in at_end.items():
         v[:, place] = unit
     return turn, away, columns
+
+
+def _normal(rng: Random, n: int) -> np.ndarray:
+    """Random numbers of Python's: to import those of NumPy takes longer than the whole check."""
+    return np.array([rng.gauss(0.0, 1.0) for _ in range(n)])
 
 
 def _spatial(mass: float, com: np.ndarray, inertia: np.ndarray) -> np.ndarray:

@@ -1,5 +1,7 @@
 """What every type of joint says of itself: names, keys, freedoms, closure; and what a model file makes of it."""
 
+from random import Random
+
 import numpy as np
 import pytest
 from joint_types import OTHERS, Polar, every_type, given_axes, known_types, one_body
@@ -52,7 +54,7 @@ def test_names_stay_what_models_use():
 def test_motions_seen_by_the_check_of_mobility(kind):
     """Rank and size of the freedoms; their values are compared where a state can be chosen, in tests/loops."""
     model = one_body(kind, np.random.default_rng(1))
-    turn, away, motions = _freedoms(model.bodies[0].joint, np.random.default_rng(2), lambda e: float(e.value))
+    turn, away, motions = _freedoms(model.bodies[0].joint, Random(2), lambda e: float(e.value))
     assert motions.shape == (6, model.nu)
     assert np.linalg.matrix_rank(motions, tol=1e-6) == model.nu
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-14)

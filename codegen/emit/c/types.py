@@ -75,7 +75,8 @@ def members(
         found[-1][1].append(called(component))
     lines = []
     for field, names in found:
-        lines += textwrap.wrap(f"{type_} {', '.join(names)}{end}".strip(), MEMBERS, subsequent_indent="    ")
+        listed = f"{type_} {', '.join(names)}{end}".strip()
+        lines += [listed] if len(listed) <= MEMBERS else textwrap.wrap(listed, MEMBERS, subsequent_indent="    ")
         if field is not None:
             unit = "" if field.unit in ("", "1") else f", {field.unit.replace('*/', '* /')}"
             comment = f"/* {field.meaning}{unit} */"
