@@ -242,7 +242,7 @@ class _Chosen:
         self.on = np.array([b if b >= 0 else len(known) for b in carriers], int)
         self.at = int(self.on[0]) if self.single else self.on
         self.ground = -1 in carriers
-        self.given = np.array(places).reshape(-1, 3)
+        self.given = np.array(places, dtype=solver._arguments.dtype).reshape(-1, 3)
         self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
 
     def prepare(self) -> None:

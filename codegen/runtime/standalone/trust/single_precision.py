@@ -17,6 +17,7 @@ import numpy as np
 
 from ..arrays import dtype_of
 from ..calls.package import Package
+from ..calls.results import places, put
 from ..files.manifest import read_manifest
 from .diagnosis import Diagnosis
 
@@ -40,6 +41,15 @@ def rounded(value: Any, dtype: Any) -> Any:
     if type(value) in (tuple, list):
         return type(value)(rounded(x, dtype) for x in value)
     return value
+
+
+def placed(found: Any, out: Any, dtype: Any) -> Any:
+    """A value, or a value and its derivative, in the caller's arrays of the scalar type."""
+    single = isinstance(found, np.ndarray)
+    results = [found] if single else [*found]
+    shapes = [x.shape for x in results]
+    taken = put(results, places([out] if single else out, ["value", "derivative"][: len(results)], shapes, dtype))
+    return taken[0] if single else tuple(taken)
 
 
 def of_unit(found: Diagnosis, dtype: Any) -> Diagnosis:
@@ -88,11 +98,14 @@ class InDouble:
 
     def _member(self, name: str) -> Callable[..., Any]:
         @functools.wraps(getattr(self.solver, name))
-        def call(*given: Any, **named: Any) -> Any:
+        def call(*given: Any, out: Any = None, **named: Any) -> Any:
             called = getattr(self.double(), name)
             check_tolerance(called, name, given, named, self.dtype)
             found = called(*given, **named)
-            return of_unit(found, self.dtype) if isinstance(found, Diagnosis) else rounded(found, self.dtype)
+            if isinstance(found, Diagnosis):
+                return of_unit(found, self.dtype)
+            found = rounded(found, self.dtype)
+            return found if out is None else placed(found, out, self.dtype)
 
         return call
 
