@@ -26,7 +26,6 @@ _FOLDERS: Final = {
     "skin": ("meshdir", "assetdir"),
     "texture": ("texturedir", "assetdir"),
 }
-_UNNAMED: Final = ("default", "actuator", "sensor", "tendon")
 _COPIES: Final = {"replicate": 1, "composite": 3, "flexcomp": 3}
 """Elements that make ``count`` copies, and the number of values that ``count`` has at most."""
 

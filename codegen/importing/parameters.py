@@ -23,7 +23,6 @@ WORDS: Final = {
     "damping": "the damping of the joint that carries the body",
     "armature": "the reflected inertia of the rotors of the joint that carries the body",
 }
-_OF_ANY: Final = frozenset({"mass", "com", "inertia", "at"})
 
 
 def requested_words(asked: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None) -> list[tuple[str, str]]:

@@ -27,10 +27,6 @@ MODE: Final = "mode."
 KINDS: Final = ("sign", "turn")
 """What modes are: the sign of the switching function, or the angle near which the function, an angle, is measured."""
 
-JUMPS: Final = (AT_LEAST, *named("name", lambda e: e.jumps))
-"""Functions whose value jumps; that of the others has a kink."""
-
-
 BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
 """Functions that have branches."""
 
