@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from .expressions import Expression, combine
-from .grammar import Tree
+from .expressions import Expression
 
 Vector = tuple[Expression, Expression, Expression]
 
@@ -34,10 +33,6 @@ def cross(a: Vector, b: Vector) -> Vector:
 
     def entry(i: int) -> Expression:
         j, k = (i + 1) % 3, (i + 2) % 3
-        return Expression(combine("-", _product(a[j], b[k]), _product(a[k], b[j])))
+        return a[j] * b[k] - a[k] * b[j]
 
     return entry(0), entry(1), entry(2)
-
-
-def _product(a: Expression, b: Expression) -> Tree:
-    return combine("*", a.tree, b.tree)

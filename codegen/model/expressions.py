@@ -46,6 +46,18 @@ from .tree_text import PRECEDENCE, print_tree
 from .trees import nodes, parts
 
 
+def _operators(kind: str) -> tuple[Callable[..., Expression], Callable[..., Expression]]:
+    """The methods of an operator with the expression on its left, and on its right; the other operand may be a number."""
+
+    def left(one: Expression, other: Expression | Number) -> Expression:
+        return made(kind, one, other)
+
+    def right(one: Expression, other: Expression | Number) -> Expression:
+        return made(kind, other, one)
+
+    return left, right
+
+
 class Expression:
     """An immutable expression of a model; equal trees are the same object.
 
@@ -76,6 +88,15 @@ class Expression:
         object.__setattr__(self, "_names", None)
         object.__setattr__(self, "_has_units", None)
         return _interned.setdefault(tree, self)
+
+    __add__, __radd__ = _operators("+")
+    __sub__, __rsub__ = _operators("-")
+    __mul__, __rmul__ = _operators("*")
+    __truediv__, __rtruediv__ = _operators("/")
+    __pow__, _ = _operators("**")
+
+    def __neg__(self) -> Expression:
+        return made("neg", self)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"an Expression cannot be changed: {name}")
@@ -170,13 +191,13 @@ def compares(tree: Tree) -> bool:
     return any(n == "t" or n.startswith(("q.", "u.", "position.", "velocity.")) for n in names)
 
 
-def _float_power(a: float, b: float) -> float:
-    return math.pow(a, b)
-
-
 def _float_sign(a: float) -> float:
     return float((a > 0) - (a < 0))
 
+
+ARITHMETIC: Final[dict[str, Callable[[Any, Any], Any]]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
+}  # fmt: skip
 
 FLOAT_FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {
     **{name: getattr(math, name) for name in TABLE if hasattr(math, name)},
@@ -190,7 +211,7 @@ FLOAT_FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {
     VANISHING: lambda a, b: a * b if a else a,
     WRAPPED: operator.mod,
     "number": float,
-    "**": _float_power,
+    "**": math.pow,
 }
 """The functions of the grammar for Python floats."""
 
@@ -257,16 +278,10 @@ def _evaluate(tree: Tree, values: Mapping[str, Any], functions: Mapping[str, Cal
     if kind == "**" and tree[2][0] == "number" and isinstance(tree[2][1], int):
         return a ** tree[2][1]  # an int exponent is exact and allows a negative base in every arithmetic
     b = _evaluate(tree[2], values, functions)
-    if kind == "+":
-        return a + b
-    if kind == "-":
-        return a - b
-    if kind == "*":
-        return a * b
-    if kind == "/":
-        return a / b
     if kind == "**":
         return functions["**"](a, b)
+    if kind in ARITHMETIC:
+        return ARITHMETIC[kind](a, b)
     raise ValueError(f"{print_tree(tree, 0)} is settled by bind only")
 
 
@@ -282,16 +297,11 @@ def canonical(value: Number) -> Number:
 
 def compute(kind: str, a: Number, b: Number) -> Number:
     """One operation on numbers: sums and products of ints stay exact, division is the float one."""
-    if kind == "+":
-        return a + b
-    if kind == "-":
-        return a - b
-    if kind == "*":
-        return a * b
-    if kind == "/":
-        return a / b
     if kind == "%":
         return a % b
+    if kind in ARITHMETIC:
+        result: Number = ARITHMETIC[kind](a, b)
+        return result
     # The float power first: it overflows at once where the exact one of two ints would run for hours.
     power = math.pow(a, b)
     if isinstance(a, int) and isinstance(b, int) and b >= 0 and abs(power) < EXACT:
@@ -376,6 +386,13 @@ def combine(kind: str, *arguments: Tree) -> Tree:
             f"{print_tree((kind, a, b), 0)}: the remainder % takes numbers, constants and repeat indices only"
         )
     return (kind, a, b)
+
+
+def made(kind: str, *operands: Expression | Number) -> Expression:
+    """An operation or a function of expressions and numbers, with what is numeric computed; see `combine`."""
+    return Expression(
+        combine(kind, *[x.tree if isinstance(x, Expression) else ("number", canonical(x)) for x in operands])
+    )
 
 
 COMBINED: Final = TreeFunctions(combine)

@@ -6,15 +6,11 @@ from collections.abc import Collection, Sequence
 from typing import Any, Protocol
 
 from .axes import Vector, coordinate_axis
-from .expressions import Expression, combine
+from .entries import ZERO
+from .expressions import Expression
 from .forces import ForceElement
 from .grammar import Tree
 from .places import GROUND, Face, Point
-
-Places = tuple[Tree, Tree, Tree]
-"""Components of a place along the ground's axes, as trees."""
-
-_ZERO: Tree = ("number", 0)
 
 
 class Carried(Protocol):
@@ -47,29 +43,29 @@ def signed_length(bodies: Sequence[Carried], prescribed: Collection[str], elemen
     places = [_place(bodies, prescribed, end) for end in ends]
     if places[0] is None or places[1] is None:
         return None
-    line = [combine("-", b, a) for a, b in zip(places[0], places[1], strict=True)]
-    moving = [tree for tree in line if tree != _ZERO]
-    if len(moving) != 1 or not any(n.startswith("q.") for n in Expression(moving[0]).names):
+    moving = [e for a, b in zip(places[0], places[1], strict=True) if (e := b - a) is not ZERO]
+    if len(moving) != 1 or not any(n.startswith("q.") for n in moving[0].names):
         return None
-    return moving[0]
+    return moving[0].tree
 
 
-def _place(bodies: Sequence[Carried], prescribed: Collection[str], point: Point) -> Places | None:
+def _place(bodies: Sequence[Carried], prescribed: Collection[str], point: Point) -> Vector | None:
     """Where a point is whose body is carried by slides along the ground's axes; None where something may turn."""
-    found = [e.tree for e in point.at]
+    found = [*point.at]
     k = point.body
     while k != GROUND:
         body = bodies[k]
         joint = body.joint
         if joint.rotation or joint.type not in ("prismatic", "fixed") or body.name in prescribed:
             return None
-        found = [combine("+", a.tree, b) for a, b in zip(joint.at, found, strict=True)]
+        found = [a + b for a, b in zip(joint.at, found, strict=True)]
         if joint.type == "prismatic":
             along = coordinate_axis(_only(joint.axes))
             if along is None:
                 return None
             i, sign = along
-            found[i] = combine("+" if sign > 0 else "-", found[i], ("name", f"q.{body.name}"))
+            q = Expression(("name", f"q.{body.name}"))
+            found[i] = found[i] + q if sign > 0 else found[i] - q
         k = body.parent
     return found[0], found[1], found[2]
 

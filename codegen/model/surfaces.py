@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
-from .expressions import Expression, combine
+from .expressions import Expression
 from .grammar import AT_LEAST, Tree
 from .rates import rate
 from .trees import mapped, nodes, parts
@@ -60,11 +60,8 @@ def surface_function(equation: Expression) -> SurfaceFunction:
 
 def sphere(radius: Expression) -> Expression:
     """The equation of a sphere about the origin, ``(x^2 + y^2 + z^2 - r^2)/2``, whose gradient is the place itself."""
-    two: Tree = ("number", 2)
-    squares = [combine("**", ("name", name), two) for name in COORDINATES]
-    inner = combine("+", combine("+", squares[0], squares[1]), squares[2])
-    radius_squared = combine("**", radius.tree, two)
-    return Expression(combine("/", combine("-", inner, radius_squared), two))
+    x, y, z = (Expression(("name", name)) for name in COORDINATES)
+    return (x**2 + y**2 + z**2 - radius**2) / 2
 
 
 def with_coordinates(tree: Tree) -> Tree:

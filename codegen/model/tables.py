@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from .expressions import Expression, combine
+from .expressions import Expression, made
 from .grammar import WRAPPED, Tree
 
 MAX_POINTS: Final = 200
@@ -52,45 +52,38 @@ class Table:
 
     def at(self, argument: Tree) -> Tree:
         """The expression of the table at an argument."""
-        n = len(self.x) - 1
-        y = [e.tree for e in self.y]
-        is_periodic = self.outside == "periodic"
-        origin = self.x[0] if is_periodic else 0.0
-        if is_periodic:
-            argument = self._within(argument)
+        x, y, n, at = self.x, self.y, len(self.x) - 1, Expression(argument)
+        origin = x[0] if self.outside == "periodic" else 0.0
+        if self.outside == "periodic":
+            at = self._within(at)
         result = y[0]
         for i in range(n):
-            h, start = self.x[i + 1] - self.x[i], _number(self.x[i] - origin)
-            s = combine("min", combine("max", _number(0), combine("-", argument, start)), _number(h))
+            h = x[i + 1] - x[i]
+            s = made("min", made("max", 0, at - (x[i] - origin)), h)
             if self.kind == "linear":
-                part = combine("*", combine("/", combine("-", y[i + 1], y[i]), _number(h)), s)
+                result += (y[i + 1] - y[i]) / h * s
             else:
                 a, b, c = self._cubic(i, h)
-                inner = combine("+", _number(b), combine("*", _number(c), s))
-                part = combine("*", s, combine("+", _number(a), combine("*", s, inner)))
-            result = combine("+", result, part)
+                result += s * (a + s * (b + c * s))
         if self.outside == "linear":
-            below = combine("min", combine("-", argument, _number(self.x[0])), _number(0))
-            above = combine("max", _number(0), combine("-", argument, _number(self.x[n])))
-            for slope, beyond in zip(self._slopes(), (below, above), strict=True):
-                result = combine("+", result, combine("*", slope, beyond))
-        return result
+            first, last = self._slopes()
+            result = result + first * made("min", at - x[0], 0) + last * made("max", 0, at - x[n])
+        return result.tree
 
-    def _within(self, argument: Tree) -> Tree:
+    def _within(self, argument: Expression) -> Expression:
         """How far the argument has come in its period. Of a cubic table nothing jumps where the next period begins."""
-        period = _number(self.x[-1] - self.x[0])
-        left = combine("neg", combine("-", argument, _number(self.x[0])))
-        return combine("-", period, combine("mod" if self.kind == "linear" else WRAPPED, left, period))
+        period = self.x[-1] - self.x[0]
+        return period - made("mod" if self.kind == "linear" else WRAPPED, -(argument - self.x[0]), period)
 
-    def _slopes(self) -> tuple[Tree, Tree]:
+    def _slopes(self) -> tuple[Expression, Expression]:
         """At the first and last point."""
-        x, y, n = self.x, [e.tree for e in self.y], len(self.x) - 1
+        x, y, n = self.x, self.y, len(self.x) - 1
         if self.kind == "linear":
-            first, last = (combine("/", combine("-", y[i + 1], y[i]), _number(x[i + 1] - x[i])) for i in (0, n - 1))
+            first, last = ((y[i + 1] - y[i]) / (x[i + 1] - x[i]) for i in (0, n - 1))
             return first, last
         h = x[n] - x[n - 1]
         a, b, c = self._cubic(n - 1, h)
-        return _number(self._cubic(0, x[1] - x[0])[0]), _number(a + h * (2 * b + 3 * c * h))
+        return Expression.number(self._cubic(0, x[1] - x[0])[0]), Expression.number(a + h * (2 * b + 3 * c * h))
 
     @cached_property
     def _values(self) -> list[float]:
@@ -140,7 +133,3 @@ def periodic_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
         matrix[i, (i + 1) % n] += h[i]
     bend = np.linalg.solve(matrix, [6 * (rise[i] - rise[i - 1]) for i in range(n)]).tolist()
     return [*bend, bend[0]]
-
-
-def _number(value: float) -> Tree:
-    return Expression.number(value).tree

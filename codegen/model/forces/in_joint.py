@@ -8,12 +8,9 @@ from typing import Any, ClassVar, Literal
 
 from ..entries import ZERO, Expr, OptionalExpr, Reference
 from ..entry_reader import EntryReader
-from ..expressions import Expression, combine
-from ..grammar import Tree
+from ..expressions import Expression, made
 from .force_element import ForceEntry
 from .joint_force import JointForce
-
-_NUMBER = {n: Expression.number(n).tree for n in (0, 1, 2)}
 
 
 class InJointEntry(ForceEntry):
@@ -35,14 +32,14 @@ class InJointEntry(ForceEntry):
     joint: Reference
 
     @abstractmethod
-    def law(self, x: EntryReader, numbers: Mapping[str, Tree], q: Tree, u: Tree) -> Tree | None:
+    def law(self, x: EntryReader, numbers: Mapping[str, Expression], q: Expression, u: Expression) -> Expression | None:
         """The force of the joint by its coordinate and speed, or None after a problem."""
 
     def read(self, x: EntryReader) -> JointForce | None:
         given = {key: e for key in type(self).units_in_joint if (e := getattr(self, key)) is not None}
-        numbers = {key: x.bound(e, key, scope="inputs").tree for key, e in given.items()}
+        numbers = {key: x.bound(e, key, scope="inputs") for key, e in given.items()}
         for key in self.divides:
-            if numbers.get(key) == _NUMBER[0]:
+            if numbers.get(key) is ZERO:
                 if given[key] == ZERO:  # else it stands for what was reported
                     x.report((key,), f"{key} is 0; the law divides by it, a small number is what is meant")
                 return None
@@ -57,8 +54,9 @@ class InJointEntry(ForceEntry):
             )
             x.report(("joint",), message)
             return None
-        value = self.law(x, numbers, ("name", f"q.{joint.name}"), ("name", f"u.{joint.name}"))
-        return None if value is None else JointForce(x.name, joint.body, (Expression(value),))
+        q, u = (Expression(("name", f"{of}.{joint.name}")) for of in "qu")
+        value = self.law(x, numbers, q, u)
+        return None if value is None else JointForce(x.name, joint.body, (value,))
 
 
 class FrictionEntry(InJointEntry):
@@ -76,10 +74,10 @@ class FrictionEntry(InJointEntry):
     viscous: Expr = ZERO
     velocity: OptionalExpr = None
 
-    def law(self, x: EntryReader, numbers: Mapping[str, Tree], q: Tree, u: Tree) -> Tree | None:
+    def law(self, x: EntryReader, numbers: Mapping[str, Expression], q: Expression, u: Expression) -> Expression | None:
         dry = numbers["coulomb"]
-        value = combine("neg", combine("*", numbers["viscous"], u))
-        if dry == _NUMBER[0]:
+        value = -(numbers["viscous"] * u)
+        if dry is ZERO:
             return value
         if "velocity" not in numbers:
             x.report(
@@ -87,7 +85,7 @@ class FrictionEntry(InJointEntry):
                 "coulomb without velocity; add velocity: the speed at which dry friction has 3/4 of itself",
             )
             return None
-        return combine("-", value, combine("*", dry, combine("tanh", combine("/", u, numbers["velocity"]))))
+        return value - dry * made("tanh", u / numbers["velocity"])
 
 
 class LimitEntry(InJointEntry):
@@ -109,25 +107,23 @@ class LimitEntry(InJointEntry):
     damping: Expr = ZERO
     width: Expr
 
-    def law(self, x: EntryReader, numbers: Mapping[str, Tree], q: Tree, u: Tree) -> Tree | None:
+    def law(self, x: EntryReader, numbers: Mapping[str, Expression], q: Expression, u: Expression) -> Expression | None:
         ways = []
         if "lower" in numbers:
-            ways.append((1, combine("-", numbers["lower"], q)))
+            ways.append((1, numbers["lower"] - q))
         if "upper" in numbers:
-            ways.append((-1, combine("-", q, numbers["upper"])))
+            ways.append((-1, q - numbers["upper"]))
         if not ways:
             x.report((), "a limit with neither lower nor upper; one of them is needed")
             return None
         k, c, width = numbers["stiffness"], numbers["damping"], numbers["width"]
-        value = _NUMBER[0]
+        value = ZERO
         for sign, way in ways:
             # s^2 / (2 width) up to the width, then width / 2 and what is beyond it
-            beyond = combine("max", _NUMBER[0], way)
-            s = combine("min", beyond, width)
-            soft = combine("/", combine("**", s, _NUMBER[2]), combine("*", _NUMBER[2], width))
-            depth = combine("+", soft, combine("-", beyond, s))
-            push = combine("*", k, depth)
-            value = combine("+" if sign > 0 else "-", value, push)
-            if c != _NUMBER[0]:
-                value = combine("-", value, combine("*", combine("*", c, combine("/", s, width)), u))
+            beyond = made("max", 0, way)
+            s = made("min", beyond, width)
+            push = k * (s**2 / (2 * width) + (beyond - s))
+            value = value + push if sign > 0 else value - push
+            if c is not ZERO:
+                value -= c * (s / width) * u
         return value

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..axes import Vector
-from ..expressions import Expression, combine
-from ..grammar import Tree
+from ..axes import Vector, signed_base
+from ..entries import ZERO
+from ..expressions import Expression, made
 from ..motions import Ball, Displacement, Slide, Turn
 from ..places import Face, Point
 from .force_element import ForceElement
-
-_ZERO: Tree = ("number", 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,12 +50,12 @@ def along_freedoms(
 
     Axes ahead of the first rotation of the chain, that of it included, are fixed in the joint's frame, all others in the body.
     """
-    found: list[Tree] = [_ZERO] * 12
+    found = [ZERO] * 12
     turned = False
 
-    def add(first: int, direction: tuple[Tree, Tree, Tree], value: Tree) -> None:
+    def add(first: int, direction: Vector, value: Expression) -> None:
         for i, c in enumerate(direction):
-            found[first + i] = combine("+", found[first + i], combine("*", value, c))
+            found[first + i] += value * c
 
     turning = {m.index for m in motion if isinstance(m, Turn)}
     for m in motion:
@@ -65,21 +63,17 @@ def along_freedoms(
             if isinstance(m, Slide) and m.index in turning:
                 continue  # of a screw: the torque alone does the power
             is_turn = isinstance(m, Turn)
-            add(6 * turned + 3 * (not is_turn), _unit(axes[m.axis]), values[m.index].tree)
+            add(6 * turned + 3 * (not is_turn), _unit(axes[m.axis]), values[m.index])
             turned = turned or is_turn
             continue
         assert isinstance(m, Ball | Displacement)
         for i in range(3):
-            x, y, z = (Expression.number(i == j).tree for j in range(3))
-            add(9 if isinstance(m, Displacement) else 6, (x, y, z), values[m.speed + i].tree)
+            add(9 if isinstance(m, Displacement) else 6, signed_base(i), values[m.speed + i])
         turned = turned or isinstance(m, Ball)
-    return tuple(map(Expression, found))
+    return tuple(found)
 
 
-def _unit(axis: Vector) -> tuple[Tree, Tree, Tree]:
-    square = _ZERO
-    for a in axis:
-        square = combine("+", square, combine("*", a.tree, a.tree))
-    length = combine("sqrt", square)
-    x, y, z = (combine("/", a.tree, length) for a in axis)
-    return x, y, z
+def _unit(axis: Vector) -> Vector:
+    x, y, z = axis
+    length = made("sqrt", x * x + y * y + z * z)
+    return x / length, y / length, z / length

@@ -6,7 +6,7 @@ from pydantic_core import PydanticCustomError
 
 from ..entries import parse_name
 from ..errors import nearest
-from ..expressions import Expression, combine
+from ..expressions import Expression
 from ..joints import JointType
 from ..model import Coupling, Term, coupling, joint_coordinates
 from ..parts import Instance
@@ -89,7 +89,7 @@ def _read_followed(
         elif number == 0:
             message = f"the ratio {value} is 0 at the default parameters, so nothing follows {other!r}; leave it out"
             reader.report(at, sub, message)
-        terms.append(_term(other, joints, Expression(combine("neg", value.tree))))
+        terms.append(_term(other, joints, -value))
 
 
 def _term(name: str, joints: Joints, factor: Expression) -> Term:

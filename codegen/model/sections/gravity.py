@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from ..entries import ZERO
-from ..expressions import Expression, combine
 from ..forces.force import Force
 from ..model import Vector
 from ..places import GROUND, Point
@@ -36,7 +35,7 @@ def weights(gravity: Vector, bodies: BodySection) -> list[Force]:
     for k, body in enumerate(bodies.bodies):
         if body.mass is ZERO or parts[k] == parts[GROUND]:
             continue
-        x, y, z = (Expression(combine("*", body.mass.tree, g.tree)) for g in gravity)
+        x, y, z = (body.mass * g for g in gravity)
         name = f"gravity.{body.name}"
         found.append(Force(name, Point(f"{name}.on", k, body.com), (x, y, z)))
     return found

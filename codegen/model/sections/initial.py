@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from ..entries import parse_name, seen
 from ..errors import count_of_values, nearest
-from ..expressions import Expression, combine
+from ..expressions import Expression, made
 from ..grammar import ExpressionError
 from ..model import joint_coordinates
 from ..parts import Instance
@@ -143,11 +143,7 @@ def _normalise(
     elif abs(length - 1) > 1e-12:
         message = f"the quaternion {name}.qw qx qy qz has length {length:.12g}, not 1, and was normalised"
         reader.report(at, (), message, severity="warning")
-        w, x, y, z = (_square(e) for e in parts)
-        norm = combine("sqrt", combine("+", combine("+", w, x), combine("+", y, z)))
+        w, x, y, z = (e * e for e in parts)
+        norm = made("sqrt", (w + x) + (y + z))
         for key, part in zip(keys, parts, strict=True):
-            values[key] = Expression(combine("/", part.tree, norm))
-
-
-def _square(e: Expression) -> Any:
-    return combine("*", e.tree, e.tree)
+            values[key] = part / norm
