@@ -268,13 +268,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     source : str
         What it was read from, for the comment at the head.
     """
-    if options.base not in (None, *BASES):
-        raise ModelError(
-            [Problem(robot.file, None, None, "base", f"{options.base!r}; {' or '.join(BASES)} is allowed")]
-        )
-    if options.name is not None and not names_a_model(options.name):
-        message = f"{options.name!r} cannot name a model; a lower-case identifier such as four_bar can"
-        raise ModelError([Problem(robot.file, None, None, "--name", message)])
+    _check_options(robot, options)
     problems: list[Problem] = []
     names = names_for(robot.links)
     taken = set(names.values())
@@ -322,6 +316,17 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         },
         renamed={link: new for link, new in names.items() if link != new},
     )
+
+
+def _check_options(robot: Robot, options: Options) -> None:
+    """Refuse values of options that mean nothing."""
+    if options.base not in (None, *BASES):
+        raise ModelError(
+            [Problem(robot.file, None, None, "base", f"{options.base!r}; {' or '.join(BASES)} is allowed")]
+        )
+    if options.name is not None and not names_a_model(options.name):
+        message = f"{options.name!r} cannot name a model; a lower-case identifier such as four_bar can"
+        raise ModelError([Problem(robot.file, None, None, "--name", message)])
 
 
 def _check_lifted(robot: Robot, bodies: Bodies) -> list[Problem]:

@@ -28,7 +28,7 @@ from .sections.motion import read_motion
 from .sections.named_expressions import check_named_expressions, read_named_expressions, warn_of_unused
 from .sections.outputs import read_outputs
 from .sections.points import read_points
-from .sections.quantities import model_name, read_inputs, read_parameters
+from .sections.quantities import model_name, read_inputs, read_parameters, warn_of_unused_quantities
 from .sections.tables import read_tables, warn_of_unused_tables
 from .sections.tolerance import read_loop_tolerance
 
@@ -100,12 +100,7 @@ def _model(reader: Reader) -> Model | None:
     warn_of_unused_tables(reader, tables)
     if any(p.severity == "error" for p in reader.problems):
         return None
-    for parameter, at in parameters:
-        if parameter.name not in reader.used:
-            reader.report(at, (), f"parameter {parameter.name!r} is not used", key=True, severity="warning")
-    for input_ in reader.inputs:
-        if input_ not in reader.used:
-            reader.report(reader.top("inputs"), (), f"input {input_!r} is not used", key=True, severity="warning")
+    warn_of_unused_quantities(reader, parameters)
     return Model(
         name=name,
         gravity=gravity,

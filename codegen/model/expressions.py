@@ -330,23 +330,7 @@ def combine(kind: str, *arguments: Tree) -> Tree:
             return x if condition[1] else y
         return x if x == y else ("call", kind, *arguments)
     if arguments[0][0] == "number" and (len(arguments) == 1 or arguments[1][0] == "number"):
-        try:
-            if kind == "neg":
-                value = -arguments[0][1]
-            elif kind in PRECEDENCE:
-                value = compute(kind, arguments[0][1], arguments[1][1])
-            else:
-                value = FLOAT_FUNCTIONS[kind](*[a[1] for a in arguments])
-            return ("number", canonical(value))
-        except ZeroDivisionError:
-            raise ExpressionError(f"{print_tree(_node(kind, arguments), 0)} divides by zero") from None
-        except OverflowError:
-            raise ExpressionError(
-                f"{print_tree(_node(kind, arguments), 0)} is too large; numbers up to 1.8e308 are allowed"
-            ) from None
-        except ValueError:
-            takes = f"; {kind} takes {TABLE[kind].takes}" if kind in TABLE and TABLE[kind].takes else ""
-            raise ExpressionError(f"{print_tree(_node(kind, arguments), 0)} has no real value{takes}") from None
+        return _of_numbers(kind, arguments)
     if kind == "neg":
         return arguments[0][1] if arguments[0][0] == "neg" else ("neg", arguments[0])
     if kind == VANISHING and (arguments[0][0] == "number" or arguments[1][0] == "number"):
@@ -386,6 +370,27 @@ def combine(kind: str, *arguments: Tree) -> Tree:
             f"{print_tree((kind, a, b), 0)}: the remainder % takes numbers, constants and repeat indices only"
         )
     return (kind, a, b)
+
+
+def _of_numbers(kind: str, arguments: tuple[Tree, ...]) -> Tree:
+    """The number that an operation or a function of numbers gives."""
+    a, b = arguments[0][1], arguments[-1][1]
+    try:
+        if kind == "neg":
+            value = -a
+        elif kind in PRECEDENCE:
+            value = compute(kind, a, b)
+        else:
+            value = FLOAT_FUNCTIONS[kind](*(x[1] for x in arguments))
+        return ("number", canonical(value))
+    except ZeroDivisionError:
+        why = " divides by zero"
+    except OverflowError:
+        why = " is too large; numbers up to 1.8e308 are allowed"
+    except ValueError:
+        takes = f"; {kind} takes {TABLE[kind].takes}" if kind in TABLE and TABLE[kind].takes else ""
+        why = f" has no real value{takes}"
+    raise ExpressionError(print_tree(_node(kind, arguments), 0) + why)
 
 
 def made(kind: str, *operands: Expression | Number) -> Expression:

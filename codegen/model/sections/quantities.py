@@ -188,3 +188,12 @@ def read_inputs(reader: Reader) -> None:
 
 def _limit(value: float | None) -> str:
     return "(none)" if value is None else f"{value:g}"
+
+
+def warn_of_unused_quantities(reader: Reader, parameters: Iterable[tuple[Parameter, Instance]]) -> None:
+    """Warn of parameters and inputs that no expression has."""
+    named = [("parameter", p.name, at) for p, at in parameters]
+    named += [("input", name, reader.top("inputs")) for name in reader.inputs]
+    for what, name, at in named:
+        if name not in reader.used:
+            reader.report(at, (), f"{what} {name!r} is not used", key=what == "parameter", severity="warning")
