@@ -44,7 +44,7 @@ def assemble(document: Document, folder: str | None = None) -> Model:
     reader = Reader(document, folder)
     model = None
     try:
-        model = _model(reader)
+        model = _model(reader) if _is_mapping(document, reader) else None
     except (TooManyProblems, CannotGoOn):
         pass
     except RecursionError:  # bounded depths should prevent it; a deep call stack of the caller may not
@@ -57,13 +57,17 @@ def assemble(document: Document, folder: str | None = None) -> Model:
     return model
 
 
+def _is_mapping(document: Document, reader: Reader) -> bool:
+    """Whether a document has keys; a problem where it has not."""
+    if isinstance(document.root, dict):
+        return True
+    message = f"{seen(document.root)}; a model file is a mapping with the keys {', '.join(SECTIONS)}"
+    start = None if document.file == "builder" else 1
+    reader.add(Problem(document.file, start, start, "", message))
+    return False
+
+
 def _model(reader: Reader) -> Model | None:
-    root = reader.document.root
-    if not isinstance(root, dict):
-        message = f"{seen(root)}; a model file is a mapping with the keys {', '.join(SECTIONS)}"
-        start = None if reader.document.file == "builder" else 1
-        reader.add(Problem(reader.document.file, start, start, "", message))
-        return None
     name = model_name(reader)
     read_files(reader)
     parameters = read_parameters(reader)
@@ -89,8 +93,7 @@ def _model(reader: Reader) -> Model | None:
         check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND} | coupled, motion)
     elements = read_forces(reader, bodies, points)
     if gravity is not None and not is_constant(reader, gravity):
-        if bodies.is_sound:
-            elements += weights(gravity, bodies)
+        elements += weights(gravity, bodies) if bodies.is_sound else []
         gravity = None
     outputs = read_outputs(reader, bodies, points)
     initial = read_initial(reader, bodies)

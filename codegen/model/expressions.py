@@ -341,17 +341,13 @@ def combine(kind: str, *arguments: Tree) -> Tree:
         return ("call", kind, *arguments)
     a, b = arguments
     if kind == "*":
-        if a == ZERO or b == ZERO:
+        if ZERO in (a, b):
             return ZERO
-        if a == ONE:
-            return b
-        if b == ONE:
-            return a
+        if ONE in (a, b):
+            return b if a == ONE else a
     elif kind == "+":
-        if a == ZERO:
-            return b
-        if b == ZERO:
-            return a
+        if ZERO in (a, b):
+            return b if a == ZERO else a
     elif kind == "-":
         if b == ZERO:
             return a

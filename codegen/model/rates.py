@@ -12,16 +12,12 @@ from functools import lru_cache
 from typing import Final
 
 from ..elementary import TABLE, tree_of
-from .expressions import COMBINED, Expression, combine
+from .entries import ZERO
+from .expressions import COMBINED, Expression, combine, made
 from .grammar import AT_LEAST, Tree
 from .slopes import is_singular, slope
 from .switches import has_modes
 from .trees import parts
-
-ZERO: Tree = ("number", 0)
-ONE: Tree = ("number", 1)
-TWO: Tree = ("number", 2)
-
 
 ORDERS: Final = ("rate", "acceleration")
 """What an input over time brings beside its value where prescribed motion reads it, as ``way.rate`` and ``way.acceleration``."""
@@ -46,69 +42,66 @@ def rate(expression: Expression, name: str = "t", moving: frozenset[str] = froze
     ExpressionError
         A number of the derivative is not finite.
     """
-    by = {name: ONE}
+    by = {name: Expression.number(1)}
     for n in moving:
         first, second = rates_of(n)
-        by |= {n: ("name", first), first: ("name", second)}
-    tree = expression.tree
-    if not (is_singular(tree) or has_modes(expression)):
-        return Expression(derivative(tree, frozenset(by.items())))
+        by |= {n: Expression(("name", first)), first: Expression(("name", second))}
+    if not (is_singular(expression.tree) or has_modes(expression)):
+        return derivative(expression, frozenset(by.items()))
     found = ZERO
     for n in sorted(expression.names & by.keys()):
-        found = combine("+", found, combine("*", slope(tree, ("name", n)), by[n]))
-    return Expression(found)
+        found += Expression(slope(expression.tree, ("name", n))) * by[n]
+    return found
 
 
 @lru_cache(maxsize=4096)
-def derivative(tree: Tree, by: frozenset[tuple[str, Tree]]) -> Tree:
-    """The same of a tree; `by` has the derivatives of names, those of others are zero."""
-    kind = tree[0]
+def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Expression:
+    """The same by rules alone; `by` has the derivatives of names, those of others are zero."""
+    kind = of.tree[0]
     if kind == "number":
         return ZERO
     if kind == "name":
-        return next((d for n, d in by if n == tree[1]), ZERO)
+        return next((d for n, d in by if n == of.tree[1]), ZERO)
+    operands = [Expression(part) for part in parts(of.tree)]
+    d = [derivative(a, by) for a in operands]
     if kind == "call":
-        return _of_call(tree[1], tree[2:], tuple(derivative(a, by) for a in tree[2:]))
+        return _of_call(of, operands, d)
     if kind == "neg":
-        return combine("neg", derivative(tree[1], by))
-    a, b = tree[1:]
-    da, db = derivative(a, by), derivative(b, by)
+        return -d[0]
+    (a, b), (da, db) = operands, d
     if kind in ("+", "-"):
-        return combine(kind, da, db)
+        return da + db if kind == "+" else da - db
     if kind == "*":
-        return combine("+", combine("*", da, b), combine("*", a, db))
+        return da * b + a * db
     if kind == "/":
-        return combine("/", combine("-", da, combine("*", tree, db)), b)
+        return (da - of * db) / b
     assert kind == "**", kind
-    by_base = ZERO if da == ZERO else combine("*", combine("*", b, combine("**", a, combine("-", b, ONE))), da)
-    if db == ZERO:
-        return by_base
-    return combine("+", by_base, combine("*", combine("*", tree, combine("log", a)), db))
+    by_base = ZERO if da is ZERO else b * a ** (b - 1) * da
+    return by_base if db is ZERO else by_base + of * made("log", a) * db
 
 
-def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
+def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Expression:
     """The derivative of a function's value from those of its arguments."""
-    if function == AT_LEAST or all(x == ZERO for x in d):
+    function = value.tree[1]
+    if function == AT_LEAST or all(x is ZERO for x in d):
         return ZERO
     if function in ("min", "max"):  # (a + b -+ |a - b|)/2
         (a, b), (da, db) = of, d
-        less = combine("*", combine("sign", combine("-", a, b)), combine("-", da, db))
-        return combine("/", combine("-" if function == "min" else "+", combine("+", da, db), less), TWO)
+        less = made("sign", a - b) * (da - db)
+        return (da + db - less if function == "min" else da + db + less) / 2
     if function in ("mod", "wrapped"):
         (x, m), (dx, dm) = of, d
-        turns = combine("/", combine("-", x, combine(function, x, m)), m)
-        return combine("-", dx, combine("*", turns, dm))
-    value: Tree = ("call", function, *of)
+        return dx - (x - value) / m * dm
     total = ZERO
     for slope_, d_of in zip(TABLE[function].slopes, d, strict=True):
-        if d_of != ZERO:
-            total = combine("+", total, _times(tree_of(slope_, (value, *of), COMBINED), d_of))
+        if d_of is not ZERO:
+            total += _times(tree_of(slope_, (value.tree, *(x.tree for x in of)), COMBINED), d_of)
     return total
 
 
-def _times(factor: Tree, d: Tree) -> Tree:
+def _times(factor: Tree, d: Expression) -> Expression:
     """A product, with a division instead of one by a reciprocal."""
-    return combine("/", combine("*", factor[1], d), factor[2]) if factor[0] == "/" else combine("*", factor, d)
+    return Expression(factor[1]) * d / Expression(factor[2]) if factor[0] == "/" else Expression(factor) * d
 
 
 def with_names_replaced(expression: Expression, by: dict[str, Tree]) -> Expression:
