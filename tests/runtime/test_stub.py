@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import random
 import re
 import subprocess
 import sys
@@ -97,6 +98,19 @@ def test_a_stub_has_the_methods_that_can_be_called(case, tmp_path):
         assert entries or not names or kind == "_Outputs"
     assert f"NDArray[{options.get('scalar', 'float64')}]" in stub
     assert (folder / "py.typed").read_text() == "\n"
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(30))
+def test_a_stub_has_the_methods_that_can_be_called_of_any_functions(seed, tmp_path, monkeypatch):
+    rng = random.Random(seed)
+    text = TREE + rng.choice(("", LOOP)) + rng.choice(("", OUTPUTS)) + rng.choice(("", "motion: {lower: 0.3*sin(t)}\n"))
+    options = {"frames": rng.random() < 0.3, "reactions": rng.random() < 0.3}
+    made = codegen.generate(codegen.parse_model(text), tmp_path / "whole", compile=False, **options).folder
+    functions = codegen.load(made, "numpy")._manifest["functions"]
+    known = sorted({f.get("member", name) for name, f in functions.items()})
+    monkeypatch.setitem(CASES, seed, (text, options | {"functions": rng.sample(known, rng.randint(1, 4))}))
+    test_a_stub_has_the_methods_that_can_be_called(seed, tmp_path)
 
 
 USE = """\

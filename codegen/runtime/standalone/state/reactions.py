@@ -29,8 +29,12 @@ def reactions_of(of: JointLinks, found: Sequence[Array]) -> tuple[Array, Array]:
 
 def reaction_sensitivities_of(of: JointLinks, found: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
     """The same with their derivatives."""
-    half = len(found) // 2
-    return *reactions_of(of, found[:half]), *reactions_of(of, found[half:])
+    if len(found) == 4:
+        joints, loops, djoints, dloops = found
+    else:
+        joints, djoints = found
+        loops, dloops = joints[..., :0, :], djoints[..., :0, :]
+    return _of_joints(of, joints), loops, _of_joints(of, djoints), dloops
 
 
 def _of_joints(of: JointLinks, wrenches: Array) -> Array:
