@@ -23,6 +23,9 @@ FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
 more time to compile. Long double: it is needed at once, but derivatives near a pose take most of their time in it, and twice as
 long by -O0."""
 
+OF_MOTIONS = ("", "motion", "gradients")
+"""Parts that ``<name>_motion.c`` has functions of; in other libraries it would be empty."""
+
 _INCLUDE = re.compile(rb'^ *# *include "([^"]+)"', re.MULTILINE)
 
 
@@ -40,7 +43,7 @@ class Build:
     name : str
         The model's name.
     sources : list of str
-        C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where there is one, ``<name>_motion.c``.
+        C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where its functions are wanted, ``<name>_motion.c``.
     part : str
         The library of some functions, where it is not to have all.
     number, units
@@ -67,7 +70,7 @@ class Build:
         self.units = units
         self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
         motion = folder / f"{name}_motion.c"
-        if not sources and motion.is_file():
+        if not sources and part in OF_MOTIONS and motion.is_file():
             self.sources.append(motion)
         self.flags = optimization()
         try:
