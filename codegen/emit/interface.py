@@ -53,7 +53,7 @@ def operations(
         once, each = Operations(), Operations()
         for f in of_targets:
             once = once + count(f.value, False) * len(f.rows)
-            each = each + (count(f.tangent, False) + count(f.tangent, True)) * len(f.rows)
+            each = each + count(f.tangent) * len(f.rows)
         if of_targets:
             result[name] = _both(once, each)
     constants = Operations()

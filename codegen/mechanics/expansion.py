@@ -456,7 +456,7 @@ def _total(program: Program) -> Operations:
     total = Operations()
     for blocks in program.blocks.values():
         for b in blocks.values():
-            total = total + count(b, False) + count(b, True)
+            total = total + count(b)
     return total
 
 

@@ -73,11 +73,11 @@ def count_expression(e: Expr) -> Operations:
     return found
 
 
-def count(block: Block, lanes: bool) -> Operations:
-    """Operations of a block's statements of one class: once per call, or once per direction."""
+def count(block: Block, lanes: bool | None = None) -> Operations:
+    """Operations of a block's statements, all or those of one class: once per call, or once per direction."""
     additions = multiplications = divisions = functions = 0
     for s in block.statements:
-        if s.lanes == lanes:
+        if lanes is None or s.lanes == lanes:
             c = count_expression(s.expression)
             additions += c.additions
             multiplications += c.multiplications
