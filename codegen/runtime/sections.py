@@ -94,7 +94,7 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
     found = {f"{CARRIED}/{module.replace('.', '/')}.py": texts[module] for module in sorted(texts)}
     found |= {
         f"{CARRIED}/{file.relative_to(STANDALONE).as_posix()}": file.read_text(encoding="utf-8")
-        for file in sorted(STANDALONE.glob("*/*.c"))
+        for file in sorted(STANDALONE.glob("*/*.[ch]"))
     }
     if "motions" in sections:
         found |= {

@@ -51,7 +51,7 @@ class CallerBuild(Build):
 
 @functools.cache
 def _source() -> str:
-    return SOURCE.read_text(encoding="utf-8")
+    return "".join(file.read_text(encoding="utf-8") for file in (SOURCE.with_suffix(".h"), SOURCE))
 
 
 @functools.cache
