@@ -12,7 +12,7 @@ os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native")
 
 import hypothesis
 import pytest
-from tiers import cpu_seconds, mark_quick
+from tiers import cpu_seconds, mark_campaign, mark_quick
 
 # Interpreters that tests start know `import ordernm` also where the checkout was installed before there was that name.
 ALIAS = str(Path(__file__).parents[1] / "codegen" / "alias")
@@ -37,7 +37,8 @@ BEGUN = pytest.StashKey[float]()
 
 
 def pytest_collection_modifyitems(items):
-    """Quick tests get their marker."""
+    """Quick tests get their marker, and cases that are left to the campaign."""
+    mark_campaign(items)
     mark_quick(items)
 
 

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from tiers import ALWAYS, FACTOR, LIMIT, function_of, long_functions, missing_and_outdated, recorded
+from tiers import ALWAYS, FACTOR, LIMIT, campaign_cases, function_of, long_functions, missing_and_outdated, recorded
 
 TESTS = Path(__file__).parent
 
@@ -22,6 +22,10 @@ def functions() -> set[str]:
 
 def test_what_always_runs_exists_and_is_long() -> None:
     assert {function_of(n) for n in ALWAYS} <= functions() & long_functions()
+
+
+def test_what_is_left_to_the_campaign_exists() -> None:
+    assert {function_of(n) for n in campaign_cases()} <= functions()
 
 
 def test_quick_functions_stand_in_every_folder() -> None:

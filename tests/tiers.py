@@ -3,7 +3,7 @@
 A test function is quick if all its cases together take less than `LIMIT` CPU seconds, fixtures included: whoever changes the
 program runs all that is quick. `long_tests.txt` lists the other functions. A test that shares a fixture of its file with a
 long one is not quick either: it would wait for the same solver. `ALWAYS` are long tests that run all the same, so that every
-part of the program is called.
+part of the program is called. `campaign_cases.txt` lists cases that only the campaign runs.
 
     python tests/tiers.py junit.xml            # the longest functions, and those missing from the list
     python tests/tiers.py junit.xml --write    # writes the list, from a run of all ordinary tests
@@ -26,6 +26,8 @@ LIMIT = 0.3
 FACTOR = 3.0
 """A listed function stays listed, and another stays off the list, within this factor: times vary."""
 LIST = Path(__file__).with_name("long_tests.txt")
+CAMPAIGN = Path(__file__).with_name("campaign_cases.txt")
+"""Cases that only the campaign runs, and what stays for them in the ordinary run."""
 
 ALWAYS = (
     "tests/examples/test_models.py::test_a_solver_agrees_with_a_reference_engine[four_bar]",
@@ -43,6 +45,20 @@ def long_functions() -> set[str]:
 def function_of(nodeid: str) -> str:
     """The name of a test without its case."""
     return nodeid.partition("[")[0]
+
+
+def campaign_cases() -> set[str]:
+    """Names of tests with their cases."""
+    lines = CAMPAIGN.read_text(encoding="utf-8").splitlines()
+    return {line for line in lines if line and not line.startswith("#")}
+
+
+def mark_campaign(items: Iterable[pytest.Item]) -> None:
+    """Gives the cases of the list the marker ``campaign``."""
+    listed = campaign_cases()
+    for item in items:
+        if item.nodeid in listed:
+            item.add_marker("campaign")
 
 
 def mark_quick(items: Iterable[pytest.Item]) -> None:
