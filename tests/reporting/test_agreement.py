@@ -1,6 +1,8 @@
 """Two reports of a model: what is computed is the same in both, and what differs is found and named."""
 
+import contextlib
 import copy
+import io
 import json
 import re
 import shutil
@@ -20,12 +22,25 @@ TIMES = re.compile("seconds of|peak, ")
 
 
 @pytest.fixture(scope="module")
-def twice(tmp_path_factory):
-    """Folders of two reports of the slider-crank."""
-    folders = [tmp_path_factory.mktemp(name) / "report" for name in ("first", "second")]
-    for folder in folders:
-        report(EXAMPLES / "slider_crank.yaml", folder, request=QUICK)
-    return folders
+def command(tmp_path_factory):
+    """Folders of two reports of the slider-crank, the second by the command in the place of a changed copy of the first; and
+    the exit code of the command, and what it said.
+    """
+    first, second = (tmp_path_factory.mktemp(name) / "report" for name in ("first", "second"))
+    report(EXAMPLES / "slider_crank.yaml", first, request=QUICK)
+    shutil.copytree(first, second)
+    data = json.loads((second / "report.json").read_text())
+    data["generated"]["kinds"] += 1
+    (second / "report.json").write_text(json.dumps(data))
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as said:
+        patch.setattr("codegen.reporting.Request", lambda end: QUICK)
+        code = main(["report", str(EXAMPLES / "slider_crank.yaml"), "-o", str(second), "--compare", str(second)])
+    return (first, second), code, said.getvalue()
+
+
+@pytest.fixture
+def twice(command):
+    return command[0]
 
 
 @pytest.fixture
@@ -165,13 +180,8 @@ def test_what_is_no_report_is_refused_before_the_work(tmp_path, capsys):
         read_gallery(tmp_path)
 
 
-def test_the_command_tells_what_differs(twice, tmp_path, monkeypatch, capsys):
+def test_the_command_tells_what_differs(command):
     """Also where the new report takes the place of the old one."""
-    monkeypatch.setattr("codegen.reporting.Request", lambda end: QUICK)
-    folder = tmp_path / "report"
-    shutil.copytree(twice[1], folder)
-    data = json.loads((folder / "report.json").read_text())
-    data["generated"]["kinds"] += 1
-    (folder / "report.json").write_text(json.dumps(data))
-    assert main(["report", str(EXAMPLES / "slider_crank.yaml"), "-o", str(folder), "--compare", str(folder)]) == 4
-    assert re.search(r"slider_crank: generated\.kinds is \d+, and \d+", capsys.readouterr().out)
+    _, code, said = command
+    assert code == 4
+    assert re.search(r"slider_crank: generated\.kinds is \d+, and \d+", said)
