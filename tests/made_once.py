@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import codegen
+
+
+def made(model: codegen.Model | str, folder: Path, **options: Any) -> codegen.Solver:
+    """The solver of a model or its text, generated with options of `codegen.generate`."""
+    codegen.generate(codegen.parse_model(model) if isinstance(model, str) else model, folder, **options)
+    return codegen.load(folder)
 
 
 def solvers(
@@ -20,9 +27,7 @@ def solvers(
         key = (model if isinstance(model, str) else id(model), target)
         if key not in known:
             folder = tmp_path_factory.mktemp("once") / "package"
-            read = codegen.parse_model(model) if isinstance(model, str) else model
-            codegen.generate(read, folder, target=target, functions=functions)
-            known[key] = codegen.load(folder), model  # which keeps its id
+            known[key] = made(model, folder, target=target, functions=functions), model  # which keeps its id
         return known[key][0]
 
     return make

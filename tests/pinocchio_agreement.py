@@ -1,31 +1,14 @@
 """How far an imported robot is from Pinocchio's own reading of the same file."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 import codegen
+from codegen.measure.pinocchio_models import State
 
 
-class Sides(NamedTuple):
-    """A state on both sides.
-
-    Attributes
-    ----------
-    theirs, ours : (q, u)
-    order : (nu,)
-        Where each of Pinocchio's speeds stands in ours.
-    rates : (nq, nv)
-        How our coordinates change along Pinocchio's speeds.
-    """
-
-    theirs: tuple[np.ndarray, np.ndarray]
-    ours: tuple[np.ndarray, np.ndarray]
-    order: np.ndarray
-    rates: np.ndarray
-
-
-def states(theirs: Any, imported: codegen.Imported, solver: Any, seed: int) -> Sides:
+def states(theirs: Any, imported: codegen.Imported, solver: Any, seed: int) -> State:
     """A random state; coordinates are matched by the names of joints, the base is the only free joint without one."""
     import pinocchio as pin
 
@@ -52,7 +35,7 @@ def states(theirs: Any, imported: codegen.Imported, solver: Any, seed: int) -> S
         q[i : i + joint.nq] = (np.cos(angle), np.sin(angle)) if joint.nq == 2 else angle
         here_q[place], order[v], rates[place, v] = angle, solver.speed_names.index(body), 1.0
     here_u[order] = u
-    return Sides((q, u), (here_q, here_u), order, rates)
+    return State((q, u), (here_q, here_u), order, rates)
 
 
 def errors(

@@ -139,3 +139,25 @@ def prescribed(model: Model, motion: dict[str, Expression]) -> Model:
         for i, (n, unit) in enumerate(units.items())
     )
     return dataclasses.replace(found, outputs=(*outputs, *driving))
+
+
+def driven_crank(turn: str, speed: float, *, inputs: str = "", bodies: str = "", forces: str = "") -> str:
+    """A slider-crank whose crank turns as an expression of its parameter `w` says, perhaps with more entries."""
+    return f"""
+model: driven_crank
+parameters: {{r: 0.05, rod: 0.17, w: {speed}}}
+inputs: [{inputs}]
+bodies:
+  crank: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1, com: [0, 0, r/3],
+    inertia: {{xx: 0.01, yy: 0.01, zz: 0.01}}}}
+  rod: {{parent: crank, joint: {{type: revolute, axis: y, at: [0, 0, r]}}, mass: 0.5, com: [0, 0, rod/2],
+    inertia: {{xx: 0.001, yy: 0.001, zz: 1e-4}}}}
+  piston: {{parent: ground, joint: {{type: prismatic, axis: z}}, mass: 0.4}}
+{bodies}
+loops:
+  pin: {{joint: {{type: revolute, axis: y}}, from: {{body: rod, at: [0, 0, rod]}}, to: piston}}
+motion: {{crank: "{turn}"}}
+forces: {{{forces}}}
+initial: {{q: {{piston: rod + r}}}}
+outputs: {{x: {{value: q.piston}}, torque: {{driving_force: crank}}}}
+"""

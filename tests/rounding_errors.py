@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import made_once
 import mpmath
 import numpy as np
 from random_mechanisms import Discarded, random_mechanism
@@ -71,16 +73,14 @@ def judged(case: str, solver: codegen.Solver, model: Model, state: Any, seeds: d
     ]
 
 
-def made(model: Model, folder: Path, target: str = "c") -> codegen.Solver:
-    codegen.generate(model, folder, target=target, functions=FUNCTIONS)
-    return codegen.load(folder)
+made = partial(made_once.made, functions=FUNCTIONS)
 
 
 def of_trees(seed: int, folder: Path, target: str = "c") -> Iterator[Judged]:
     """A random tree at a random state, spinning fast, at angles of 1e6 rad, and with all angles zero."""
     rng = np.random.default_rng(seed)
     model = random_tree(rng, int(rng.integers(2, 9)), ALL)
-    solver, (q, u, p, inputs, t) = made(model, folder, target), random_state(rng, model)
+    solver, (q, u, p, inputs, t) = made(model, folder, target=target), random_state(rng, model)
     seeds, turning = random_seeds(rng, model, 3), np.array(model.coordinate_units) == "rad"
     yield from judged("tree", solver, model, (q, u, p, inputs, t), seeds)
     yield from judged("tree, spinning", solver, model, (q, 1e4 * u, p, inputs, t), seeds)
@@ -100,7 +100,7 @@ def of_mechanisms(seed: int, folder: Path, target: str = "c") -> Iterator[Judged
     except PartitionError:
         return
     seeds = consistent(model, state, random_seeds(rng, model, 3))
-    solver = made(model, folder, target)
+    solver = made(model, folder, target=target)
     yield from judged("mechanism", solver, model, state, seeds)
     for q, u in near_the_limit(solver, state, rng):
         yield from judged("mechanism near rank loss", solver, model, [q, u, *state[2:]], seeds)
@@ -185,7 +185,7 @@ def of_chains(seed: int, folder: Path, target: str = "c") -> Iterator[Judged]:
     rng, masses = np.random.default_rng(seed), list(MASSES)[seed % len(MASSES)]
     n = int(rng.integers(4, 25))
     model = chain(n, MASSES[masses](n, rng), planar=bool(seed % 3), seed=seed)
-    solver, u = made(model, folder, target), rng.uniform(-1, 1, n)
+    solver, u = made(model, folder, target=target), rng.uniform(-1, 1, n)
     seeds = random_seeds(rng, model, 3)
     folded = np.where(np.arange(n) % 2, np.pi, 0.0) + 1e-4 * rng.normal(size=n)
     poses = {

@@ -7,6 +7,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from made_once import made
 
 import codegen
 from codegen.mechanics.structure.system import LONG
@@ -23,18 +24,13 @@ MATRICES = ("q", "u", "p", "inputs", "t")
 BY_COLUMNS = ("jacobians", "mass_matrix", "inverse_mass_matrix")
 
 
-def made(model: codegen.Model, folder: Path, functions: tuple[str, ...] | None = None) -> codegen.Solver:
-    codegen.generate(model, folder / model.name, check=False, functions=functions)
-    return codegen.load(folder / model.name)
-
-
 @pytest.mark.parametrize("seed", [3, 8, 21])
 def test_random_trees_agree_with_the_dense_method(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     model = random_tree(rng, 6 + seed % 5, joints=EVERY)
     if seed % 2:
         model = with_rotors(np.random.default_rng(seed), model)
-    solver, engine = made(model, tmp_path, BY_COLUMNS), DenseEngine(model)
+    solver, engine = made(model, tmp_path / "package", functions=BY_COLUMNS), DenseEngine(model)
     for _ in range(3):
         state = random_state(rng, model)
         J, exact = solver.jacobians(*state), engine.jacobians(*state)
@@ -56,7 +52,7 @@ def chain(n: int) -> codegen.Model:
 
 @pytest.fixture(scope="module")
 def long_chain(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
-    return made(chain(40), tmp_path_factory.mktemp("long"))
+    return made(chain(40), tmp_path_factory.mktemp("long") / "package")
 
 
 def test_more_columns_than_there_is_room_for(long_chain: codegen.Solver) -> None:
@@ -95,7 +91,7 @@ def test_the_inverse_where_force_elements_act_is_that_of_the_tree(tmp_path: Path
         "  spring: {type: spring, from: {body: c, at: [0, 0.1, 0]}, to: {body: ground, at: [1, 0, 0]}, stiffness: 3}"
     )
     model = parse_model(COUPLED.rstrip() + "\n" + spring + "\n")
-    solver, engine = made(model, tmp_path), DenseEngine(model)
+    solver, engine = made(model, tmp_path / "package"), DenseEngine(model)
     q = [0.3, -0.7, 0.2]
     solved = np.stack([engine.solve_mass(q, b) for b in np.eye(3)], axis=1)
     assert relative_error(solver.inverse_mass_matrix(q), solved) < ACCURACY
@@ -142,8 +138,8 @@ bodies:
 def test_what_legs_have_nothing_to_do_with_is_zero(tmp_path: Path) -> None:
     """Blocks of four rows and columns of which links know all, some and no rows, and a last one that is not whole."""
     model = parse_model(LEGS)
-    solver, engine = made(model, tmp_path, BY_COLUMNS), DenseEngine(model)
-    assert "take_blocks(" in (tmp_path / "legs" / "legs.c").read_text()
+    solver, engine = made(model, tmp_path / "package", functions=BY_COLUMNS), DenseEngine(model)
+    assert "take_blocks(" in (tmp_path / "package" / "legs.c").read_text()
     q = np.array([0.1, -0.2, 0.3, 0.8, 0.1, -0.5, 0.3, 0.3, -0.7, 0.2, 0.5, 0.4, -0.1, 0.9, 0.6, 0.15])
     q[3:7] /= np.linalg.norm(q[3:7])
     inverse = solver.inverse_mass_matrix(q)  # leaves its rows behind
@@ -177,7 +173,7 @@ bodies:
 def test_gravity_that_depends_on_parameters(n: int, tmp_path: Path) -> None:
     """Of short chains it is in the remainders, of long ones in the explicit part of the accelerations."""
     model = parse_model(LEANING.format(n=n))
-    solver = made(model, tmp_path)
+    solver = made(model, tmp_path / "package")
     k = np.arange(1, model.nq + 1)
     state = (0.3 * np.sin(k), 0.2 * np.cos(k), [9.7, 0.2, 0.8])
     J, exact = solver.jacobians(*state), solver.in_precision(40, model).jacobians(*state)
@@ -204,7 +200,7 @@ forces:
 def test_a_force_with_more_arguments_than_directions(tmp_path: Path) -> None:
     """Columns are taken one after the other then."""
     model = parse_model(MANY)
-    solver, engine = made(model, tmp_path), DenseEngine(model)
+    solver, engine = made(model, tmp_path / "package"), DenseEngine(model)
     state = ([0.3, -0.7, 0.2, 0.5], [1.0, 0.4, -0.8, 0.6], [], [1.2, 0.7, -0.3, 0.4])
     J, exact = solver.jacobians(*state), engine.jacobians(*state)
     for name in MATRICES:
@@ -230,7 +226,7 @@ forces:
 
 def test_joint_forces_that_depend_on_everything(tmp_path: Path) -> None:
     model = parse_model(COUPLED)
-    solver, engine = made(model, tmp_path), DenseEngine(model)
+    solver, engine = made(model, tmp_path / "package"), DenseEngine(model)
     state = ([0.3, -0.7, 0.2], [1.0, 0.4, -0.8], [0.3], [1.2, 0.7], 0.6)
     J, exact = solver.jacobians(*state), engine.jacobians(*state)
     for name in MATRICES:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
+import made_once
 import numpy as np
 import pytest
 from comparison import compare, error
+from prescribed_models import driven_crank
 from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, make_interp_spline
 
 import codegen
@@ -31,31 +34,13 @@ outputs:
   v: {velocity: trolley, axis: x}
   force: {driving_force: trolley}
 """
-CRANK = """
-model: input_crank
-parameters: {r: 0.05, rod: 0.17, w: 7}
-inputs: [turn]
-bodies:
-  crank: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, r/3], inertia: {xx: 0.01, yy: 0.01, zz: 0.01}}
-  rod: {parent: crank, joint: {type: revolute, axis: y, at: [0, 0, r]}, mass: 0.5, com: [0, 0, rod/2],
-    inertia: {xx: 0.001, yy: 0.001, zz: 1e-4}}
-  piston: {parent: ground, joint: {type: prismatic, axis: z}, mass: 0.4}
-LOAD
-loops:
-  pin: {joint: {type: revolute, axis: y}, from: {body: rod, at: [0, 0, rod]}, to: piston}
-motion: {crank: "TURN"}
-initial: {q: {piston: rod + r}}
-outputs: {x: {value: q.piston}, torque: {driving_force: crank}}
-"""
 LOAD = """
   load: {parent: rod, joint: {type: revolute, axis: y, at: [0, 0, rod/2]}, mass: 0.2, com: [0, 0, -0.1], inertia: {yy: 1e-3}}
 """
 TIMES = np.linspace(0.0, 2.0, 9)
 
 
-def made(text: str, folder: Path) -> codegen.Solver:
-    codegen.generate(parse_model(text), folder, compile="all")
-    return codegen.load(folder)
+made = partial(made_once.made, compile="all")
 
 
 @pytest.fixture(scope="module")
@@ -170,11 +155,8 @@ def test_derivatives_by_values_of_the_spline_forward_and_adjoint(trolley) -> Non
 
 @pytest.mark.parametrize("load", ["", LOAD], ids=["wholly driven", "with a freedom"])
 def test_a_loop_that_is_driven_by_an_input(tmp_path: Path, load: str) -> None:
-    text = CRANK.replace("LOAD\n", load + "\n" if load else "")
-    by_input = made(text.replace("TURN", "turn + w*t"), tmp_path / "turn")
-    written = made(
-        text.replace("TURN", "0.3 + 0.5*t**2 - 0.2*t**3 + w*t").replace("inputs: [turn]\n", ""), tmp_path / "out"
-    )
+    by_input = made(driven_crank("turn + w*t", 7, inputs="turn", bodies=load), tmp_path / "turn")
+    written = made(driven_crank("0.3 + 0.5*t**2 - 0.2*t**3 + w*t", 7, bodies=load), tmp_path / "out")
     t = np.array([0.0, 0.3, 0.7, 1.0, 2.0])
     turn = (t, 0.3 + 0.5 * t**2 - 0.2 * t**3, "cubic")
     tight = {"rtol": 1e-12, "atol": 1e-12}

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from pathlib import Path
 
+import made_once
 import numpy as np
 import pytest
 from comparison import error, function_errors, transposes, worst
@@ -21,9 +23,7 @@ from codegen.reference import DenseEngine, RecursiveEngine
 P, T = [0.9, 1.7, 0.4], 0.6
 
 
-def made(model, folder: Path, **options) -> codegen.Solver:
-    codegen.generate(model, folder, target="numpy", **options)
-    return codegen.load(folder)
+made = partial(made_once.made, target="numpy")
 
 
 @pytest.mark.parametrize(("frame", "load"), [("ground", False), ("ground", True), ("cart", True)])

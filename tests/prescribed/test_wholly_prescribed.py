@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from comparison import error
+from prescribed_models import driven_crank
 
 import codegen
 from codegen.cli import main
@@ -116,30 +118,14 @@ def test_a_model_without_speeds_parameters_inputs_and_outputs(tmp_path: Path) ->
     assert codegen.load(tmp_path / "bare").simulate(1.0).outputs.shape[1] == 0
 
 
-CRANK = """
-model: driven_crank
-parameters: {r: 0.05, rod: 0.17, w: 60}
-bodies:
-  crank: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, r/3], inertia: {xx: 0.01, yy: 0.01, zz: 0.01}}
-  rod: {parent: crank, joint: {type: revolute, axis: y, at: [0, 0, r]}, mass: 0.5, com: [0, 0, rod/2],
-    inertia: {xx: 0.001, yy: 0.001, zz: 1e-4}}
-  piston: {parent: ground, joint: {type: prismatic, axis: z}, mass: 0.4}
-BESIDE
-loops:
-  pin: {joint: {type: revolute, axis: y}, from: {body: rod, at: [0, 0, rod]}, to: piston}
-motion: {crank: w*t}
-forces:
-  gas: {type: joint, joint: piston, value: -300*(1 + q.piston)}
-initial: {q: {piston: rod + r}}
-outputs: {x: {value: q.piston}, torque: {driving_force: crank}}
-"""
+CRANK = partial(driven_crank, "w*t", 60, forces="gas: {type: joint, joint: piston, value: -300*(1 + q.piston)}")
 BESIDE = "  free: {parent: ground, joint: {type: prismatic, axis: x, at: [1, 0, 0]}, mass: 1}\n"
 
 
 @pytest.fixture(scope="module")
 def cranks(tmp_path_factory):
     found = []
-    for name, text in (("alone", CRANK.replace("BESIDE\n", "")), ("beside", CRANK.replace("BESIDE\n", BESIDE))):
+    for name, text in (("alone", CRANK()), ("beside", CRANK(bodies=BESIDE))):
         folder = tmp_path_factory.mktemp("cranks") / name
         codegen.generate(parse_model(text), folder, compile="all")
         found.append(codegen.load(folder))
@@ -162,7 +148,7 @@ def test_a_driven_loop_follows_its_branch_over_many_turns(cranks) -> None:
 
 def test_driving_torques_of_a_driven_loop_are_those_of_the_engine(cranks) -> None:
     alone, _ = cranks
-    run, engine = alone.simulate(np.linspace(0.0, 0.3, 5)), DenseEngine(parse_model(CRANK.replace("BESIDE\n", "")))
+    run, engine = alone.simulate(np.linspace(0.0, 0.3, 5)), DenseEngine(parse_model(CRANK()))
     for q, u, t, outputs in zip(run.q, run.u, run.t, run.outputs, strict=True):
         assert error(outputs[1], engine.driving_forces(q, u, t=t)[0]) < 1e-12
 
@@ -178,7 +164,7 @@ def test_the_mean_torque_of_a_driven_loop_is_that_with_a_free_body_beside_it(cra
 
 
 def test_nothing_is_said_to_be_free(tmp_path: Path) -> None:
-    report = codegen.generate(parse_model(CRANK.replace("BESIDE\n", "")), tmp_path / "crank")
+    report = codegen.generate(parse_model(CRANK()), tmp_path / "crank")
     assert "no degree of freedom; prescribed: crank" in str(report)
 
 

@@ -6,9 +6,11 @@ loops at once: nothing of the sweeps is in it.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import made_once
 import mpmath
 import numpy as np
 import pytest
@@ -30,9 +32,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 CHOSEN = ("reactions", "reaction_sensitivities")
 
 
-def made(model: Model, folder: Path, target: str = "numpy", **options: Any) -> codegen.Solver:
-    codegen.generate(model, folder, target=target, functions=CHOSEN, **options)
-    return codegen.load(folder)
+made = partial(made_once.made, target="numpy", functions=CHOSEN)
 
 
 def errors(solver: codegen.Solver, model: Model, state: tuple[Any, ...], seeds: dict[str, Any]) -> dict[str, float]:
@@ -61,7 +61,7 @@ def test_those_of_random_trees(tmp_path: Path, seed: int, target: str, layout: s
     rng = np.random.default_rng(seed)
     model = random_tree(rng, 7)
     state = tuple(random_state(rng, model))
-    solver = made(model, tmp_path / "tree", target, layout=layout)
+    solver = made(model, tmp_path / "tree", target=target, layout=layout)
     found = errors(solver, model, state, random_seeds(rng, model, 9))
     assert max(found.values()) < 1e-11, found
 
@@ -82,7 +82,7 @@ def test_those_of_random_mechanisms(tmp_path: Path, seed: int, scene: str, targe
     drawn = random_mechanism(rng, scene=scene)
     assert not isinstance(drawn, Discarded)
     model, state = drawn.model, tuple(drawn[1:])
-    solver = made(model, tmp_path / "mechanism", target)
+    solver = made(model, tmp_path / "mechanism", target=target)
     found = errors(solver, model, state, seeds_of(DenseEngine(model), state, rng))
     assert max(found.values()) < 1e-10, found
 
@@ -96,7 +96,7 @@ def test_those_of_mechanisms_with_rotors(tmp_path: Path, seed: int, scene: str, 
     drawn = random_mechanism(rng, scene=scene)
     assert not isinstance(drawn, Discarded)
     model, state = with_rotors(rng, drawn.model), tuple(drawn[1:])
-    solver = made(model, tmp_path / "mechanism", target)
+    solver = made(model, tmp_path / "mechanism", target=target)
     found = errors(solver, model, state, seeds_of(DenseEngine(model), state, rng))
     assert max(found.values()) < 1e-10, found
 
@@ -105,7 +105,7 @@ def test_those_of_trees_with_rotors(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     model = with_rotors(rng, random_tree(rng, 7))
     state = tuple(random_state(rng, model))
-    found = errors(made(model, tmp_path / "tree", "both"), model, state, random_seeds(rng, model, 9))
+    found = errors(made(model, tmp_path / "tree", target="both"), model, state, random_seeds(rng, model, 9))
     assert max(found.values()) < 1e-11, found
 
 
@@ -177,7 +177,7 @@ bodies:
 @pytest.mark.parametrize("target", ["c", "numpy"])
 def test_a_pendulum_has_its_closed_form(tmp_path: Path, target: str) -> None:
     """The hinge bears the tension ``m (L u^2 + g cos q)`` along the rod, and across it nothing but what gravity leaves."""
-    solver = made(parse_model(PENDULUM), tmp_path / "pendulum", target)
+    solver = made(parse_model(PENDULUM), tmp_path / "pendulum", target=target)
     m, L, g, q, u = 2.0, 1.5, 9.81, 0.8, 1.3
     joints, loops, djoints, dloops = solver.reaction_sensitivities(
         [q], [u], dp=np.vstack([np.eye(2), np.zeros((2, 2))]), dq=[[0], [0], [1], [0]], du=[[0], [0], [0], [1]]
@@ -283,7 +283,7 @@ def test_a_parameter_that_opens_a_redundant_condition_is_told(tmp_path: Path) ->
 
 def test_states_and_directions_of_a_batch(tmp_path: Path) -> None:
     model = load_model(EXAMPLES / "four_bar.yaml")
-    solver = made(model, tmp_path / "bars", "both")
+    solver = made(model, tmp_path / "bars", target="both")
     q, u = solver.initial
     states = [solver.assemble([angle, *q[1:]], u) for angle in (q[0], q[0] + 0.1, q[0] + 0.2)]
     Q, U = (np.array(x) for x in zip(*states, strict=True))
