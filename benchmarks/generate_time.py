@@ -1,11 +1,12 @@
 """What generating a solver takes, each run in a process of its own with an empty cache.
 
     python benchmarks/generate_time.py [arm CHAIN12 LADDER1000 HOOKE100 humanoid UR5 path/to/model.yaml ...] [--runs 5]
-                                       [--layout auto] [--stages] [--all] [--robots FOLDER]
+                                       [--layout auto] [--stages] [--all] [--robots FOLDER] [--before CHECKOUT]
 
 The wall time, and the CPU time with that of compilers, of ``generate FILE --no-check`` from start to exit: the interpreter's own
 start, imports included, is in the time; Python's byte code is not written anew. Accelerations and sensitivities are compiled, as
-`generate` does. With ``--stages``, and for `humanoid` and robots, the process says by itself what its CPU time went into: start,
+`generate` does. With ``--before`` another checkout takes turns with this one: the least CPU times of both are shown with their
+ratio. With ``--stages``, and for `humanoid` and robots, the process says by itself what its CPU time went into: start,
 reading, generating, compiling (``--all``: everything); the wall time by stage; and memory. Least times count there.
 
 Names in capitals are chains and ladders of a size; `humanoid` is a random tree of 30 bodies that are all different, with dense
@@ -45,6 +46,7 @@ CLAIMS = {"arm": 2.5, "CHAIN12": 1.5, "CHAIN100": 1.5, "CHAIN1000": 1.5, "HOOKE1
 ROBOTS = ("UR5", "Panda", "Solo12", "ANYmal", "G1", "Talos")
 HEAD = ("model", "wall s, median", "least", "most", "CPU s, median", "claim")
 PARTS = ("start", "read", "generate", "compile")
+HEAD_COMPARED = ("model", "CPU s before, least", "CPU s, least", "ratio")
 HEAD_STAGES = ("model", "speeds", "least wall, s", *(f"{part}, CPU s" for part in PARTS), "all but start", "MB")
 
 
@@ -115,9 +117,9 @@ def stages(name: str, options: argparse.Namespace) -> dict[str, Any]:
     return figures | dict(zip(PARTS, cpu, strict=True))
 
 
-def process(command: list[str], folder: str) -> tuple[float, float, str]:
+def process(command: list[str], folder: str, checkout: Path = ROOT) -> tuple[float, float, str]:
     """Wall time, CPU time with that of its children, and output of a process with an empty cache."""
-    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(checkout), os.environ.get("PYTHONPATH", "")])
     environment = os.environ | {"XDG_CACHE_HOME": f"{folder}/cache", "PYTHONPATH": path}
     before, begin = used()[1], time.perf_counter()
     done = subprocess.run(
@@ -126,27 +128,26 @@ def process(command: list[str], folder: str) -> tuple[float, float, str]:
     return time.perf_counter() - begin, used()[1] - before, done.stdout
 
 
+def generated(name: str, options: argparse.Namespace, checkout: Path = ROOT) -> tuple[float, float]:
+    """Wall and CPU time of the command."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = str(file_of(name, Path(folder)))
+        command = ["-m", "codegen", "generate", file, "--no-check", "-o", f"{folder}/package"]
+        return process([*command, "--layout", options.layout], folder, checkout)[:2]
+
+
 def whole_runs(name: str, options: argparse.Namespace) -> list[Any]:
     """A row of wall and CPU times of the command."""
-    runs = []
-    for _ in range(options.runs):
-        with tempfile.TemporaryDirectory() as folder:
-            file = str(file_of(name, Path(folder)))
-            command = [
-                "-m",
-                "codegen",
-                "generate",
-                file,
-                "--no-check",
-                "-o",
-                f"{folder}/package",
-                "--layout",
-                options.layout,
-            ]
-            runs.append(process(command, folder)[:2])
-    wall, cpu = (sorted(x) for x in zip(*runs, strict=True))
+    wall, cpu = (sorted(x) for x in zip(*(generated(name, options) for _ in range(options.runs)), strict=True))
     figures = statistics.median(wall), wall[0], wall[-1], statistics.median(cpu)
     return [name, *(f"{x:.2f}" for x in figures), CLAIMS.get(name, "")]
+
+
+def compared_runs(name: str, options: argparse.Namespace) -> list[Any]:
+    """A row of least CPU times of another checkout and of this one, which take turns."""
+    runs = [[generated(name, options, of)[1] for of in (options.before, ROOT)] for _ in range(options.runs)]
+    before, after = (min(x) for x in zip(*runs, strict=True))
+    return [name, f"{before:.2f}", f"{after:.2f}", f"{after / before:.3f}"]
 
 
 def staged_runs(name: str, options: argparse.Namespace) -> list[Any]:
@@ -175,6 +176,7 @@ def main() -> None:
     parser.add_argument("--stages", action="store_true", help="CPU time by stage")
     parser.add_argument("--all", action="store_true", help="with --stages: compile all functions")
     parser.add_argument("--robots", type=Path, help="the folder `robots` of example-robot-data")
+    parser.add_argument("--before", type=lambda text: Path(text).resolve(), help="another checkout to compare with")
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.here:
@@ -182,6 +184,9 @@ def main() -> None:
         return
     from codegen.measure.tables import markdown
 
+    if options.before:
+        print(markdown(HEAD_COMPARED, [compared_runs(m, options) for m in options.models]))
+        return
     staged = [m for m in options.models if options.stages or m == "humanoid" or m in ROBOTS]
     if whole := [m for m in options.models if m not in staged]:
         print(markdown(HEAD, [whole_runs(m, options) for m in whole]))
