@@ -8,6 +8,7 @@ import io
 import os
 import pickle
 import shutil
+import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -109,6 +110,6 @@ def without_statements(source: Source) -> Source:
 
 def put(file: Path, content: bytes) -> None:
     """Write a file that is complete for whoever looks for it meanwhile."""
-    part = file.with_name(f"{os.getpid()}.part")
+    part = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
     part.write_bytes(content)
     part.replace(file)
