@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .expressions import Expression
+from .expressions import Expression, combine_exactly
 
 Vector = tuple[Expression, Expression, Expression]
 
@@ -33,6 +33,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
     def entry(i: int) -> Expression:
         j, k = (i + 1) % 3, (i + 2) % 3
-        return a[j] * b[k] - a[k] * b[j]
+        first, second = (combine_exactly("*", a[m].tree, b[n].tree) for m, n in ((j, k), (k, j)))
+        return Expression(combine_exactly("-", first, second))
 
     return entry(0), entry(1), entry(2)

@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from types import ModuleType
 from typing import Any, Final
 from weakref import WeakValueDictionary
@@ -394,6 +395,18 @@ def made(kind: str, *operands: Expression | Number) -> Expression:
     return Expression(
         combine(kind, *[x.tree if isinstance(x, Expression) else ("number", canonical(x)) for x in operands])
     )
+
+
+def combine_exactly(kind: str, *arguments: Tree) -> Tree:
+    """The same, but what a double would round stays as it is written: it is known to as many digits as are asked for."""
+    found = combine(kind, *arguments)
+    if found[0] != "number" or any(a[0] != "number" for a in arguments) or kind not in _EXACTLY:
+        return found
+    exact = _EXACTLY[kind](*(Fraction(a[1]) for a in arguments))
+    return found if exact == Fraction(found[1]) else _node(kind, arguments)
+
+
+_EXACTLY: Final = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 
 
 COMBINED: Final = TreeFunctions(combine)

@@ -17,7 +17,9 @@ from fractions import Fraction
 from functools import lru_cache
 
 from ..elementary import LIKE_ITS_ARGUMENT, TABLE, TreeFunctions, named, tree_of
-from .expressions import Expression, combine
+from .expressions import Expression
+from .expressions import combine as combine_numbers
+from .expressions import combine_exactly as combine
 from .grammar import AT_LEAST, CHOICE, VANISHING, ExpressionError, Tree
 from .trees import LEAVES, mapped, parts
 
@@ -298,7 +300,7 @@ class Product:
         elif kind == "/" and is_whole:
             self.times(tree[1], e).times(tree[2], combine("neg", e))
         elif kind == "**" and (is_whole or self._is_positive(tree)):
-            self.times(tree[1], combine("*", tree[2], e))
+            self.times(tree[1], combine_numbers("*", tree[2], e))
         elif tree[:2] == ("call", "sqrt"):
             self.times(tree[2], plus(e, ZERO, 0.5))
         elif tree[:2] == ("call", "abs"):

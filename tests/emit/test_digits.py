@@ -100,3 +100,17 @@ def test_numbers_of_the_package_are_doubles(tmp_path):
     assert 1e-20 < difference < 1e-13
     with pytest.raises(ValueError, match="is not the model"):
         solver.in_precision(DIGITS, "examples/four_bar.yaml")
+
+
+def test_directions_across_an_uneven_normal(tmp_path):
+    """They are made of the normal, in as many digits."""
+    model = codegen.parse_model("""
+model: plate
+gravity: [0, 0, -9.81]
+bodies:
+  plate: {parent: ground, mass: 1, com: [0.1, 0.2, 0.3], inertia: {xx: 1, yy: 1.1, zz: 1.2},
+          joint: {type: planar, normal: [0.3, 0.7, 0.1]}}
+outputs: {x: {position: {body: plate, at: [1, 2, 3]}, axis: x}}
+""")
+    rng = np.random.default_rng(0)
+    agree(model, tmp_path, random_state(rng, model), rng)
