@@ -61,7 +61,7 @@ RUN_TIME = ("files", "calls", "assembly", "state", "statics", "trajectory", "mot
 """The rooms of it, each of which may import those before it."""
 
 READS_MECHANICS = {
-    "address", "interface", "language", "memory", "notes", "rows", "runs", "sweeps", "writer", "c/columns", "c/divided",
+    "interface", "language", "notes", "rows", "runs", "sweeps", "writer", "c/columns", "c/divided",
     "c/language", "c/legend", "c/module", "c/motion", "c/prepared", "c/sweeps", "c/types", "numpy/module",
 }  # fmt: skip
 """Modules of `emit` that read what the mechanics says of memory, kinds and sweeps. All others print for any program."""

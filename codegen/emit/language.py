@@ -7,8 +7,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..mechanics.address import Addresses
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
+from ..mechanics.memory import Layout
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import SHAPES
 from ..mechanics.structure.kinds import UnitKind
@@ -17,8 +19,6 @@ from ..program.procedure import (
     Procedure,
 )
 from ..program.store import Store
-from .address import Addresses
-from .memory import Layout
 from .target import Scalar, Target, TargetError, UnwritableError
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from ...elementary import ELEMENTWISE
 from ...mechanics import procedures
+from ...mechanics.address import REGIONS
 from ...mechanics.expansion import Program
 from ...mechanics.fields import identifier
 from ...mechanics.formulas import FormulaKind
@@ -22,7 +23,6 @@ from ...program.block import Block
 from ...program.digits import text_of
 from ...program.procedure import Procedure, routines
 from ...program.store import Store
-from ..address import REGIONS
 from ..function import in_lines
 from ..language import Located, Place
 from ..repetition import Repeated, repeated

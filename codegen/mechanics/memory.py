@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..mechanics.expansion import Program
-from ..mechanics.stores import (
+from .expansion import Program
+from .stores import (
     COLUMN,
     COUPLING_BLOCK,
     EAR_RECORD,
@@ -15,8 +15,8 @@ from ..mechanics.stores import (
     REGION_RECORD,
     UP,
 )
-from ..mechanics.structure.kinds import EarKind
-from ..mechanics.structure.system import System
+from .structure.kinds import EarKind
+from .structure.system import System
 
 
 class Layout:

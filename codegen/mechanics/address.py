@@ -12,8 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..mechanics.expansion import Program
-from ..mechanics.stores import (
+from ..model.model import GROUND, closure_row_names
+from ..program.store import Owner, Store
+from .expansion import Program
+from .memory import IndexTable, Layout
+from .stores import (
     BASE_LINK,
     COEFFICIENTS,
     COEFFICIENTS_LANE,
@@ -55,14 +58,11 @@ from ..mechanics.stores import (
     WRENCH,
     WRENCH_LANE,
 )
-from ..mechanics.structure.element_kinds import ElementKind
-from ..mechanics.structure.folded import Folded
-from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
-from ..mechanics.structure.owners import owner_links
-from ..mechanics.sweeps import SWEEP
-from ..model.model import GROUND, closure_row_names
-from ..program.store import Owner, Store
-from .memory import IndexTable, Layout
+from .structure.element_kinds import ElementKind
+from .structure.folded import Folded
+from .structure.kinds import EarKind, RegionKind, UnitKind
+from .structure.owners import owner_links
+from .sweeps import SWEEP
 
 REGIONS = {
     RECORD: "records", SLOT: "slots", LANE: "lanes", EAR_RECORD: "ears", REGION_RECORD: "regions",
