@@ -44,6 +44,11 @@ PLAIN = {
 }  # fmt: skip
 """Types of `Solver` that a stub writes out."""
 
+STANDARD = {
+    "collections.abc": {"Callable", "Sequence"}, "pathlib": {"Path"}, "typing": {"Any", "Literal", "TypedDict"},
+}  # fmt: skip
+"""What types in a stub may come from."""
+
 CALLS = {
     "jacobians": ("jacobians",), "judge": ("outputs",), "initial_sensitivities": ("completion_sensitivities",),
     "frames": ("frames",), "points": ("frames",), "frame_sensitivities": ("frame_sensitivities",),
@@ -69,12 +74,14 @@ def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
     kinds = {kind: manifest[names] for kind, names in ENTRIES.items() if manifest[names]}
     there = [m for m in _methods(tuple(sections_of(manifest))) if m.name not in manifest.get("left_out", ())]
     there = [m for m in there if all(_is_there(manifest, f) for f in m.calls)]
-    types: set[str] = {"Literal", *(["TypedDict"] if kinds else [])}
+    types: set[str] = {"Literal", "Path", *(["TypedDict"] if kinds else [])}
     there.sort(key=lambda m: not m.definition.decorator_list)  # properties first
     members = [_lines(m, manifest, kinds, types) for m in there]
     used = set(re.findall(r"\w+", " ".join(types)))
     return {
-        "typing": sorted(used & {"Any", "Literal", "TypedDict"}), "abc": sorted(used & {"Callable", "Sequence"}),
+        "standard": [
+            f"from {module} import {', '.join(sorted(used & names))}" for module, names in STANDARD.items() if used & names
+        ],
         "names": {kind: manifest[names] for kind, names in NAMES.values() if kind in used},
         "entries": {kind: names for kind, names in kinds.items() if kind in used},
         "scalar": np.dtype(manifest.get("scalar", "float64")).name,
