@@ -188,6 +188,16 @@ def test_results_over_arguments_and_seeds(both):
     assert np.isnan(bad[0]) and np.array_equal(bad[1:], u[1:])  # an error leaves arguments as they are
 
 
+def test_what_has_no_entries_by_name_is_no_mapping(both):
+    fast, _ = both
+    q, u, *_ = states(fast, np.random.default_rng(2), None)
+    du = np.ones((1, fast.nu), u.dtype)
+    fast.sensitivities(q, u, du=du)  # opens what the first call leaves to the general path
+    for mapping in ({}, {"t": 1.0}):
+        with pytest.raises(ValueError, match="dt is a mapping, expected numbers"):
+            fast.sensitivities(q, u, du=du, dt=mapping)
+
+
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_calls_keep_no_memory(both):
     fast, _ = both

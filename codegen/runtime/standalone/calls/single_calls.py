@@ -83,8 +83,8 @@ class Calls(dict[Any, Call]):
 
         def taken(name: str, of: str, needed: int, rest: int = 0) -> tuple[int, int, int, dict[str, int] | None, int]:
             """What the C reads of an argument: its slot, size, whether it is needed, places of names, and defaults."""
-            names = None if name in ("q", "u") else {n: i for i, n in enumerate(target.names.get(of, ()))}
-            return SLOT[name], math.prod(target.shapes[of]), needed, names, rest
+            names = {} if name in ("q", "u") else {n: i for i, n in enumerate(target.names.get(of, ()))}
+            return SLOT[name], math.prod(target.shapes[of]), needed, names or None, rest
 
         takes = [
             (0, 0, 0, None, 0) if n == "t"
