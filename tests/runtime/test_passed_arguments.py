@@ -198,6 +198,31 @@ def test_what_has_no_entries_by_name_is_no_mapping(both):
             fast.sensitivities(q, u, du=du, dt=mapping)
 
 
+def test_times_that_are_too_large_for_the_scalar(both):
+    fast, _ = both
+    q, u, *_ = states(fast, np.random.default_rng(2), None)
+    largest = float(np.finfo(q.dtype).max)
+    for solver in both:
+        for t in (2.0 * largest, -2.0 * largest, np.nan):
+            for lead in (1, np.ones((3, 1), q.dtype)):
+                with pytest.raises(ValueError, match=r"t is -?(inf|nan), expected finite numbers"):
+                    solver.accelerations(lead * q, u, t=t)
+
+
+def test_quaternions_at_the_shortest_length_give_a_result_or_an_error(both):
+    fast, general = both
+    q, u, *_ = states(fast, np.random.default_rng(2), None)
+    rng = np.random.default_rng(7)
+    for i in fast._arguments.quaternions:
+        for _ in range(300):  # rounding decides, and differs between Python and the C
+            x = rng.normal(size=4)
+            q[i : i + 4] = 1e-6 * x / np.linalg.norm(x)
+            found = [outcome(solver, "accelerations", (q, u), {}) for solver in (fast, general)]
+            assert all("quaternion" in x for x in found if isinstance(x, str))
+            if not any(isinstance(x, str) for x in found):
+                check_same(*found, "short quaternion")
+
+
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_calls_keep_no_memory(both):
     fast, _ = both

@@ -41,6 +41,7 @@ class Arguments:
     dtype: Any = np.dtype(np.float64)
     kind: Callable[[Any], Any] = float
     """What numbers are in arrays, and alone."""
+    _largest = float(np.finfo(float).max)
     _is_finite = staticmethod(is_finite)
     _finite: Callable[[Any], Any] = staticmethod(np.isfinite)
 
@@ -50,7 +51,7 @@ class Arguments:
         numbers = dtype_of(manifest)
         self.defaults = {"p": np.array(manifest["parameters"], numbers), "inputs": np.zeros(shapes["inputs"], numbers)}
         if "scalar" in manifest:
-            self.dtype = numbers
+            self.dtype, self._largest = numbers, float(np.finfo(numbers).max)
         self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
 
     def take(self, given: Mapping[str, Any], left_out: LeftOut) -> tuple[dict[str, Any], Shape]:
@@ -62,7 +63,7 @@ class Arguments:
                 arrays[name] = self.defaults[name]
                 continue
             if name == "t":
-                if type(value) is float and math.isfinite(value):
+                if type(value) is float and abs(value) <= self._largest:
                     arrays[name] = value
                     continue
                 value = self.array(name, value, name)

@@ -32,8 +32,9 @@ from .functions import Function, names_of, split
 from .results import empty
 from .single_calls import SLOT, Calls
 
-FEW_LACK = -3
-"""What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
+UNFIT, FEW_LACK = -1, -3
+"""What ``NAME_calls.c`` returns where it cannot take an argument, and where it needs functions over few directions, which are a
+library of their own."""
 
 
 BESIDE = {
@@ -300,6 +301,10 @@ class CTarget:
             if status == FEW_LACK:
                 self.give_few()
                 status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
+        if status == UNFIT:  # by rounding, at the very limit: there are no results
+            raise ValueError(
+                f"{self.model}: {f.name} takes finite {self.dtype} and quaternions of at least 1e-6 in length"
+            )
         if status > 0:
             raise self.singular(status)
 
