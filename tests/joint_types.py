@@ -13,6 +13,7 @@ import pytest
 from random_models import expression, vector
 
 from codegen.model.entries import Axis, Expr
+from codegen.model.expressions import functions_for
 from codegen.model.joints import JOINTS, JointType
 from codegen.model.model import GROUND, Body, Joint, Model
 from codegen.model.motions import Ball, Displacement, Slide, Turn
@@ -138,7 +139,7 @@ def product(a: list, b: list) -> list:
 
 def numbers(joint: Joint) -> tuple[list, list]:
     """Unit axes, and factors."""
-    axes = [mpmath.matrix([mpmath.mpf(float(e.value)) for e in axis]) for axis in joint.axes]
+    axes = [mpmath.matrix([e.evaluate({}, functions_for(mpmath)) for e in axis]) for axis in joint.axes]
     return [a / mpmath.norm(a) for a in axes], [mpmath.mpf(float(e.value)) for e in joint.factors]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from codegen.loops.assembling import assembled
+from codegen.loops.assembling import GUESSES, assembled
 from codegen.loops.closure import COUPLED, Cuts, Frames, body_frames, ground_screws, shifted
 from codegen.loops.ears import Partition
 from codegen.loops.geometry import Geometry, padded
@@ -129,6 +129,8 @@ def assemble(
 ) -> Array:
     """Close all loops by moving dependent coordinates only, ear by ear, from a guess.
 
+    An ear that does not close from there is tried from other dependents, further and further off, the same each time.
+
     Parameters
     ----------
     q : (nq,) array
@@ -148,7 +150,7 @@ def assemble(
         A loop stays open; the text names it and says by how much.
     """
     geometry = Geometry(model.with_turned(partition.turned), p)
-    return assembled(geometry, partition, padded(q))[0, : geometry.nq]
+    return assembled(geometry, partition, padded(q), tries=GUESSES)[0, : geometry.nq]
 
 
 def independent_coordinates(model: Model, partition: Partition) -> tuple[int, ...]:

@@ -120,7 +120,7 @@ def test_the_run_time_is_copied_as_it_is(written):
         text = file.read_text().replace("\nfrom ....elementary import", "\nfrom ..elementary import")
         assert (written / "_runtime" / f"{name}.py").read_text() == text
     listed = json.loads((written / "model.json").read_text())["files"]
-    texts = {f"_runtime/{n}.py" for n in carried(written)} | {"_runtime/calls/direct_call.c"}
+    texts = {f"_runtime/{n}.py" for n in carried(written)} | {f"_runtime/calls/direct_call.{x}" for x in "ch"}
     assert {n for n in listed if n.startswith("_runtime/")} == texts
 
 

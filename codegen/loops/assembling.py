@@ -31,6 +31,12 @@ MANY = 100
 TRIES = 8
 """Guesses from which a ring that does not close is tried again, further and further from the given one."""
 
+GUESSES = 16
+"""The same for an ear, whose independents are kept, so that there may be no closed state near the given one."""
+
+SEED = 20070404
+"""Of these: the same guess leads to the same state."""
+
 
 def initial_configuration(model: Model) -> tuple[Array, Array]:
     """The model's initial coordinates and speeds at the default parameters: a guess where loops decide.
@@ -54,11 +60,10 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
     return q, u
 
 
-def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False) -> Array:
-    """Close all loops by moving dependent coordinates only, ear by ear, from a guess ``(1, nq + 1)``.
+def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False, tries: int = 0) -> Array:
+    """`assemble` for coordinates ``(1, nq + 1)``, from so many other dependents where the given ones do not lead to closure.
 
-    A quaternion or position of which some speeds are dependent is moved along those only: rotation and displacement in child
-    axes. With `nearly` loops may stay open by the model's tolerance where their dependents cannot close more of them.
+    With `nearly` loops may stay open by the model's tolerance where their dependents cannot close more of them.
     """
     for ear in partition.ears:
         geometry.follow(ear)
@@ -72,6 +77,8 @@ def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool =
         ring = Ring(groups, ear.loops, {int(geometry.speed_body[s]) for s in ear.dependent})
         movable = np.isin(ring.joints.speeds, ear.dependent)
         outcome = close(ring, q, movable, geometry.tolerance) if nearly else close(ring, q, movable)
+        if not outcome.closed and tries:
+            outcome, _ = _tried(ring, q, movable, np.random.default_rng(SEED), tries)
         if not outcome.closed and not (outcome.settled and outcome.residual <= NEARLY * geometry.tolerance):
             raise open_loop(ring, outcome, movable)
         q = outcome.q
@@ -236,19 +243,21 @@ def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable:
     return movable if chosen is None else np.isin(np.arange(len(speeds)), chosen)
 
 
-def _tried(ring: Ring, q: Array, movable: Array, random: np.random.Generator) -> tuple[Outcome, int]:
+def _tried(
+    ring: Ring, q: Array, movable: Array, random: np.random.Generator, tries: int = TRIES
+) -> tuple[Outcome, int]:
     """Close a ring, from other guesses too where the first does not lead to closure; and how many those were."""
     best = close(ring, q, movable)
     speeds = ring.joints.speeds[movable]
     size = np.where(ring.geometry.turning[speeds], 1.0, ring.length)
-    for i in range(TRIES):
+    for i in range(tries):
         if best.closed or not len(speeds):
             return best, i
-        step = 3.0 * (i + 1) / TRIES * random.uniform(-1, 1, (1, len(speeds))) * size
+        step = 3.0 * (i + 1) / tries * random.uniform(-1, 1, (1, len(speeds))) * size
         again = close(ring, advance(ring.geometry, q, speeds, step), movable)
         if again.residual < best.residual:
             best = again
-    return best, TRIES
+    return best, tries
 
 
 def _with_neighbours(

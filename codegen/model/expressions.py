@@ -130,17 +130,16 @@ class Expression:
 
     @property
     def value(self) -> Number:
-        """The number, if `is_number`.
+        """The number, if `is_number`, or what numbers that are left as they are written come to.
 
         Raises
         ------
         ValueError
             If the expression has names.
         """
-        if self.tree[0] != "number":
+        if self.names:
             raise ValueError(f"{self} is no number; evaluate it with values for {', '.join(sorted(self.names))}")
-        number: Number = self.tree[1]
-        return number
+        return canonical(self.tree[1] if self.is_number else self.evaluate({}))
 
     def evaluate(self, values: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]] | None = None) -> Any:
         """Value of the expression in any arithmetic.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from ..arrays import Shape
 from .functions import Function
@@ -21,7 +22,7 @@ class Room:
 
     def __init__(self, package: Package):
         self.package = package
-        self.name, self.folder, self._manifest = package.name, package.folder, package._manifest
+        self.name, self.folder = package.name, package.folder
         self.nq, self.nu, self.np = package.nq, package.nu, package.np
         self.ninputs, self.noutputs = package.ninputs, package.noutputs
         self.coordinate_names, self.speed_names = package.coordinate_names, package.speed_names
@@ -32,6 +33,10 @@ class Room:
         self._shapes, self._arguments = package._shapes, package._arguments
         self._call, self._find, self._open = package._call, package._find, package._open
         self._in_c, self._why_not, self._left_out = package._in_c, package._why_not, package._left_out
+
+    @property
+    def _manifest(self) -> Mapping[str, Any]:
+        return self.package._manifest
 
     @property
     def _opened(self) -> Opened:
