@@ -399,13 +399,20 @@ def made(kind: str, *operands: Expression | Number) -> Expression:
 def combine_exactly(kind: str, *arguments: Tree) -> Tree:
     """The same, but what a double would round stays as it is written: it is known to as many digits as are asked for."""
     found = combine(kind, *arguments)
-    if found[0] != "number" or any(a[0] != "number" for a in arguments) or kind not in _EXACTLY:
+    if found[0] != "number" or any(a[0] != "number" for a in arguments):
         return found
-    exact = _EXACTLY[kind](*(Fraction(a[1]) for a in arguments))
-    return found if exact == Fraction(found[1]) else _node(kind, arguments)
+    numbers = [a[1] for a in arguments]
+    if kind in _EXACTLY:
+        kept = _EXACTLY[kind](*map(Fraction, numbers)) == found[1]
+    elif kind == "**" and isinstance(numbers[1], int) and abs(numbers[1]) <= _MOST_EXACT:
+        kept = Fraction(numbers[0]) ** numbers[1] == found[1]
+    else:
+        kept = isinstance(found[1], int) or not (kind == "**" or (kind in TABLE and TABLE[kind].rounds))
+    return found if kept else _node(kind, arguments)
 
 
 _EXACTLY: Final = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
+_MOST_EXACT: Final = 64
 
 
 COMBINED: Final = TreeFunctions(combine)
