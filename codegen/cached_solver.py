@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .runtime import Solver
 
 KEPT = 20
-"""So many generated packages are kept for models that are simulated again."""
+"""Generated packages that are kept for models that are simulated again."""
 
 SOURCES = (".py", ".jinja", ".c", ".h")
 """Files of the generator that its output depends on."""

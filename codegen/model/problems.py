@@ -11,7 +11,7 @@ from .positions import Document, Path_, show_path
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000
-"""So many errors are counted, those of repetitions that are not said again included."""
+"""Errors that are counted at most, with those of repetitions that are not reported again."""
 
 
 class TooManyProblems(Exception):

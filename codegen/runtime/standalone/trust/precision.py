@@ -234,7 +234,7 @@ class ExtendedTarget(NumpyTarget):
     def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Any]:
         with decimal.localcontext(self.numbers.context):
             found = self._results(f, [self.numbers.to_decimals(x) for x in arguments])
-            with np.errstate(invalid="ignore"):  # of what is not finite, which is told later
+            with np.errstate(invalid="ignore"):  # what is not finite is reported with the results
                 found = [np.asarray(self.numbers.to_mp(x), object) for x in found]
             return [
                 np.broadcast_to(in_rows(x, alone), shape).copy()
@@ -256,7 +256,7 @@ class ExtendedArguments(Arguments):
 
     def _numbers(self, name: str, value: Any) -> Array:
         try:
-            with np.errstate(invalid="ignore"):  # of what is not finite, which is told later
+            with np.errstate(invalid="ignore"):  # what is not finite is reported with the results
                 return self.numbers.as_mpf(np.asarray(value, object))
         except (TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
