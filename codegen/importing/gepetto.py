@@ -124,10 +124,10 @@ class _Reader:
             hint = nearest(type_, JOINTS)
             self.wrong(f"joint_type {shortened(type_)}; {', '.join(JOINTS)} are allowed{hint}", "joint_type", k)
         else:
-            if joint.damping:
+            if not joint.is_passive:
                 self.robot.leave_out("<dynamics> of a joint of another type", joint.place, Effect.DIFFERS)
             joint.type, joint.axes = JOINTS[type_]
-            joint.damping, joint.armature = 0.0, ()
+            joint.laws, joint.armature = (), ()
 
     def loop(self, k: int, pair: Any, kind: str) -> None:
         if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):

@@ -51,8 +51,7 @@ def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Prob
         what = f"{_named(joint)} moves nothing: link {shortened(joint.child)} and all beyond it have neither mass nor inertia"
         if repair:
             found.append(joint.place.problem(f"{what}{FIXED}", "warning"))
-            joint.type, joint.axes, joint.damping, joint.stiffness, joint.start = "fixed", (), 0.0, 0.0, ()
-            joint.armature = ()
+            joint.type, joint.axes, joint.laws, joint.start, joint.armature = "fixed", (), (), (), ()
         else:
             found.append(joint.place.problem(f"{what}; give it mass and inertia, or --repair fixes the joint"))
     if not repair:
@@ -78,14 +77,7 @@ def check_finite(robot: Robot, bodies: Bodies) -> list[Problem]:
         inertia, frame = body.inertia, body.frame
         joint = body.joint
         numbers = [inertia.mass, *inertia.com, *inertia.matrix.ravel(), *frame.at, *frame.rotation.ravel()]
-        numbers += [
-            joint.damping,
-            joint.stiffness,
-            joint.rest,
-            joint.pitch,
-            *joint.start,
-            *(v for a in joint.axes for v in a),
-        ]
+        numbers += [joint.pitch, *joint.start, *(v for three in (*joint.laws, *joint.axes) for v in three)]
         size = np.abs(numbers).max()
         if not size < _LARGEST:
             what = f"the numbers of link {shortened(body.link.name)} and what is fixed to it are not finite together"

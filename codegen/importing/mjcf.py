@@ -29,6 +29,7 @@ from .robot import (
     Effect,
     Inertia,
     JointTerm,
+    Law,
     Link,
     Place,
     Robot,
@@ -242,10 +243,9 @@ class _Reader:
         dof, q = int(model.jnt_dofadr[k]), int(model.jnt_qposadr[k])
         end = dof + {_FREE: 6, _BALL: 3}.get(type_, 1)
         single = type_ in (_SLIDE, _HINGE)
-        if not self.disabled("DAMPER"):
-            self.damper(joint, dof, single)
-        if not self.disabled("SPRING"):
-            self.spring(joint, k, q, single)
+        damping = 0.0 if self.disabled("DAMPER") else self.damper(joint, dof, single)
+        spring = (0.0, 0.0) if self.disabled("SPRING") else self.spring(joint, k, q, single)
+        joint.laws = (Law(damping, *spring),)
         self.robot.give_armature(joint, model.dof_armature[dof:end], place)
         if np.any(model.dof_frictionloss[dof:end]) and not self.disabled("FRICTIONLOSS", "CONSTRAINT"):
             self.robot.leave_out("frictionloss of a joint", place, Effect.DIFFERS, "dry friction")
@@ -253,12 +253,12 @@ class _Reader:
             self.robot.leave_out("range of a joint", place, Effect.STOPS)
         return joint
 
-    def damper(self, joint: RobotJoint, dof: int, single: bool) -> None:
-        """The damping of a joint; by powers of the speed, a term of its own."""
+    def damper(self, joint: RobotJoint, dof: int, single: bool) -> float:
+        """The damping of a joint; 0 where it is by powers of the speed, a term of its own."""
         damping, more = float(self.model.dof_damping[dof]), _row(self.model, "dof_dampingpoly", dof)
         if not np.any(more):
-            joint.damping = damping
-        elif single:
+            return damping
+        if single:
             self.robot.terms.append(
                 JointTerm(joint.name, text := damper_law(damping, more, "u.{}"), (joint.name,) * text.count("{}"))
             )
@@ -266,24 +266,24 @@ class _Reader:
             self.robot.leave_out(
                 f"damping of a {joint.type} joint by powers of its motion", joint.place, Effect.DIFFERS
             )
+        return 0.0
 
-    def spring(self, joint: RobotJoint, k: int, q: int, single: bool) -> None:
-        """The spring of a joint; by powers of the way, a term of its own."""
+    def spring(self, joint: RobotJoint, k: int, q: int, single: bool) -> tuple[float, float]:
+        """Stiffness and rest of the spring of a joint; 0 where it is by powers of the way, a term of its own."""
         model = self.model
         stiffness, more = float(np.ravel(model.jnt_stiffness[k])[0]), _row(model, "jnt_stiffnesspoly", k)
         if not stiffness and not np.any(more):
-            return
+            return 0.0, 0.0
         if not single:
             self.robot.leave_out(f"stiffness of a {joint.type} joint", joint.place, Effect.DIFFERS)
-            return
+            return 0.0, 0.0
         rest = float(model.qpos_spring[q] - model.qpos0[q])
-        if not np.any(more):
-            joint.stiffness, joint.rest = stiffness, rest
-        else:
+        if np.any(more):
             text = spring_law(stiffness, more, terms_of([(1.0, "q.{}")], -rest))
             self.robot.terms.append(JointTerm(joint.name, text, (joint.name,) * text.count("{}")))
         if np.any(_row(model, "jnt_springyield", k)):
             self.robot.leave_out("springyield of a joint", joint.place, Effect.DIFFERS, "here the spring is elastic")
+        return (0.0, 0.0) if np.any(more) else (stiffness, rest)
 
     def inertia(self, b: int) -> Inertia:
         model = self.model

@@ -6,7 +6,7 @@ An actuator acts with the control 0, or the number of its range that is nearest 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,16 @@ class Length:
     of: tuple[str, ...]
     factors: dict[str, float]
     segments: list[tuple[str, str, float]]
+
+
+class Pull(NamedTuple):
+    """The force of an actuator on a tendon; the length has the factor ``gear``."""
+
+    name: str
+    place: Place
+    length: Length
+    text: str
+    gear: float
 
 
 def terms_of(pairs: list[tuple[float, str]], constant: float = 0.0) -> str:
@@ -122,6 +132,8 @@ class PassiveForces:
         self.limited = {joints[j]: j for j in np.flatnonzero(model.jnt_actfrclimited)}
         self.driven: dict[str, list[JointTerm]] = {joint: [] for joint in self.limited}
         """Forces of actuators on joints where their sum has a range."""
+        self.pulled: dict[int, list[Pull]] = {}
+        """Actuators of tendons where the sum of their forces has a range."""
 
     def read(self) -> None:
         """Add everything."""
@@ -129,6 +141,8 @@ class PassiveForces:
             self.tendon(t)
         for a in range(len(self.model.actuator_trntype)):
             self.actuator(a)
+        for t, pulls in self.pulled.items():
+            self.clamp_tendon(t, pulls)
         self.clamp()
         self.lift()
 
@@ -140,6 +154,24 @@ class PassiveForces:
                 text = " + ".join(term.text for term in terms).replace("+ -", "- ")
                 of = tuple(name for term in terms for name in term.of)
                 self.robot.terms.append(JointTerm(joint, f"min(max({text}, {low}), {high})", of))
+
+    def clamp_tendon(self, t: int, pulls: list[Pull]) -> None:
+        """Add the forces of the actuators of a tendon where their sum, gears left out, has a range.
+
+        MuJoCo scales each of them by the same factor, so only where all gears are alike is what remains the sum's nearest value.
+        """
+        model = self.model
+        if len({pull.gear for pull in pulls}) > 1:
+            why = "its actuators have gears that differ"
+            for pull in pulls:
+                self.robot.leave_out("actuatorfrcrange of a tendon", pull.place, Effect.DIFFERS, why)
+                self.act(pull.name, pull.length, pull.text, 1.0, driven=True)
+            return
+        low, high = (number(float(v)) for v in model.tendon_actfrcrange[t])
+        text = " + ".join(pull.text for pull in pulls).replace("+ -", "- ")
+        first = pulls[0]
+        name = first.name if len(pulls) == 1 else f"{model.tendon(t).name or f'tendon_{t}'}_actuators"
+        self.act(name, first.length, f"min(max({text}, {low}), {high})", 1.0, driven=True)
 
     def lift(self) -> None:
         """List joints whose actuators carry weight: within their range, and only where there are actuators that act."""
@@ -345,13 +377,12 @@ class PassiveForces:
         if model.actuator_forcelimited[a]:
             low, high = (number(float(v)) for v in model.actuator_forcerange[a])
             text = f"min(max({text}, {low}), {high})"
-        self.act(name or f"actuator_{a}", length, text, 1.0, driven=True)
-        if (
-            kind == int(mujoco.mjtTrn.mjTRN_TENDON)
-            and getattr(model, "tendon_actfrclimited", np.zeros(target + 1))[target]
-        ):
-            robot.leave_out("actuatorfrcrange of a tendon", place, Effect.DIFFERS)
-        elif length.segments and self.limited:
+        of_tendon = kind == int(mujoco.mjtTrn.mjTRN_TENDON)
+        if of_tendon and getattr(model, "tendon_actfrclimited", np.zeros(target + 1))[target]:
+            self.pulled.setdefault(target, []).append(Pull(name or f"actuator_{a}", place, length, text, gear))
+        else:
+            self.act(name or f"actuator_{a}", length, text, 1.0, driven=True)
+        if length.segments and self.limited:
             robot.leave_out("actuatorfrcrange of joints that a tendon pulls", place, Effect.DIFFERS)
 
     def is_off(self, a: int) -> bool:

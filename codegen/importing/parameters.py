@@ -83,20 +83,24 @@ class Parameters:
             return f"[{', '.join(sign + name if i in along else '0' for i in range(3))}]"
         return f"[{', '.join(f'{number(v / length)}*{name}' if v else '0' for v in value)}]"
 
-    def damping(self, body: str, joint: RobotJoint, words: set[str]) -> str | None:
-        """The name of a damping that is a parameter."""
+    def damping(self, body: str, joint: RobotJoint, words: set[str]) -> list[str]:
+        """The names of a damping that is a parameter, of each freedom where they differ."""
         if "damping" not in words:
-            return None
-        return self._new(f"{body}_damping", joint.damping, "N s/m" if joint.type == "prismatic" else "N m s/rad", 0.0)
+            return []
+        unit = "N s/m" if joint.type == "prismatic" else "N m s/rad"
+        return self._each(f"{body}_damping", [(law.damping, unit) for law in joint.laws])
 
     def armature(self, body: str, joint: RobotJoint, words: set[str]) -> list[str]:
         """The texts of the reflected inertia of rotors, of each coordinate or of a ball."""
         if "armature" not in words:
             return [number(a) for a in joint.armature]
-        units = JOINTS[joint.type].armature_units()
-        ends = [f"_{i + 1}" for i in range(len(units))] if len(units) > 1 else [""]
-        rows = zip(ends, joint.armature, units, strict=True)
-        return [self._new(f"{body}_armature{end}", a, unit, 0.0) for end, a, (_, unit) in rows]
+        units = [unit for _, unit in JOINTS[joint.type].armature_units()]
+        return self._each(f"{body}_armature", list(zip(joint.armature, units, strict=True)))
+
+    def _each(self, name: str, rows: list[tuple[float, str]]) -> list[str]:
+        """Parameters of numbers that are not negative, with their units; several are numbered."""
+        ends = [f"_{i + 1}" for i in range(len(rows))] if len(rows) > 1 else [""]
+        return [self._new(f"{name}{end}", value, unit, 0.0) for end, (value, unit) in zip(ends, rows, strict=True)]
 
     def _three(self, name: str, value: Three) -> str:
         return f"[{', '.join(self._new(f'{name}_{axis}', v, 'm') for axis, v in zip('xyz', value, strict=True))}]"
@@ -151,7 +155,7 @@ class Parameters:
                 child = names[children[0].link.name]
                 return f"the joint of {child!r} stands where that of {link!r} stands: a length has no direction"
             self._lengths[id(body)] = names[body.link.name]
-        if word == "damping" and not body.joint.damping:
+        if word == "damping" and not any(law.damping for law in body.joint.laws):
             return f"the joint of {link!r} has no damping in this file"
         if word == "armature" and not body.joint.armature:
             return f"the joint of {link!r} has no armature in this file"

@@ -11,12 +11,14 @@ from ..model.errors import Problem
 from ..model.joints import JOINTS
 from .naming import free_name
 from .placement import Array, Placement, Three
-from .robot import WORLD, Coupling, Effect, Inertia, Link, Place, Robot, RobotJoint, as_three
+from .robot import WORLD, Coupling, Effect, Inertia, Law, Link, Place, Robot, RobotJoint, as_three
 
 _FILE: Final = "pinocchio.Model"
 _NOTHING: Final = 1e-200
 """Below, entries are none; memory that was never written."""
 _BASE: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+_OTHER_SPEEDS: Final = ("free", "planar")
+"""Joints whose speeds Pinocchio has in another order, or along other axes."""
 
 
 class _Step(NamedTuple):
@@ -77,8 +79,7 @@ class _Reader:
             self.robot.links[link].inertia = Inertia(
                 float(inertia.mass), as_three(inertia.lever), np.array(inertia.inertia, dtype=float)
             )
-            self.strengths(i, self.robot.joints[own])
-            self.rotors(i, own_joints)
+            self.strengths(i, own_joints)
         self.frames()
         if self.problems:
             raise ModelError(self.problems)
@@ -102,38 +103,32 @@ class _Reader:
                     "", Place(_FILE), "fixed", self.links[parent], name, _placement(frame.placement)
                 )
 
-    def strengths(self, i: int, joint: RobotJoint) -> None:
-        """Damping, and what has no place here."""
-        model = self.model
-        first, count = int(model.idx_vs[i]), int(model.nvs[i])
-        damping = np.array(model.damping[first : first + count])
-        if count and np.all(damping == damping[0]):
-            joint.damping = float(damping[0])
-        elif np.any(damping):
-            self.robot.leave_out("damping that differs along the freedoms of a joint", None, Effect.DIFFERS)
-        friction = getattr(model, "upperDryFrictionLimit", getattr(model, "friction", np.zeros(0)))
-        if np.any(friction[first : first + count]):
-            self.robot.leave_out("dry friction of joints", None, Effect.DIFFERS)
-
-    def rotors(self, i: int, joints: list[RobotJoint]) -> None:
-        """Reflected inertia, as Pinocchio's own algorithms have it: `armature`, speed by speed."""
+    def strengths(self, i: int, joints: list[RobotJoint]) -> None:
+        """Damping and reflected inertia, the latter as Pinocchio's own algorithms have it: `armature`, speed by speed."""
         model = self.model
         at, end = int(model.idx_vs[i]), int(model.idx_vs[i]) + int(model.nvs[i])
-        armature = np.array(model.armature[at:end], dtype=float)
+        damping, armature = (np.array(values[at:end], dtype=float) for values in (model.damping, model.armature))
+        friction = getattr(model, "upperDryFrictionLimit", getattr(model, "friction", np.zeros(0)))
+        if np.any(friction[at:end]):
+            self.robot.leave_out("dry friction of joints", None, Effect.DIFFERS)
         reflected = np.array(model.rotorInertia[at:end]) * np.array(model.rotorGearRatio[at:end]) ** 2
         if np.any(reflected[armature == 0]):
             remark = "armature is rotorInertia*rotorGearRatio**2"
             self.robot.leave_out("rotorInertia without armature", None, Effect.NONE, remark)
         place = 0
         for joint in joints:
-            count = len(JOINTS[joint.type].speeds)
-            mine = armature[place : place + count]
-            place += count
-            if joint.type == "planar" and np.any(mine):
+            own = slice(place, place := place + len(JOINTS[joint.type].speeds))
+            if joint.type in _OTHER_SPEEDS and len(set(damping[own])) > 1:
+                self.robot.leave_out(
+                    f"damping that differs along the freedoms of a {joint.type} joint", None, Effect.DIFFERS
+                )
+            else:
+                joint.give_laws([Law(float(d)) for d in damping[own]])
+            if joint.type == "planar" and np.any(armature[own]):
                 remark = "along axes that turn with the body"
                 self.robot.leave_out("armature of a planar joint", None, Effect.DIFFERS, remark)
             else:
-                self.robot.give_armature(joint, mine.tolist())
+                self.robot.give_armature(joint, armature[own].tolist())
 
     def steps(self, joint: Any, name: str) -> list[_Step]:
         """The joints of ours that a joint is."""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -146,6 +146,14 @@ class Link:
         self.origin = back @ self.origin
 
 
+class Law(NamedTuple):
+    """A torque, or force, -stiffness (q - rest) - damping u along a freedom."""
+
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+
+
 @dataclass(slots=True)
 class RobotJoint:
     """A joint between two links; the child's frame is the joint's where its coordinates are zero.
@@ -164,8 +172,8 @@ class RobotJoint:
         One, the two of a universal joint, or none.
     pitch : float
         Of a screw, m/rad.
-    damping, stiffness, rest : float
-        A torque -stiffness (q - rest) - damping u, on every freedom.
+    laws : tuple of Law
+        One for all freedoms, or one for each, or none.
     armature : tuple of float
         Reflected inertia of rotors, kg m^2 or kg, as the model format has it: for each freedom, for a ball once; or none.
     start : tuple of float
@@ -180,11 +188,22 @@ class RobotJoint:
     frame: Placement = field(default_factory=Placement)
     axes: tuple[Three, ...] = ()
     pitch: float = 0.0
-    damping: float = 0.0
-    stiffness: float = 0.0
-    rest: float = 0.0
+    laws: tuple[Law, ...] = ()
     armature: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
+
+    @property
+    def is_passive(self) -> bool:
+        """Whether no spring and no damper acts in it."""
+        return not any(law.damping or law.stiffness for law in self.laws)
+
+    def give_laws(self, laws: Sequence[Law]) -> None:
+        """Laws of each freedom; those that are alike are one."""
+        self.laws = tuple(laws[:1] if len(set(laws)) == 1 else laws)
+
+    def law(self, k: int) -> Law:
+        """The law of a freedom."""
+        return self.laws[min(k, len(self.laws) - 1)] if self.laws else Law()
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ from typing import Final
 
 from ..model.errors import nearest
 from ..model.positions import shortened
-from .robot import WORLD, Coupling, Effect
+from .robot import WORLD, Coupling, Effect, Law
 from .sdf_frames import PartReader
 from .sdf_scopes import Item, Scope
 from .xml_reading import Element
@@ -48,7 +48,9 @@ class SdfJoint:
     parent, child : str
         Links, by their full names, or `WORLD`.
     axes : tuple of Element
-    pitch, damping, stiffness, rest, armature : float
+    pitch, armature : float
+    laws : tuple of Law
+        Of each axis.
     cut : str
         Of a joint outside of the robot's model: what names begin with there, and not in the robot.
     """
@@ -62,9 +64,7 @@ class SdfJoint:
     child: str
     axes: tuple[Element, ...] = ()
     pitch: float = 0.0
-    damping: float = 0.0
-    stiffness: float = 0.0
-    rest: float = 0.0
+    laws: tuple[Law, ...] = ()
     armature: float = 0.0
     cut: str = ""
 
@@ -108,7 +108,7 @@ class JointReader(PartReader):
         if type_ == GEARBOX:
             return SdfJoint(path + item.name, scope, item, path, GEARBOX, first, last, cut=cut)
         axes = self.axes(element, type_, what)
-        damping, stiffness, rest = self.dynamics(axes)
+        laws = tuple(map(self.law, axes))
         pitch = self.pitch(element) if type_ == "screw" else 0.0
         joint = SdfJoint(
             path + item.name,
@@ -120,9 +120,7 @@ class JointReader(PartReader):
             last,
             axes,
             pitch,
-            damping,
-            stiffness,
-            rest,
+            laws,
             self.rotor(element),
             cut,
         )
@@ -176,28 +174,19 @@ class JointReader(PartReader):
             self.reader.wrong(old, "thread_pitch is 0; a number of radians a metre is needed")
         return -1.0 / value if value else 0.0
 
-    def dynamics(self, axes: tuple[Element, ...]) -> tuple[float, float, float]:
-        """Damping, stiffness and rest position."""
-        found = []
-        for axis in axes:
-            values, element = {}, axis.first("dynamics")
-            for child in element.children if element is not None else ():
-                if child.tag in ("damping", "friction", "spring_reference", "spring_stiffness"):
-                    values[child.tag] = self.reader.content(child, 1, (0,))[0]
-                else:
-                    self.leave_out(child)
-            if values.get("friction") and element is not None:
-                where, what = place_of(element), "dry friction of joints"
-                self.reader.robot.leave_out("<friction> of <dynamics>", where, Effect.DIFFERS, what)
-            stiffness = values.get("spring_stiffness", 0.0)
-            found.append(
-                (values.get("damping", 0.0), stiffness, values.get("spring_reference", 0.0) if stiffness else 0.0)
-            )
-        if len(set(found)) > 1:
-            what = "<dynamics> that differ along the axes of a universal joint"
-            self.reader.robot.leave_out(what, place_of(axes[0]), Effect.DIFFERS)
-            return 0.0, 0.0, 0.0
-        return found[0] if found else (0.0, 0.0, 0.0)
+    def law(self, axis: Element) -> Law:
+        """The <dynamics> of an axis."""
+        values, element = {}, axis.first("dynamics")
+        for child in element.children if element is not None else ():
+            if child.tag in ("damping", "friction", "spring_reference", "spring_stiffness"):
+                values[child.tag] = self.reader.content(child, 1, (0,))[0]
+            else:
+                self.leave_out(child)
+        if values.get("friction") and element is not None:
+            where, what = place_of(element), "dry friction of joints"
+            self.reader.robot.leave_out("<friction> of <dynamics>", where, Effect.DIFFERS, what)
+        stiffness = values.get("spring_stiffness", 0.0)
+        return Law(values.get("damping", 0.0), stiffness, values.get("spring_reference", 0.0) if stiffness else 0.0)
 
     def rotor(self, element: Element) -> float:
         """The reflected inertia of a rotor, of Drake's elements."""

@@ -123,13 +123,14 @@ class TreeMaker:
         above, below = (joint.child, joint.parent) if reverse else (joint.parent, joint.child)
         at = self.frame(joint).at
         used[below] = Placement(at, poses[below].rotation, poses[below].rpy)
-        axes = [self.direction(joint, axis, used[below]) for axis in joint.axes]
+        axes, laws = [self.direction(joint, axis, used[below]) for axis in joint.axes], joint.laws
         if reverse:
-            axes = [as_three([-v for v in axis]) for axis in reversed(axes)]
+            axes, laws = [as_three([-v for v in axis]) for axis in reversed(axes)], laws[::-1]
         made = self.robot.joints[joint.name] = RobotJoint(
             joint.name, place_of(joint.element), joint.type, above, below, used[above].inverse() @ used[below],
-            tuple(as_three(np.array(a) + 0.0) for a in axes), joint.pitch, joint.damping, joint.stiffness, joint.rest,
+            tuple(as_three(np.array(a) + 0.0) for a in axes), joint.pitch,
         )  # fmt: skip
+        made.give_laws(laws)
         self.robot.give_armature(made, (joint.armature,) * len(axes), place_of(joint.element))
 
     def gear(self, gear: SdfJoint) -> Coupling:
@@ -179,7 +180,7 @@ class TreeMaker:
             what = f"joint {shortened(joint.name)}, a screw, closes a loop"
             self.reader.wrong(joint.element, f"{what}, which models cannot say; let it carry a link")
             return
-        if joint.damping or joint.stiffness:
+        if any(law.damping or law.stiffness for law in joint.laws):
             self.robot.leave_out("<dynamics> of a joint that closes a loop", place, Effect.DIFFERS)
         if joint.armature:
             self.robot.leave_out("rotor of a joint that closes a loop", place, Effect.DIFFERS)

@@ -21,6 +21,7 @@ from .robot import (
     Coupling,
     Effect,
     Inertia,
+    Law,
     Link,
     Place,
     Robot,
@@ -278,7 +279,7 @@ class _Reader(RobotReader):
             self.robot.leave_out("<limit>", limit.line, Effect.STOPS, "of position, speed and force")
         if type_ is None or type_ not in types or len(ends) < 2:
             return
-        joint = RobotJoint(name, place_of(element), types[type_], ends[0], ends[1], frame, damping=damping)
+        joint = RobotJoint(name, place_of(element), types[type_], ends[0], ends[1], frame, laws=(Law(damping),))
         joint.axes = () if axis is None else (axis,)
         if types is DRAKE_TYPES:
             joint.axes = {"universal": (_X, _Y), "planar": (_Z,), "spherical": ()}.get(joint.type, joint.axes)

@@ -210,14 +210,16 @@ class ModelWriter:
             values = []
             damping = self.parameters.damping(name, joint, body.words)
             for k, freedom in enumerate(freedoms):
-                terms = motors[k : k + 1]
-                if joint.stiffness:
+                terms, law = motors[k : k + 1], joint.law(k)
+                if law.stiffness:
                     q = f"q.{freedom}"
-                    if joint.rest:
-                        q = f"({q} {'-' if joint.rest > 0 else '+'} {angle(abs(joint.rest))})"
-                    terms.append(_times(-joint.stiffness, q))
-                if joint.damping:
-                    terms.append(f"-{damping}*u.{freedom}" if damping else _times(-joint.damping, f"u.{freedom}"))
+                    if law.rest:
+                        q = f"({q} {'-' if law.rest > 0 else '+'} {angle(abs(law.rest))})"
+                    terms.append(_times(-law.stiffness, q))
+                if damping:
+                    terms.append(f"-{damping[min(k, len(damping) - 1)]}*u.{freedom}")
+                elif law.damping:
+                    terms.append(_times(-law.damping, f"u.{freedom}"))
                 terms += further.get(link, ())
                 values.append(" + ".join(terms).replace("+ -", "- "))
             if any(values):

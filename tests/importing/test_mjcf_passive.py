@@ -74,6 +74,17 @@ CASES = {
     "a tendon along points": {"tendon": PATH.format('stiffness="30" damping="2" springlength="0.9"')},
     "a slack tendon along points": {"tendon": PATH.format('stiffness="30" springlength="0 1.2"')},
     "a tendon with a pulley": {"tendon": PULLEY.format('stiffness="30" damping="1" springlength="0.9"')},
+    "a tendon whose actuators have a range": {
+        "joint": 'actuatorfrcrange="-1 .3"', "tendon": SUM.format('actuatorfrcrange="-.3 .2"'),
+        "actuator": '<position tendon="t" kp="9" gear="2"/><velocity tendon="t" kv="3" gear="2"/><position joint="ja" kp="3"/>',
+    },
+    "a tendon along points whose actuators have a range": {
+        "tendon": PULLEY.format('actuatorfrcrange="-1 30"'),
+        "actuator": '<position tendon="t" kp="9" gear="3"/><general tendon="t" gear="3" biastype="affine" biasprm="-9 0 0"/>',
+    },
+    "a tendon whose only actuator has a range": {
+        "tendon": SUM.format('actuatorfrcrange="-.1 .1"'), "actuator": '<position name="p" tendon="t" kp="9" gear="-2"/>',
+    },
     "a servo of a tendon along points": {"tendon": PULLEY.format(""), "actuator": '<position tendon="t" kp="9" gear="3"/>'},
 }  # fmt: skip
 
@@ -113,8 +124,9 @@ SILENT = {
         "body": 'gravcomp="0.7"', "joint": 'actuatorgravcomp="true" actuatorfrcrange="-1 1"',
         "actuator": '<motor joint="jb"/>',
     },
-    "a tendon whose actuators have a range": {
-        "tendon": SUM.format('actuatorfrcrange="-.1 .1"'), "actuator": '<position tendon="t" kp="9"/>',
+    "a tendon whose actuators have a range and other gears": {
+        "tendon": SUM.format('actuatorfrcrange="-.1 .1"'),
+        "actuator": '<position tendon="t" kp="9"/><position tendon="t" kp="9" gear="2"/>',
     },
     "a range of joints along points": {
         "joint": 'actuatorfrcrange="-1 1"', "tendon": PATH.format(""), "actuator": '<position tendon="t" kp="9"/>',

@@ -164,4 +164,24 @@ def test_rotors_that_the_format_has_no_words_for_are_told():
     )
 
 
+def test_damping_is_that_of_each_speed():
+    """A translation is three slides; the speeds of a free or planar joint are others than Pinocchio's."""
+    ball, slides, free = pin.JointModelSpherical(), pin.JointModelTranslation(), pin.JointModelFreeFlyer()
+    model = chain([ball, slides, pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1]), free], np.random.default_rng(0))
+    model.damping = np.array([0.1, 0.2, 0.3, 0.4, 0.4, 0.4, 0.5, 0.0, *(0.6,) * 6])
+    found = codegen.from_pinocchio(model)
+    assert not found.differences
+    for line in (
+        "value: [-0.1*u.j0.wx, -0.2*u.j0.wy, -0.3*u.j0.wz]", "value: -0.4*u.j1_1}", "value: -0.4*u.j1_2}", "value: -0.4*u.j1}",
+        "value: [-0.5*u.j2.1, 0]", "value: [-0.6*u.j3.wx, -0.6*u.j3.wy, -0.6*u.j3.wz, -0.6*u.j3.vx, ",
+    ):  # fmt: skip
+        assert line in found.text
+    asked = codegen.from_pinocchio(model, parameterize="j2:damping").text
+    assert "value: [-j2_damping_1*u.j2.1, -j2_damping_2*u.j2.2]" in asked
+    model.damping = np.array([*model.damping[:13], 0.7])
+    assert codegen.from_pinocchio(model).differences == (
+        "damping that differs along the freedoms of a free joint: the dynamics differ",
+    )
+
+
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'

@@ -171,6 +171,36 @@ def test_all_types_of_joints(tmp_path):
     assert f"pitch: {0.01 / (2 * np.pi)!r}" in found.text and "axes: [y, x]" in found.text
 
 
+KNUCKLE = """
+model: knuckle
+gravity: [0, 0, -9.81]
+bodies:
+  arm: {parent: ground, joint: {type: universal, axes: [y, x], at: [0, 0, 1]}, mass: 1, com: [0, 0, 0.25],
+        inertia: {xx: 0.02, yy: 0.02, zz: 0.001}}
+forces:
+  arm: {type: joint, joint: arm, value: [-2*(q.arm.1 - 0.5) - 0.25*u.arm.1, -0.75*u.arm.2]}
+"""
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_springs_and_dampers_of_a_universal_joint_are_those_of_each_axis(tmp_path, backwards):
+    """Backwards, the arm is the parent: the joint is read as its inverse, whose first axis is the second one."""
+    first = f"<axis><xyz>0 1 0</xyz>{DYNAMICS}</axis>"
+    second = "<axis{}><xyz>1 0 0</xyz><dynamics><damping>0.75</damping></dynamics></axis{}>"
+    if backwards:
+        first = f"<axis2><xyz>0 -1 0</xyz>{DYNAMICS}</axis2>"
+        second = second.replace("<xyz>1", "<xyz>-1")
+    ends = ("arm", "world") if backwards else ("world", "arm")
+    axes = first + second.format(*("", "") if backwards else (2, 2))
+    at = "<pose>0 0 1 0 0 0</pose>" if backwards else ""
+    text = f'<joint name="j" type="universal"><parent>{ends[0]}</parent><child>{ends[1]}</child>{at}{axes}</joint>'
+    found = imported(tmp_path, sdf(link("arm", "0 0 1 0 0 0"), text))
+    assert not found.differences
+    q, u = np.array([0.3, -0.8]), np.array([0.5, -1.0])
+    right = accelerations(parse_model(KNUCKLE), tmp_path, q, u)
+    np.testing.assert_allclose(accelerations(found.model, tmp_path, q, u), right, rtol=1e-11)
+
+
 def test_a_world_gives_its_gravity_and_its_one_model(tmp_path):
     model = f'<model name="m">{link("a")}{joint("j", "world", "a")}</model>'
     ground = f'<model name="ground"><static>1</static>{link("plane")}</model>'
