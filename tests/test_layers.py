@@ -61,8 +61,8 @@ RUN_TIME = ("files", "calls", "assembly", "state", "statics", "trajectory", "mot
 """The rooms of it, each of which may import those before it."""
 
 READS_MECHANICS = {
-    "interface", "language", "notes", "rows", "runs", "sweeps", "writer", "c/columns", "c/divided",
-    "c/language", "c/legend", "c/module", "c/motion", "c/prepared", "c/sweeps", "c/types", "numpy/module",
+    "interface", "language", "rows", "sweeps", "writer", "c/language", "c/legend", "c/motion", "c/prepared", "c/sweeps",
+    "numpy/module",
 }  # fmt: skip
 """Modules of `emit` that read what the mechanics says of memory, kinds and sweeps. All others print for any program."""
 

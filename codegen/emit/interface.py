@@ -10,14 +10,13 @@ from typing import Any
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
-from ..mechanics.procedures import WIDTHS
 from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
 from ..model.expressions import Expression
 from ..model.kinks import nodes
 from ..model.model import Model, closure_row_names
 from ..program.operations import Operations, count
-from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
+from ..program.procedure import WIDTHS, Array, Formulas, Procedure, Single, counted, walk
 from .c.functions import batch_arrays
 from .c.libraries import FRAMES as FRAMES_LIBRARY
 from .c.libraries import libraries, library_of

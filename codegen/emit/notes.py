@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from ..mechanics.fields import identifier
-from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, NUMBER, PARAMETER, SHAPE
 from ..program.block import Block
+from ..program.field_table import identifier
 from ..program.operations import count
+from ..program.store import CONSTANT
 from .function import COMMENT
 
 
@@ -18,8 +18,8 @@ def notes(block: Block) -> list[str]:
     for word, components in (("in", list(block.loads.values())), ("out", [(s, n) for s, n, _ in block.stores])):
         by_store: dict[str, dict[str, None]] = {}
         for store, name in components:
-            names = by_store.setdefault(CALLED.get(store, store.label.replace("#", "")), {})
-            if store.memory in LAID_OUT or store.memory is CONSTANT or store.memory in KEPT.values():
+            names = by_store.setdefault(CALLED.get(store.label, store.label.replace("#", "")), {})
+            if store.memory.region or store.memory is CONSTANT:
                 names[_vector(name)] = None
         listed = (f"{store}: {', '.join(names)}" if names else store for store, names in by_store.items())
         found.append(f"{word}: {'; '.join(listed)}")
@@ -30,7 +30,7 @@ def notes(block: Block) -> list[str]:
     return [together] if len(together) <= COMMENT else found
 
 
-CALLED = {SHAPE: "c", NUMBER: "numbers", PARAMETER: "p", CE_PARAMETER: "p"}
+CALLED = {"pc": "c", "k": "numbers", "parameter": "p", "ceparameter": "p"}
 """What stores are called in lists of what is read and written, where their names say less."""
 
 

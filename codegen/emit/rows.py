@@ -7,11 +7,10 @@ from typing import Any
 
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import LAID_OUT, NUMBER, SHAPE, SUM, SUM_LANE
 from ..mechanics.structure.constants import Constants
 from ..model.model import GROUND
 from ..program.block import Block
-from ..program.store import Store
+from ..program.store import ARGUMENT, ARGUMENT_LANE, NUMBER, SHAPE, Store
 from .function import Function
 from .language import Column, Located, RowPlace
 from .notes import notes
@@ -116,11 +115,10 @@ class RowWriter(SweepWriter):
                 def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
                     if store.name in (target, f"d{target}"):
                         return self.element(store.name, entry_from(column(0), int(name)), store.lanes)
-                    if store.memory in (SUM, SUM_LANE):
-                        return self.element(store.name, name, store.lanes)
-                    if store.memory in LAID_OUT:
+                    if store.memory.region:
                         return self.field_of_record(store.plain, column(1 + (store.place or 0)), name)
-                    return self.element(store.name, column(slots + int(name)), store.lanes)
+                    of_model = store.memory in (ARGUMENT, ARGUMENT_LANE)
+                    return self.element(store.name, column(slots + int(name)) if of_model else name, store.lanes)
 
                 integers = [
                     [i, *(ground if link == GROUND else link for link in links), *of] for i, links, of, _ in record.rows

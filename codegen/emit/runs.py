@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..mechanics.procedures import WIDTHS
 from ..program.procedure import (
+    WIDTHS,
     AllColumns,
     Columns,
     Formulas,

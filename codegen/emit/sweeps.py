@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache, cached_property, partial
 
-from ..mechanics.procedures import sweeps as sweeps_run
-from ..mechanics.stores import MARGIN
 from ..mechanics.structure.element_kinds import ElementKind
 from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..program.block import Block
-from ..program.store import Store
+from ..program.procedure import sweeps as sweeps_run
+from ..program.store import MARGIN, Store
 from .function import Function
 from .language import Language
 from .notes import notes

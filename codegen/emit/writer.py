@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
-from ..mechanics.procedures import CONSTANTS
 from ..mechanics.sweeps import FALLING, SWEEP
 from ..program.digits import value_of
 from ..program.procedure import (
+    CONSTANTS,
     Formulas,
     Prepare,
     Procedure,

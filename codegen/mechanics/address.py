@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ..model.model import GROUND, closure_row_names
-from ..program.store import Owner, Store
+from ..program.store import CONSTANT, Owner, Store
 from .expansion import Program
 from .memory import IndexTable, Layout
 from .stores import (
     BASE_LINK,
     COEFFICIENTS,
     COEFFICIENTS_LANE,
-    COLUMN,
-    CONSTANT,
     COUPLING_BLOCK,
     EAR_RECORD,
     ELEMENT,
@@ -29,7 +27,6 @@ from .stores import (
     ENERGY,
     ENERGY_LANE,
     KEPT,
-    LANE,
     LINK,
     LOOP,
     OWN_COUPLING,
@@ -63,13 +60,6 @@ from .structure.folded import Folded
 from .structure.kinds import EarKind, RegionKind, UnitKind
 from .structure.owners import owner_links
 from .sweeps import SWEEP
-
-REGIONS = {
-    RECORD: "records", SLOT: "slots", LANE: "lanes", EAR_RECORD: "ears", REGION_RECORD: "regions",
-    REGION_LANE: "region_lanes", COLUMN: "columns",
-    COUPLING_BLOCK: "couplings", KEPT[RECORD]: "kept", KEPT[REGION_RECORD]: "kept_regions",
-}  # fmt: skip
-"""Memory that is laid out, as the targets call it."""
 
 _COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
 """Beginnings of columns of the tables, by whose memory is meant."""
@@ -271,9 +261,9 @@ class Addresses:
     def _address(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
         memory, system = store.memory, self.system
         variable = store.label.replace("#", "_")
-        if memory in REGIONS:
+        if memory.region:
             near = self.numbered and memory is RECORD and name in self.layout.near.get(sweep, {})
-            region = "near" if near else REGIONS[memory]
+            region = "near" if near else memory.region
             return Address(f"near_{variable}" if near else variable, region, self._row(kind, sweep, store, near), name)
         if memory is CONSTANT:
             return self._constant(kind, sweep, store, name)

@@ -30,19 +30,9 @@ from ..program.field import AnyField
 from ..program.operations import Operations, count, count_expression
 from ..program.passes import PASSES, drop_dead, propagate_copies
 from ..program.progress import Progress, silent
-from ..program.store import Life, Memory, Owner, Store
+from ..program.store import CONSTANT, Life, Memory, Owner, Store
 from . import fields
-from .stores import (
-    CONSTANT,
-    EAR_ITSELF,
-    HANDED_COUPLING,
-    LAID_OUT,
-    LINK,
-    OWN_COUPLING,
-    RECORD,
-    REGION_ITSELF,
-    SLOT,
-)
+from .stores import EAR_ITSELF, HANDED_COUPLING, LAID_OUT, LINK, OWN_COUPLING, RECORD, REGION_ITSELF, SLOT
 from .structure.kinds import EarKind, UnitKind
 from .structure.owners import owner_links
 from .structure.system import System

@@ -10,8 +10,6 @@ generated code (``me->omega_y``): that of this table, or what `CALLED` says.
 
 from __future__ import annotations
 
-import functools
-import re
 from dataclasses import dataclass
 
 from ..program.field import (
@@ -28,6 +26,7 @@ from ..program.field import (
     TwistField,
     VectorField,
 )
+from ..program.field_table import list_fields
 
 OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the region (its base)", "its own link"
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
@@ -396,8 +395,6 @@ def _listed() -> dict[str, AnyField]:
 
 FIELDS = _listed()
 """Every field by its name in the code."""
-for _field in FIELDS.values():
-    _field.listed = True
 
 CALLED = {
     "face_place": "{}_place", "face_axes": "{}_axes", "angular_velocity": "omega", "parents_velocity": "parent_omega",
@@ -416,44 +413,4 @@ CALLED = {
     "far_transmitted": "far_{}_transmitted", "far_balance": "far_{}_balance", "coupling": "inertia_",
 }  # fmt: skip
 """What memory in generated code is called where the name in this table does not read well there; ``{}`` are numbers."""
-for _name, _field in reversed(FIELDS.items()):  # the first name of a field is its own
-    _field.called = CALLED.get(_name, f"{_name.replace('.', '_')}{'_{}' * _field.name.count('{}')}")
-
-
-def _identified() -> tuple[dict[str, tuple[str, AnyField]], list[tuple[re.Pattern[str], str, AnyField]]]:
-    """What generated code calls components, with their fields: by component; of families by pattern, with numbers as groups."""
-    exact: dict[str, tuple[str, AnyField]] = {}
-    families: dict[str, tuple[str, AnyField]] = {}
-    for field in FIELDS.values():
-        for component, called in zip(field.components, field.identifiers, strict=True):
-            (families if "{}" in component else exact).setdefault(component, (called, field))
-    patterns = ((re.escape(c).replace(r"\{\}", r"(\d+|[AB])"), *found) for c, found in families.items())
-    return exact, [(re.compile(pattern), called, field) for pattern, called, field in patterns]
-
-
-_EXACT, _FAMILIES = _identified()
-
-
-@functools.cache
-def _found(component: str) -> tuple[str, AnyField | None]:
-    """What generated code calls a component that is no derivative, and its field, if a table has it."""
-    if component in _EXACT:
-        return _EXACT[component]
-    for pattern, called, field in _FAMILIES:
-        match = pattern.fullmatch(component)
-        if match:
-            return called.format(*match.groups()), field
-    return component.replace(".", "_"), None
-
-
-@functools.cache
-def identifier(component: str) -> str:
-    """What generated code calls a component in memory: ``w.y`` is ``omega_y``, ``Z3.w.x`` is ``per_source_3_omega_x``, and
-    ``h.x/1``, a constant's derivative with respect to one of its parameters, ``first_moment_x_d1``."""
-    plain, _, parameter = component.partition("/")
-    return f"{_found(plain)[0]}_d{parameter}" if parameter else _found(plain)[0]
-
-
-def field_of(component: str) -> AnyField | None:
-    """The field that a component is of, or a family of fields; none of what is in no table."""
-    return _found(component.partition("/")[0])[1]
+list_fields(FIELDS, CALLED)

@@ -22,9 +22,8 @@ from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.functions import Along
 from ..program.passes import simplify
-from ..program.store import Store
+from ..program.store import MARGIN, MODES, NUMBER, Store, argument
 from ..program.transpose import transposed
-from .stores import MARGIN, MODES, NUMBER, argument
 from .structure.constants import Statements, to_slots
 from .structure.system import System, speeds_with_forces
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ..loops.partition import Partition
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
-from ..program.procedure import Formulas, Procedure, walk
+from ..program.procedure import Formulas, Procedure, sweeps, walk
 from ..program.progress import Progress, silent
 from .ears.orthogonal import RankLossError
 from .elimination import ZeroPivotError
@@ -18,14 +18,7 @@ from .formulas import FormulaKind, coefficient_formulas, force_formulas, initial
 from .outputs.frames import SIZES, frame_formulas, place_formulas
 from .outputs.outputs import RecordFormula, output_formulas, potential_formula
 from .outputs.switches import switch_formulas
-from .procedures import (
-    SWITCHES,
-    checked_backwards,
-    procedures,
-    sweeps,
-    swept_backwards,
-    swept_together,
-)
+from .procedures import SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
 from .stores import LAID_OUT, SLOT
 from .structure.kinds import RegionKind
 from .structure.system import System, analyse

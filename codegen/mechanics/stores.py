@@ -7,25 +7,28 @@ own. What a block calls its own link's record is `ME`, its parent's `UP`, and so
 
 from __future__ import annotations
 
-from ..program.store import Life, Memory, Owner, Store
+from ..program.store import CONSTANT, MARGIN, MODEL, Life, Memory, Owner, Store
 
 # -- sorts of memory ---------------------------------------------------------------------------------------------------
 
-RECORD = Memory("record")
-SLOT = Memory("slot", lanes=True, life=Life.SWEEP)
-LANE = Memory("lane", lanes=True)
-EAR_RECORD, REGION_RECORD, COUPLING_BLOCK = Memory("ear"), Memory("region"), Memory("coupling")
-REGION_LANE = Memory("region lane", lanes=True)
-COLUMN = Memory("column", lanes=True)
+RECORD = Memory("record", region="records")
+SLOT = Memory("slot", True, Life.SWEEP, "slots")
+LANE = Memory("lane", True, region="lanes")
+EAR_RECORD, REGION_RECORD = Memory("ear", region="ears"), Memory("region", region="regions")
+COUPLING_BLOCK = Memory("coupling", region="couplings")
+REGION_LANE = Memory("region lane", True, region="region_lanes")
+COLUMN = Memory("column", True, region="columns")
 """Columns of matrices that are computed all at once, a link on those that concern it."""
 
 LAID_OUT = (RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK)
 """Memory whose fields the layout gives places to. Of everything else the place is known beforehand."""
 
-KEPT = {RECORD: Memory("kept record"), REGION_RECORD: Memory("kept region")}
+KEPT = {
+    RECORD: Memory("kept record", region="kept"),
+    REGION_RECORD: Memory("kept region", region="kept_regions"),
+}
 """Scalars that sweeps over directions hand on themselves, kept for their transposes."""
 
-CONSTANT = Memory("constants", life=Life.OUTSIDE)
 PER_COORDINATE, PER_COORDINATE_LANE = (
     Memory("coordinates", life=Life.OUTSIDE),
     Memory("coordinates", True, Life.OUTSIDE),
@@ -42,9 +45,6 @@ COEFFICIENTS, COEFFICIENTS_LANE = Memory("coefficients"), Memory("coefficients",
 PER_CONDITION, PER_CONDITION_LANE = Memory("conditions", life=Life.OUTSIDE), Memory("conditions", True, Life.OUTSIDE)
 PER_LOOP = Memory("loops", life=Life.OUTSIDE)
 WRENCH, WRENCH_LANE = Memory("wrenches", life=Life.OUTSIDE), Memory("wrenches", True, Life.OUTSIDE)
-MARGIN = Memory("margins")
-ARGUMENT, ARGUMENT_LANE = Memory("arguments", life=Life.OUTSIDE), Memory("arguments", True, Life.OUTSIDE)
-NUMBERS = Memory("numbers", life=Life.OUTSIDE)
 
 # -- owners ------------------------------------------------------------------------------------------------------------
 
@@ -65,7 +65,6 @@ OWN_COUPLING = Owner("coupling that ends with the unit", several=True)
 HANDED_COUPLING = Owner("coupling that the unit adds to", several=True)
 LOOP = Owner("loop", several=True)
 ELEMENT = Owner("force element")
-MODEL = Owner("model")
 
 # -- memory of links ---------------------------------------------------------------------------------------------------
 
@@ -98,10 +97,6 @@ CONSTANTS, LOOP_CONSTANTS, ELEMENT_CONSTANTS = (
 PARAMETER, DP = Store("parameter", LINK, PER_PARAMETER), Store("dp", LINK, PER_PARAMETER_LANE)
 CL_PARAMETER, CL_DP = Store("clparameter", LOOP, PER_PARAMETER), Store("cldp", LOOP, PER_PARAMETER_LANE)
 CE_PARAMETER, CE_DP = Store("ceparameter", ELEMENT, PER_PARAMETER), Store("cedp", ELEMENT, PER_PARAMETER_LANE)
-SHAPE = Store("pc", MODEL, CONSTANT)
-"""The constants that a shape's block computes."""
-NUMBER = Store("k", MODEL, NUMBERS)
-"""Numbers of a row of a table."""
 
 # -- arguments and results by link -------------------------------------------------------------------------------------
 
@@ -158,18 +153,3 @@ TANGENT_OF = {
     MOMENTA: DMOMENTA,
 }
 """Where the seeds of arguments and the tangents of sums are."""
-
-
-def argument(name: str, lanes: bool = False) -> Store:
-    """An argument or a result of the whole model, such as ``p`` or ``outputs``, by name; the same object each time."""
-    key = name, lanes
-    found = _ARGUMENTS.get(key)
-    if found is None:
-        found = _ARGUMENTS[key] = Store(name, MODEL, ARGUMENT_LANE if lanes else ARGUMENT)
-    return found
-
-
-_ARGUMENTS: dict[tuple[str, bool], Store] = {}
-
-MODES = argument("modes")
-"""Of the switches of a model: the sign of each switching function that a step of an integrator goes on with, or zero."""

@@ -13,11 +13,11 @@ from collections.abc import Collection, Iterable
 
 from ..program.block import Block, Component
 from ..program.passes import by_results, drop_dead, simplify
-from ..program.store import Life, Memory, Store
+from ..program.store import MARGIN, Life, Memory, Store
 from ..program.transpose import Kept, transposed, values
 from .expansion import Program
 from .gradient import run_together
-from .stores import DQ, DU, KEPT, LAID_OUT, LINK, MARGIN
+from .stores import DQ, DU, KEPT, LAID_OUT, LINK
 from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]

@@ -12,6 +12,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
+WIDTHS = (8, 2, 1)
+"""How many directions one call of the sensitivities takes."""
+
+CONSTANTS, ANGLES = "constants", "angles"
+GROUND, GROUND_AT_REST = "ground", "ground at rest"
+GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
+GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
+PASSING_ADJOINTS = "adjoints that are handed on"
+"""What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
+accelerates by -g or, for the mass matrix, not at all; memory of directions, which is zero before sweeps run backwards."""
+
 
 @dataclass(frozen=True, slots=True)
 class Array:
@@ -255,6 +266,10 @@ class AllColumns:
         For how many columns there is room.
     symmetric : bool
         Columns of one symmetric matrix, of which each link works on those of later ones.
+    groups : str
+        Which columns a link works on in the last sweep; see `mechanics.sweeps.Sweep.groups`.
+    by_turns : tuple of str
+        Sweeps whose functions are called by turns with those of others.
     """
 
     units: tuple[tuple[Array, int], ...]
@@ -266,6 +281,8 @@ class AllColumns:
     into: tuple[tuple[Array, int], ...] = ()
     weighted: tuple[Weighted, ...] = ()
     symmetric: bool = False
+    groups: str = ""
+    by_turns: tuple[str, ...] = ()
 
     @property
     def seeds(self) -> tuple[Array, ...]:
@@ -467,6 +484,11 @@ def within(steps: tuple[Step, ...]) -> Iterator[Step]:
             yield from within((*step.steps, *step.otherwise))
         else:
             yield step
+
+
+def sweeps(procedures: tuple[Procedure, ...]) -> set[str]:
+    """Sweeps that procedures run."""
+    return {s.sweep for p in procedures for s in walk(p.steps) if isinstance(s, Run)}
 
 
 def for_target(procedure: Procedure, together: bool) -> Procedure:

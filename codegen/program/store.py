@@ -1,7 +1,7 @@
 """Stores: what a block calls the memory, the arguments and the results that it reads and writes.
 
 A store says whose memory is meant (`Owner`) and of which sort it is (`Memory`); where that lies is decided once, by the
-emitters. The stores themselves are listed in `codegen.mechanics.stores`.
+mechanics, whose stores are listed in `codegen.mechanics.stores`. Those that blocks of any program may have stand here.
 """
 
 from __future__ import annotations
@@ -28,11 +28,14 @@ class Memory:
     lanes : bool
         One value per direction.
     life : Life
+    region : str
+        Of memory whose fields the layout gives places to: what targets call it.
     """
 
     name: str
     lanes: bool = False
     life: Life = Life.CALL
+    region: str = ""
 
     def __repr__(self) -> str:
         return self.name
@@ -114,3 +117,30 @@ class Store:
 
     def __repr__(self) -> str:
         return self.label + ("_sum" if self.adds else "")
+
+
+CONSTANT = Memory("constants", life=Life.OUTSIDE)
+ARGUMENT, ARGUMENT_LANE = Memory("arguments", life=Life.OUTSIDE), Memory("arguments", True, Life.OUTSIDE)
+MARGIN = Memory("margins")
+"""What must be positive: nothing is stored, a function stops where it is not."""
+
+MODEL = Owner("model")
+SHAPE = Store("pc", MODEL, CONSTANT)
+"""The constants that a shape's block computes."""
+NUMBER = Store("k", MODEL, Memory("numbers", life=Life.OUTSIDE))
+"""Numbers of a row of a table."""
+
+
+def argument(name: str, lanes: bool = False) -> Store:
+    """An argument or a result of the whole model, such as ``p`` or ``outputs``, by name; the same object each time."""
+    found = _ARGUMENTS.get((name, lanes))
+    if found is None:
+        found = _ARGUMENTS[name, lanes] = Store(name, MODEL, ARGUMENT_LANE if lanes else ARGUMENT)
+    return found
+
+
+_ARGUMENTS: dict[tuple[str, bool], Store] = {}
+
+
+MODES = argument("modes")
+"""Of the switches of a model: the sign of each switching function that a step of an integrator goes on with, or zero."""

@@ -24,9 +24,11 @@ from codegen.mechanics.quantities import QUANTITIES
 from codegen.mechanics.stores import CONSTANTS, LAID_OUT, ME
 from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
+from codegen.program import field_table
 from codegen.program.block import FieldError, Scope
 from codegen.program.field import Field, ScalarField
 from codegen.program.procedure import Run
+from codegen.program.procedure import sweeps as sweeps_run
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = (
@@ -57,7 +59,7 @@ def system(name: str) -> System:
 
 def sweeps(of: System) -> list[Sweep]:
     """All sweeps that the functions of a model run, and those that outputs of it could ask for."""
-    run = procedures.sweeps(procedures.procedures(of, reactions=True))
+    run = sweeps_run(procedures.procedures(of, reactions=True))
     run |= {step.sweep for q in QUANTITIES.values() for step in (*q.values, *q.tangents) if isinstance(step, Run)}
     return [s for s in SWEEPS if s.name in run and s.kinds(of)]
 
@@ -209,9 +211,9 @@ def test_names_in_generated_code_belong_to_one_component_each() -> None:
             assert identifier.replace("{}", "A").isidentifier(), name
             assert called.setdefault(identifier, component) == component, name
             numbered, number = component.replace("{}", "3"), identifier.replace("{}", "3")
-            assert fields.identifier(numbered) == number
-            assert fields.identifier(f"{numbered}/2") == f"{number}_d2"
-            assert fields.field_of(numbered) is not None
+            assert field_table.identifier(numbered) == number
+            assert field_table.identifier(f"{numbered}/2") == f"{number}_d2"
+            assert field_table.field_of(numbered) is not None
 
 
 @pytest.mark.parametrize(
@@ -219,4 +221,4 @@ def test_names_in_generated_code_belong_to_one_component_each() -> None:
     [("w.y", "omega_y"), ("acc.n.y", "articulated_moment_y"), ("Z3.w.x", "per_source_3_omega_x"), ("m/0", "mass_d0")],
 )
 def test_memory_has_names(component: str, identifier: str) -> None:
-    assert fields.identifier(component) == identifier
+    assert field_table.identifier(component) == identifier

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from codegen.loops.partition import partition
-from codegen.mechanics.procedures import OTHER_WIDTHS, WIDTHS, procedures, sweeps
+from codegen.mechanics.procedures import OTHER_WIDTHS, procedures
 from codegen.mechanics.quantities import POSE
 from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
 from codegen.model.model import Model
 from codegen.program.procedure import (
+    WIDTHS,
     Array,
     Bind,
     Columns,
@@ -33,6 +34,7 @@ from codegen.program.procedure import (
     Zero,
     over_directions,
     routines,
+    sweeps,
     walk,
     within,
 )

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable
 from itertools import accumulate, pairwise
 
-from ...mechanics.sweeps import SWEEP
 from ...program.procedure import AllColumns, Array, Primitives, Procedure, walk
 from ..function import in_lines
 from ..target import Scalar
@@ -184,12 +183,12 @@ def in_blocks(step: AllColumns) -> bool:
 
 def known_of(step: AllColumns) -> str:
     """What the table of `known_rows` is called."""
-    return f"{name_of(step)}_{SWEEP[step.steps[-1].sweep].groups}_known"
+    return f"{name_of(step)}_{step.groups}_known"
 
 
 def known_rows(step: AllColumns) -> list[int]:
     """Which rows of blocks on or above the diagonal of a symmetric matrix links work on, as bits, block row by block row."""
-    worked = groups_of_links(step)[SWEEP[step.steps[-1].sweep].groups]
+    worked = groups_of_links(step)[step.groups]
     by_row = [worked[i] for i, (begin, end) in enumerate(pairwise(step.starts)) for _ in range(begin, end)]
     count = -(-len(by_row) // GROUP)
     return [
@@ -227,16 +226,15 @@ def all_columns(step: AllColumns, array: Written, scalar: Scalar) -> list[str]:
     if not in_blocks(step):
         starts = f"{name}_starts" if reads_starts(step) else "0"
         lines += ["columns_of of;", f"SET_COLUMNS(of, {len(step.seeds)}, {starts}, {name}_columns);"]
-    then = {SWEEP[s.sweep].then for s in step.steps}
     body = [f"const int m = {count} - j < {width} ? {count} - j : {width};"]
     if not once:
         body.append(f"groups_of_links(&e, of, j, {int(step.symmetric)});")
         body.append("unit_columns(&e, units, of, j);")
     body += [
-        *(f"{s.sweep}_{width}(&e);" for s in step.steps if s.sweep not in then),
+        *(f"{s.sweep}_{width}(&e);" for s in step.steps if s.sweep not in step.by_turns),
     ]
     rows = f"(const {scalar.word} *)e.{step.of.name}"
-    mask = f"e.{SWEEP[step.steps[-1].sweep].groups}_groups"
+    mask = f"e.{step.groups}_groups"
     if into_symmetric(step):
         into = f"c.inverse, {step.of.size}" if step.weighted else "matrices[0], sizes[0]"
         of_blocks = f"take_blocks({rows}, {known_of(step)}, {count}, {into});"

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from ...mechanics.stores import MARGIN
 from ...program.block import Block, Component
-from ...program.store import Memory, Owner, Store
+from ...program.store import MARGIN, Memory, Owner, Store
 from ..language import Located, Place
 
 HANDED_ON = {along: Store(name, Owner("function"), Memory("stack", along)) for along, name in

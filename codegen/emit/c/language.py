@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from ...mechanics.expansion import Program
-from ...mechanics.fields import identifier
 from ...mechanics.formulas import FormulaKind
 from ...mechanics.outputs.outputs import RecordFormula
-from ...mechanics.stores import LANE, MARGIN, ME, MODES, SLOT
+from ...mechanics.stores import ME
 from ...mechanics.structure.kinds import UnitKind
 from ...mechanics.sweeps import SWEEP
 from ...program import algebra
 from ...program.algebra import ZERO, Expr, Symbol
 from ...program.block import Block, symbols_of
+from ...program.field_table import identifier
 from ...program.passes import by_results
 from ...program.procedure import Procedure
-from ...program.store import Store
+from ...program.store import MARGIN, MODES, Store
 from ..language import Located, Place
 from ..target import Scalar
 from ..writer import Writer
@@ -282,9 +282,9 @@ class CLanguage(Writer):
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
         variable = store.label.replace("#", "_")
-        if store.memory is SLOT:
+        if store.memory.region == "slots":
             return self.in_row(variable, "slots", "0", "moment_tangents", name)
-        return self.in_row(variable, "lanes" if store.memory is LANE else "records", link, "", name)
+        return self.in_row(variable, store.memory.region, link, "", name)
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return self.in_constants("c", constants, self.layout.forms[shape], name)

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from ...mechanics import procedures
-from ...mechanics.stores import MODES
-from ...program.procedure import Columns, Primitives, Procedure, within
+from ...program.procedure import ANGLES, WIDTHS, Columns, Primitives, Procedure, within
+from ...program.store import MODES
 from ..function import Function, called_with, in_lines
 from ..runs import widest_first
 from ..templates import render
@@ -135,7 +134,7 @@ class CWriter(CPrepared):
         if states:
             lines += [
                 "#if defined(ORDERNM_STATES)",
-                *inclusions(name, [max(procedures.WIDTHS)] if any(f.seeds for f in states) else []),
+                *inclusions(name, [max(WIDTHS)] if any(f.seeds for f in states) else []),
             ]
         if apart:
             lines += [f"#{'el' if lines else ''}if defined(ORDERNM_APART)", *inclusions(name, apart)]
@@ -151,7 +150,7 @@ class CWriter(CPrepared):
             if self.reads_numbers
             else []
         )
-        listed = self.prepares(procedures.ANGLES) and not self.few_angles
+        listed = self.prepares(ANGLES) and not self.few_angles
         if listed and angles != list(range(len(angles))):
             found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
         if listed and (driven := self.layout.driven_angles):

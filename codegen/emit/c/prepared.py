@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from ...mechanics import procedures
-from ...mechanics.fields import identifier
-from ...mechanics.stores import KEPT
 from ...mechanics.sweeps import FALLING
+from ...program import procedure as procedures
+from ...program.field_table import identifier
 from ..function import Function
 from .functions import in_all
 from .memory import CMemory
@@ -33,7 +32,7 @@ class CPrepared(CMemory):
         return {
             s
             for s, of in self.blocks.items()
-            if any(a.memory in KEPT.values() for b in of.values() for a, _, _ in b.stores)
+            if any(a.memory.region in ("kept", "kept_regions") for b in of.values() for a, _, _ in b.stores)
         }
 
     def ground(self, sweep: str | None = None) -> list[str]:

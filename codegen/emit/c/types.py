@@ -6,8 +6,8 @@ import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from ...mechanics.fields import field_of, identifier
 from ...program.field import AnyField
+from ...program.field_table import field_of, identifier
 
 TYPES = {
     "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",

@@ -10,19 +10,17 @@ from functools import cached_property
 from typing import Any
 
 from ...elementary import ELEMENTWISE
-from ...mechanics import procedures
-from ...mechanics.address import REGIONS
 from ...mechanics.expansion import Program
-from ...mechanics.fields import identifier
 from ...mechanics.formulas import FormulaKind
 from ...mechanics.outputs.outputs import RecordFormula
-from ...mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, MODES, RECORD, REGION_RECORD
 from ...mechanics.structure.kinds import UnitKind
+from ...program import procedure as procedures
 from ...program.algebra import ZERO
 from ...program.block import Block
 from ...program.digits import text_of
+from ...program.field_table import identifier
 from ...program.procedure import Procedure, routines
-from ...program.store import Store
+from ...program.store import MARGIN, MODES, Store
 from ..function import in_lines
 from ..language import Located, Place
 from ..repetition import Repeated, repeated
@@ -32,9 +30,6 @@ from . import FLOAT64, NUMPY
 from . import functions as numpy_functions
 from .functions import NumpyFunctions
 from .printer import NumpyPrinter
-
-SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK, *KEPT.values())
-"""Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
 
 
 class NumpyWriter(Writer):
@@ -89,7 +84,8 @@ class NumpyWriter(Writer):
                 assert culprit is not None
                 body.append(f"check_pivot(a, {text}, {culprit(name)})")
                 continue
-            if store.memory in SCALARS and value.is_Number:
+            if store.memory.region and not store.lanes and value.is_Number:
+                # NumPy's numbers: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check
                 text = "ZERO" if value is ZERO else f"np.float64({text})"
             where = access(store, name)
             body.append(f"{where} = {where} + {text}" if store.adds else f"{where} = {text}")
@@ -120,7 +116,7 @@ class NumpyWriter(Writer):
 
     def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
         at = self.addresses.placed(kinds, sweep, store, name)
-        if at.region in REGIONS.values() or at.region == "constants":
+        if store.memory.region or at.region == "constants":
             return Located(at.variable, f"a.{at.region}[{at.row}]", _key(at.component))
         if at.region == "trig":
             return self.element(name, at.row)
@@ -134,7 +130,7 @@ class NumpyWriter(Writer):
         return Located("", f"a.{array}", f"[{index}]", names=self.names_of(array, index))
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
-        return Located(store.label.replace("#", "_"), f"a.{REGIONS[store.memory]}[{link}]", _key(name))
+        return Located(store.label.replace("#", "_"), f"a.{store.memory.region}[{link}]", _key(name))
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return Located("c", f"a.constants[{constants}]", _key(name))
@@ -220,8 +216,9 @@ class NumpyWriter(Writer):
         """Whether a sweep, or a function that calls formulas, checks pivots."""
         if sweep in self.blocks:
             return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
-        of = procedures.OUTPUTS.tangents()
-        return sweep in (of.called, of.transpose().called) and self.singular_outputs
+        return self.singular_outputs and any(
+            s.lanes and s.called == sweep and "outputs" in s.targets for s in self.groups
+        )
 
     @cached_property
     def singular_outputs(self) -> bool:

@@ -14,23 +14,9 @@ from ...program.block import ANY, Expansion, Statement, symbols_of
 from ...program.derivatives import Tangents, of_symbols
 from ...program.field import XYZ
 from ...program.scalar import Value, Vector
-from ...program.store import Store
+from ...program.store import CONSTANT, Store
 from ..spatial import UNIT, add, cross, is_zero, matvec
-from ..stores import (
-    CL_DP,
-    CL_PARAMETER,
-    CONSTANT,
-    COORDINATES,
-    DMOTION,
-    DP,
-    DQ,
-    DU,
-    LINK,
-    MOTION,
-    PARAMETER,
-    SPEEDS,
-    TURNS,
-)
+from ..stores import CL_DP, CL_PARAMETER, COORDINATES, DMOTION, DP, DQ, DU, LINK, MOTION, PARAMETER, SPEEDS, TURNS
 from ..tree.tangents import pattern, tangent
 from .geometry import EarGeometry
 

@@ -19,10 +19,11 @@ from ...program.derivatives import Tangents
 from ...program.functions import SYMBOLIC
 from ...program.passes import simplify
 from ...program.scalar import Value, Vector
+from ...program.store import NUMBER, argument
 from .. import fields
 from ..formulas import FormulaKind, FormulaSlots, formula_kinds, has_derivative, seed_of, transpose_of_tangent
 from ..spatial import add, dot
-from ..stores import LME, ME, MY_LANE, NUMBER, RECORD, TANGENT_OF, argument
+from ..stores import LME, ME, MY_LANE, RECORD, TANGENT_OF
 from ..structure.constants import Statements
 from ..structure.links import rigid_inertia
 from ..structure.system import System

@@ -21,10 +21,10 @@ from ...program.field import MatrixField, VectorField
 from ...program.functions import SYMBOLIC
 from ...program.limits import limits
 from ...program.scalar import Matrix, Value, Vector
-from ...program.store import Store
+from ...program.store import NUMBER, Store, argument
 from .. import fields
 from ..spatial import add, cross, matmul, matvec, transpose
-from ..stores import MASSES, ME, MOMENTA, NUMBER, PIVOT, argument
+from ..stores import MASSES, ME, MOMENTA, PIVOT
 from ..structure.constants import Statements
 from ..structure.links import BODY_FRAME, Frame, Placement, form_of_steps, frame_matrix, identity, place, unit
 from ..structure.system import System

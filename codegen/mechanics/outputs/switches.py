@@ -12,9 +12,9 @@ from ...program.block import Expansion
 from ...program.field import XYZ
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value, Vector
+from ...program.store import NUMBER, argument
 from ..formulas import FormulaKind, FormulaSlots, formula_kinds
 from ..spatial import dot, matmul, transpose
-from ..stores import NUMBER, argument
 from ..structure.constants import Statements
 from ..structure.links import ORIGIN, frame_matrix, place
 from ..structure.system import System

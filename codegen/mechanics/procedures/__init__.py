@@ -18,31 +18,13 @@ from .frames import frames_of
 from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of, switches
 from .shared import Shared
-from .swept import checked_backwards, sweeps, swept_backwards, swept_together
+from .swept import checked_backwards, swept_backwards, swept_together
 from .transposed import backwards
-from .words import (
-    ADJOINTS,
-    ANGLES,
-    CONSTANTS,
-    GROUND,
-    GROUND_AT_REST,
-    GROUND_TANGENT,
-    GROUND_TANGENT_AT_REST,
-    GROUND_TANGENT_TRANSPOSED,
-    OTHER_WIDTHS,
-    OUTPUTS,
-    PASSING_ADJOINTS,
-    SHAPES,
-    SWITCHES,
-    WIDTHS,
-    arrays,
-)  # fmt: skip
+from .words import OTHER_WIDTHS, OUTPUTS, SHAPES, SWITCHES, arrays
 
 __all__ = [
-    "ADJOINTS", "ALONG_MOTIONS", "ANGLES", "CONSTANTS", "GROUND", "GROUND_AT_REST", "GROUND_TANGENT", "GROUND_TANGENT_AT_REST",
-    "GROUND_TANGENT_TRANSPOSED", "OTHER_WIDTHS", "OUTPUTS", "PASSING_ADJOINTS", "SHAPES", "SWITCHES",
-    "WIDTHS", "UnknownFunctionError",
-    "arrays", "asks_reactions", "checked_backwards", "left_out", "procedures", "sweeps", "swept_backwards", "swept_together",
+    "ALONG_MOTIONS", "OTHER_WIDTHS", "OUTPUTS", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
+    "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
 MOTIONS = ("state_rates", "state_rate_sensitivities")

@@ -5,10 +5,11 @@ Force elements and loops make everything depend on everything: where a model has
 
 from __future__ import annotations
 
-from ...program.procedure import AllColumns, Array, Primitives, Run, Weighted
+from ...program.procedure import WIDTHS, AllColumns, Array, Primitives, Run, Weighted
 from ..structure.system import System, speeds_with_forces
+from ..sweeps import SWEEP
 from .shared import Shared
-from .words import JOINT_FORCES, WIDTHS
+from .words import JOINT_FORCES
 
 MOST_COLUMNS = 64
 """More columns than this are not computed at once: what links keep of them would leave the fast caches."""
@@ -49,29 +50,40 @@ def by_link(system: System, *of: tuple[Array, str]) -> tuple[Entries, tuple[int,
     return tuple(entries), tuple(starts)
 
 
-def lanes(*names: str) -> tuple[Run, ...]:
-    return tuple(Run(name, True) for name in names)
-
-
-def parents(system: System) -> tuple[int, ...]:
-    return tuple(max(link.parent, -1) for link in system.links)
+def _columns(
+    w: Shared,
+    seeds: dict[Array, tuple[str, Array | None]],
+    sweeps: tuple[str, ...],
+    of: Array,
+    weighted: tuple[Weighted, ...] = (),
+    symmetric: bool = True,
+) -> AllColumns:
+    """Columns of matrices: of each seed, what it has entries for (see `by_link`), and its matrix if it has one."""
+    units, starts = by_link(w.system, *((array, what) for array, (what, _) in seeds.items()))
+    return AllColumns(
+        units,
+        starts,
+        tuple(max(link.parent, -1) for link in w.system.links),
+        tuple(Run(name, True) for name in sweeps),
+        of,
+        room(w.system),
+        tuple((into, i) for a, i in units if (into := seeds[a][1]) is not None),
+        weighted,
+        symmetric,
+        SWEEP[sweeps[-1]].groups,
+        tuple(then for name in sweeps if (then := SWEEP[name].then)),
+    )
 
 
 def by_state(w: Shared) -> AllColumns:
     """Derivatives of udot by coordinates and speeds, but for what joint forces depend on them."""
     dq, du, dudot, J_q, J_u = w.of("dq", "du", "dudot", "J_q", "J_u")
-    units, starts = by_link(w.system, (dq, "q"), (du, "u"))
     turns = ("column_turns",) if any(link.joint.quaternion is not None for link in w.system.links) else ()
-    return AllColumns(
-        units,
-        starts,
-        parents(w.system),
-        lanes("column_clear", *turns, "column_seed", "column_in", "column_rest", "column_begin", "column_back", "column_turn",
-              "column_add"),
-        dudot,
-        room(w.system),
-        tuple((J_q if a is dq else J_u, i) for a, i in units),
+    sweeps = (
+        "column_clear", *turns, "column_seed", "column_in", "column_rest", "column_begin", "column_back", "column_turn",
+        "column_add",
     )  # fmt: skip
+    return _columns(w, {dq: ("q", J_q), du: ("u", J_u)}, sweeps, dudot, symmetric=False)
 
 
 UNIT_FORCES = ("column_clear", "column_unit", "column_in", "column_rest", "column_back")
@@ -80,30 +92,18 @@ UNIT_FORCES = ("column_clear", "column_unit", "column_in", "column_rest", "colum
 
 def by_forces(w: Shared, weighted: tuple[Weighted, ...]) -> AllColumns:
     """What joint forces add to derivatives: columns of the inverse mass matrix, times derivatives of the forces."""
-    b, dudot = w.one("b").tangent("b"), w.one("dudot")
-    units, starts = by_link(w.system, (b, "u"))
-    return AllColumns(
-        units, starts, parents(w.system), lanes(*UNIT_FORCES), dudot, room(w.system), (), weighted, symmetric=True
-    )
+    return _columns(w, {w.one("b").tangent("b"): ("u", None)}, UNIT_FORCES, w.one("dudot"), weighted)
 
 
 def inverse_mass(w: Shared) -> AllColumns:
     """The inverse of the mass matrix, from the factors of the triangularization."""
-    b, dudot, inverse = w.one("b").tangent("b"), w.one("dudot"), w.one("inverse_M")
-    units, starts = by_link(w.system, (b, "u"))
-    taken = tuple((inverse, i) for _, i in units)
-    return AllColumns(
-        units, starts, parents(w.system), lanes(*UNIT_FORCES), dudot, room(w.system), taken, symmetric=True
-    )
+    return _columns(w, {w.one("b").tangent("b"): ("u", w.one("inverse_M"))}, UNIT_FORCES, w.one("dudot"))
 
 
 def mass(w: Shared) -> AllColumns:
     """The mass matrix, from composite inertias."""
-    b, dforce, M = w.one("b").tangent("b"), w.one("dforce"), w.one("M")
-    units, starts = by_link(w.system, (b, "u"))
-    taken = tuple((M, i) for _, i in units)
-    steps = lanes("column_clear", "composite_seed", "composite_in")
-    return AllColumns(units, starts, parents(w.system), steps, dforce, room(w.system), taken, symmetric=True)
+    sweeps = ("column_clear", "composite_seed", "composite_in")
+    return _columns(w, {w.one("b").tangent("b"): ("u", w.one("M"))}, sweeps, w.one("dforce"))
 
 
 def force_primitives(w: Shared) -> Primitives | None:

@@ -2,20 +2,10 @@
 
 from __future__ import annotations
 
-from ...program.procedure import (
-    Columns,
-    IfAsked,
-    Own,
-    Procedure,
-    Step,
-    Take,
-    Together,
-    Zero,
-)
+from ...program.procedure import WIDTHS, Columns, IfAsked, Own, Procedure, Step, Take, Together, Zero
 from ..quantities import run
 from . import columns
 from .shared import Shared
-from .words import WIDTHS
 
 
 def dynamics(w: Shared) -> list[Procedure]:

@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from ...program.procedure import (
+    ANGLES,
+    CONSTANTS,
+    GROUND,
+    GROUND_AT_REST,
+    GROUND_TANGENT,
+    GROUND_TANGENT_AT_REST,
     Array,
     Check,
     Formulas,
@@ -20,19 +26,7 @@ from ...program.procedure import (
 from ..outputs import MEASURES, RecordMeasure
 from ..quantities import COEFFICIENTS, DRIVES, POSE, VELOCITY, Quantity, run
 from ..structure.system import System
-from .words import (
-    ANGLES,
-    CONSTANTS,
-    GROUND,
-    GROUND_AT_REST,
-    GROUND_TANGENT,
-    GROUND_TANGENT_AT_REST,
-    HELD_FORCES,
-    JOINT_FORCES,
-    MOTIONS,
-    OTHER_WIDTHS,
-    arrays,
-)
+from .words import HELD_FORCES, JOINT_FORCES, MOTIONS, OTHER_WIDTHS, arrays
 
 
 class Shared:

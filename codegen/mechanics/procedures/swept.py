@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from ...program.procedure import (
+    PASSING_ADJOINTS,
     Check,
     Prepare,
     Procedure,
     Run,
+    sweeps,
     walk,
 )
 from ..sweeps import GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEPS, transpose_name
 from .transposed import ALONE
-from .words import PASSING_ADJOINTS
-
-
-def sweeps(found: tuple[Procedure, ...]) -> set[str]:
-    """Sweeps that procedures run."""
-    return {s.sweep for p in found for s in walk(p.steps) if isinstance(s, Run)}
 
 
 def checked_backwards(found: tuple[Procedure, ...]) -> set[str]:

@@ -5,6 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 from ...program.procedure import (
+    ADJOINTS,
+    GROUND_TANGENT,
+    GROUND_TANGENT_TRANSPOSED,
+    PASSING_ADJOINTS,
     AddEntry,
     Check,
     Combine,
@@ -26,7 +30,7 @@ from ...program.procedure import (
 )
 from ..sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, transpose_name, values_name
 from .shared import Shared
-from .words import ADJOINTS, GROUND_TANGENT, GROUND_TANGENT_TRANSPOSED, OTHER_WIDTHS, OUTPUTS, PASSING_ADJOINTS
+from .words import OTHER_WIDTHS, OUTPUTS
 
 TRANSPOSED = {
     "accelerations": "sensitivities", "coordinate_rates": "coordinate_rate_sensitivities", "energies": "energy_sensitivities",

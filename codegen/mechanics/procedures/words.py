@@ -8,19 +8,8 @@ from ...program.procedure import (
 )
 from ..structure.system import System
 
-WIDTHS = (8, 2, 1)
-"""How many directions one call of the sensitivities takes."""
-
 OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
-
-CONSTANTS, ANGLES = "constants", "angles"
-GROUND, GROUND_AT_REST = "ground", "ground at rest"
-GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
-GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
-PASSING_ADJOINTS = "adjoints that are handed on"
-"""What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
-accelerates by -g or, for the mass matrix, not at all; memory of directions, which is zero before sweeps run backwards."""
 
 JOINT_FORCES = Formulas("joint_forces", ("tau",))
 OUTPUTS = Formulas("output_formulas", ("outputs",))

@@ -22,7 +22,8 @@ from ...program.digits import are_long, number, value_of
 from ...program.functions import SYMBOLIC, Power, computed
 from ...program.passes import simplify
 from ...program.scalar import Value
-from ..stores import NUMBER, PARAMETER, SHAPE
+from ...program.store import NUMBER, SHAPE
+from ..stores import PARAMETER
 
 _LARGE = 100
 

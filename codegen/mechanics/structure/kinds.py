@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 from ...model.joints import Closure
 from ...program.algebra import Expr, Number
-from ...program.store import Store
+from ...program.store import CONSTANT, Store
 from ..joints import LinkJoint
-from ..stores import CONSTANT, CONSTANTS, LINK
+from ..stores import CONSTANTS, LINK
 from .element_kinds import ElementKind
 from .elimination_order import NOBODY, Partners
 from .factor_form import NO_FORM, FactorForm

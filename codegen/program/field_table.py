@@ -1,0 +1,69 @@
+"""The table of fields: what memory in generated code calls components, and which field each component is of.
+
+The mechanics lists its fields here once (`list_fields`); blocks may only use fields that are listed.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Mapping
+
+from .field import AnyField
+
+_EXACT: dict[str, tuple[str, AnyField]] = {}
+_FAMILIES: list[tuple[re.Pattern[str], str, AnyField]] = []
+
+
+def list_fields(fields: dict[str, AnyField], called: Mapping[str, str]) -> None:
+    """Enter fields into the table.
+
+    Parameters
+    ----------
+    fields : dict of str to Field
+        By name. Of several names of one field the first counts.
+    called : mapping of str to str
+        What generated code calls a field where its name does not read well there; ``{}`` are numbers.
+    """
+    families: dict[str, tuple[str, AnyField]] = {}
+    for name, field in reversed(fields.items()):
+        field.listed = True
+        field.called = called.get(name, f"{name.replace('.', '_')}{'_{}' * field.name.count('{}')}")
+    for field in fields.values():
+        for component, identified in zip(field.components, field.identifiers, strict=True):
+            (families if "{}" in component else _EXACT).setdefault(component, (identified, field))
+    patterns = ((re.escape(c).replace(r"\{\}", r"(\d+|[AB])"), *found) for c, found in families.items())
+    _FAMILIES.extend((re.compile(pattern), identified, field) for pattern, identified, field in patterns)
+
+
+@functools.cache
+def _found(component: str) -> tuple[str, AnyField | None]:
+    """What generated code calls a component that is no derivative, and its field, if it is listed."""
+    if component in _EXACT:
+        return _EXACT[component]
+    for pattern, called, field in _FAMILIES:
+        match = pattern.fullmatch(component)
+        if match:
+            return called.format(*match.groups()), field
+    return component.replace(".", "_"), None
+
+
+@functools.cache
+def identifier(component: str) -> str:
+    """What generated code calls a component in memory.
+
+    Examples
+    --------
+    ``w.y`` is ``omega_y``, ``Z3.w.x`` is ``per_source_3_omega_x``, and ``h.x/1``, a constant's derivative with respect to
+    one of its parameters, ``first_moment_x_d1``.
+    """
+    plain, _, parameter = component.partition("/")
+    return f"{_found(plain)[0]}_d{parameter}" if parameter else _found(plain)[0]
+
+
+def field_of(component: str) -> AnyField | None:
+    """The field that a component is of, or a family of fields; none of what is not listed."""
+    return _found(component.partition("/")[0])[1]
+
+
+__all__ = ["field_of", "identifier", "list_fields"]
