@@ -156,13 +156,13 @@ def _written(
     system, unrolled = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
     lap("analyse")
     e = expanded(system, reactions, progress, functions, frames, scalar.moves)
-    program, formulas, records, asked = e.program, e.formulas, e.records, e.asked
+    program, formulas, asked = e.program, e.formulas, e.asked
     lap("expand and simplify")
     progress("printing C", 0, 0)
-    writer = CWriter(program, formulas, records, tuple(for_target(p, True) for p in asked), scalar, RESERVED)
+    writer = CWriter(program, formulas, tuple(for_target(p, True) for p in asked), scalar, RESERVED)
     context = writer.context()
     files = write_c(context)
-    counts = operations(program, [*formulas, *records], writer.procedures)
+    counts = operations(program, formulas, writer.procedures)
     guess = chosen.q if chosen else ()
     made = manifest(system, writer.procedures, writer.workspace, counts, guess, writer.has_parts, scalar.name)
     if functions is not None:
@@ -185,7 +185,7 @@ def _written(
     lap("print what is compiled apart")
     progress("printing NumPy", 0, 0)
     for ending, write in BESIDE_C.items():
-        files[f"{model.name}{ending}"] = write(program, formulas, records, one_by_one(asked), RESERVED)
+        files[f"{model.name}{ending}"] = write(program, formulas, one_by_one(asked), RESERVED)
     lap("print NumPy")
     return Source(
         files,
@@ -231,7 +231,7 @@ def write_long(
     with long_numbers(digits):
         system, _ = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
         e = expanded(system, reactions, functions=functions, frames=frames)
-        return write_numpy(e.program, e.formulas, e.records, one_by_one(e.asked), RESERVED)
+        return write_numpy(e.program, e.formulas, one_by_one(e.asked), RESERVED)
 
 
 def one_by_one(asked: tuple[Procedure, ...]) -> tuple[Procedure, ...]:

@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..mechanics.expansion import Program
-from ..mechanics.formulas import FormulaKind
-from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
+from ..mechanics.outputs.outputs import pivoted_outputs
 from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
 from ..model.expressions import Expression
 from ..model.kinks import nodes
 from ..model.model import Model, closure_row_names
+from ..program.formula import Formula
 from ..program.operations import Operations, count
 from ..program.procedure import WIDTHS, Array, Formulas, Procedure, Single, counted, walk
 from .c.functions import batch_arrays
@@ -25,9 +25,7 @@ OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""
 
 
-def operations(
-    program: Program, formulas: Sequence[FormulaKind | RecordFormula], procedures: tuple[Procedure, ...]
-) -> dict[str, Any]:
+def operations(program: Program, formulas: Sequence[Formula], procedures: tuple[Procedure, ...]) -> dict[str, Any]:
     """Operations per call of every sweep, and of the model's own formulas: once, and per direction.
 
     A sweep over directions that serves for values, such as ``solve_in_1``, has one direction in what it does once.

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 from ..mechanics.address import Addresses
 from ..mechanics.expansion import Program
-from ..mechanics.formulas import FormulaKind
 from ..mechanics.memory import Layout
-from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import SHAPES
 from ..mechanics.structure.kinds import UnitKind
 from ..program.block import RESERVED, Block
+from ..program.formula import Formula
 from ..program.procedure import (
     Procedure,
 )
@@ -60,10 +59,8 @@ class Language(ABC):
     Parameters
     ----------
     program : Program
-    formulas : list of FormulaKind
-        Joint forces and outputs.
-    records : list of RecordFormula
-        Outputs of links, potential energy.
+    formulas : list of Formula
+        Joint forces, outputs and the like.
     asked : tuple of Procedure
         The functions of the solver.
     target : Target
@@ -78,8 +75,7 @@ class Language(ABC):
     def __init__(
         self,
         program: Program,
-        formulas: list[FormulaKind],
-        records: list[RecordFormula],
+        formulas: list[Formula],
         asked: tuple[Procedure, ...],
         target: Target,
         scalar: Scalar,
@@ -91,7 +87,6 @@ class Language(ABC):
         self.system = program.system
         self.model = program.system.model
         self.formulas = formulas
-        self.records = records
         self.layout = Layout(program)
         self.addresses = Addresses(program, self.layout, self.numbered)
         self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from ..mechanics.formulas import FormulaKind
-from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.structure.constants import Constants
 from ..model.model import GROUND
 from ..program.block import Block
+from ..program.formula import Formula
+from ..program.shape import Constants
 from ..program.store import ARGUMENT, ARGUMENT_LANE, NUMBER, SHAPE, Store
 from .function import Function
 from .language import Column, Located, RowPlace
@@ -97,22 +96,12 @@ class RowWriter(SweepWriter):
             f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls")
         }
 
-        def place_formula(column: Column, store: Store, name: str) -> Located:
-            if store.name in (target, f"d{target}"):
-                return self.element(store.name, column(0), store.lanes)
-            return self.element(store.name, "0" if store.name in ("t", "dt") else column(1 + int(name)), store.lanes)
-
-        for kind in self.formulas:
-            if kind.target == target:
-                integers = [[i, *slots] for i, slots, _ in kind.rows]
-                numbers = [n for _, _, n in kind.rows]
-                self._add_formula(result, parts, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
         ground = len(self.system.links)
-        for record in self.records:
-            if record.target == target:
-                slots = 1 + len(record.rows[0][1])
+        for formula in self.formulas:
+            if formula.target == target:
+                slots = 1 + len(formula.rows[0][1])
 
-                def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
+                def place(column: Column, store: Store, name: str, slots: int = slots) -> Located:
                     if store.name in (target, f"d{target}"):
                         return self.element(store.name, entry_from(column(0), int(name)), store.lanes)
                     if store.memory.region:
@@ -121,24 +110,22 @@ class RowWriter(SweepWriter):
                     return self.element(store.name, column(slots + int(name)) if of_model else name, store.lanes)
 
                 integers = [
-                    [i, *(ground if link == GROUND else link for link in links), *of] for i, links, of, _ in record.rows
+                    [i, *(ground if link == GROUND else link for link in links), *of]
+                    for i, links, of, _ in formula.rows
                 ]
-                numbers = [n for *_, n in record.rows]
-                name = f"{target}_of_link_{record.index}"
-                self._add_formula(result, parts, name, record, place_record, integers, numbers)
+                self._add_formula(result, parts, formula, place, integers, [n for *_, n in formula.rows])
         return result
 
     def _add_formula(
         self,
         result: dict[str, Any],
         parts: Collection[str],
-        name: str,
-        kind: FormulaKind | RecordFormula,
+        kind: Formula,
         place: RowPlace,
         integers: list[list[int]],
         numbers: list[list[float]],
     ) -> None:
-        about = kind.value.title
+        name, about = kind.name, kind.value.title
         if kind.places:
             more = len(kind.places) - 3
             about = f"{', '.join(kind.places[:3])}{f' and {more} more' if more > 0 else ''} of the model"

@@ -6,8 +6,6 @@ Formulas of the same form share one block; which coordinates and numbers each re
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 
 from ..model.errors import ModelError
 from ..model.expressions import Expression
@@ -20,15 +18,12 @@ from ..program import algebra
 from ..program.algebra import Expr
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
+from ..program.formula import Formula, Row
 from ..program.functions import Along
 from ..program.passes import simplify
-from ..program.store import MARGIN, MODES, NUMBER, Store, argument
-from ..program.transpose import transposed
+from ..program.store import MODES, NUMBER, Store, argument
 from .structure.constants import Statements, to_slots
 from .structure.system import System, speeds_with_forces
-
-Row = tuple[int, list[int], list[float]]
-"""Target index, indices for the slots, numbers."""
 
 
 def has_derivative(store: Store) -> bool:
@@ -39,45 +34,6 @@ def has_derivative(store: Store) -> bool:
 def seed_of(store: Store) -> Store:
     """The seeds of an argument."""
     return argument(f"d{store.name}", lanes=True)
-
-
-@dataclass(eq=False)
-class FormulaKind:
-    """Formulas of one form.
-
-    Attributes
-    ----------
-    value, tangent, transposed : Block
-        The value and its tangent: entry 0 of the results `target` and "d" + `target`; the transpose of the tangent.
-    slots : list of (str, int)
-        Category and number of every slot, in the order of `rows`.
-    rows : list of (int, list of int, list of float)
-        For each formula: target index, indices for the slots, numbers.
-    places : list of str
-        For each formula: its path in the model file.
-    """
-
-    index: int
-    target: str
-    value: Block
-    tangent: Block
-    slots: list[tuple[str, int]]
-    rows: list[Row] = field(default_factory=list)
-    places: list[str] = field(default_factory=list)
-
-    @cached_property
-    def transposed(self) -> Block:
-        return transpose_of_tangent(self.tangent)
-
-
-def transpose_of_tangent(tangent: Block) -> Block:
-    """From the adjoint of a result to what it adds to those of everything that the result is a function of.
-
-    What the tangent asks to be positive, it asks too.
-    """
-    made = transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}")
-    made.stores += [s for s in tangent.stores if s[0].memory is MARGIN]
-    return simplify(made)
 
 
 class FormulaSlots:
@@ -105,6 +61,10 @@ class FormulaSlots:
         """The tree with its numbers and names as slots."""
         return to_slots(tree, self.numbers, self._slot)
 
+    def row(self, index: int, links: tuple[int, ...]) -> Row:
+        """That of a formula which writes an entry of its target, with the slots and numbers found since `clear`."""
+        return index, links, [i for _, i in self.slots], list(self.numbers)
+
     def _slot(self, name: str) -> Tree:
         place = ("modes", int(name.removeprefix(MODE))) if name.startswith(MODE) else self._places[name]
         return ("name", place[0], self.slots.setdefault(place, len(self.slots)))
@@ -112,7 +72,7 @@ class FormulaSlots:
 
 def formula_kinds(
     model: Model, target: str, formulas: Sequence[tuple[int, Tree]], places: Mapping[int, str] | None = None
-) -> list[FormulaKind]:
+) -> list[Formula]:
     """Blocks for formulas, one per form.
 
     Parameters
@@ -122,20 +82,20 @@ def formula_kinds(
     places : mapping of int to str, optional
         Paths in the model file by target index, for messages.
     """
-    forms: dict[Tree, tuple[Tree, list[tuple[str, int]], list[Row]]] = {}
+    forms: dict[Tree, tuple[Tree, list[Row]]] = {}
     template = FormulaSlots(model)
     for index, tree in formulas:
         template.clear()
         canonical = template.convert(tree)
-        _, _, rows = forms.setdefault(canonical, (tree, list(template.slots), []))
-        rows.append((index, [i for _, i in template.slots], list(template.numbers)))
-    kinds: list[FormulaKind] = []
-    for canonical, (tree, slots, rows) in forms.items():
+        _, rows = forms.setdefault(canonical, (tree, []))
+        rows.append(template.row(index, ()))
+    kinds: list[Formula] = []
+    for canonical, (tree, rows) in forms.items():
         # numbers that all its formulas share are put in their places
-        literal = {j: row for j, row in enumerate(rows[0][2]) if all(r[2][j] == row for r in rows)}
+        literal = {j: row for j, row in enumerate(rows[0][3]) if all(r[3][j] == row for r in rows)}
         where = [places[i] if places else _place(model, target, i) for i, *_ in rows]
         try:
-            kind = _make(len(kinds), target, _with_numbers(canonical, literal), slots)
+            kind = _make(len(kinds), target, _with_numbers(canonical, literal))
         except ExpressionError:  # a number in its derivative has no value
             raise _without_value(model, where[0], tree) from None
         kind.rows.extend(rows)
@@ -181,9 +141,7 @@ def has_values(block: Block) -> bool:
     return all(n.is_finite for e in expressions for n in algebra.numbers_of(e))
 
 
-def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) -> FormulaKind:
-    slots = [(category, i) for i, (category, _) in enumerate(places)]
-
+def _make(index: int, target: str, tree: Tree) -> Formula:
     def expansion(name: str, title: str) -> tuple[Expansion, Statements]:
         x = Expansion(f"{name}_{index}", title, lambda a, f: True)
 
@@ -215,7 +173,7 @@ def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) ->
         ]
         along = y.let("d", algebra.add(*terms), "", lanes=True)
     y.set_entry(argument(f"d{target}", lanes=True), 0, along)
-    return FormulaKind(index, target, simplify(x.finish()), simplify(y.finish()), slots)
+    return Formula(f"{target}_{index}", target, simplify(x.finish()), simplify(y.finish()))
 
 
 def slopes_of(tree: Tree, optional: bool = False) -> list[tuple[Tree, Tree]] | None:
@@ -231,7 +189,7 @@ def slopes_of(tree: Tree, optional: bool = False) -> list[tuple[Tree, Tree]] | N
     return [(leaf, d) for leaf, d in slopes if d != ("number", 0)]
 
 
-def force_formulas(system: System) -> list[FormulaKind]:
+def force_formulas(system: System) -> list[Formula]:
     """Joint forces, summed per freedom; the target index is that of the speed."""
     trees: dict[int, Tree] = {}
     hold = system.model.switches.hold
@@ -245,7 +203,7 @@ def force_formulas(system: System) -> list[FormulaKind]:
     return formula_kinds(system.model, "tau", on_speeds) + formula_kinds(system.model, "held_force", held)
 
 
-def motion_formulas(model: Model) -> list[FormulaKind]:
+def motion_formulas(model: Model) -> list[Formula]:
     """Prescribed coordinates, their rates and accelerations, as functions of time, parameters and inputs."""
     found: list[tuple[int, Tree]] = []
     places: dict[int, str] = {}
@@ -261,9 +219,9 @@ def motion_formulas(model: Model) -> list[FormulaKind]:
     return formula_kinds(model, "prescribed", found, places)
 
 
-def coefficient_formulas(system: System) -> list[FormulaKind]:
+def coefficient_formulas(system: System) -> list[Formula]:
     """Coefficients of force elements, of each as many as `PlacedElement.parts`: of those with an energy, and of the others."""
-    found: list[FormulaKind] = []
+    found: list[Formula] = []
     for target, has_energy in (("coefficient", True), ("drive", False)):
         of = [
             (e.first + j, tree, f"forces.{e.element.name}.{key}")
@@ -275,7 +233,7 @@ def coefficient_formulas(system: System) -> list[FormulaKind]:
     return found
 
 
-def initial_formulas(model: Model) -> list[FormulaKind]:
+def initial_formulas(model: Model) -> list[Formula]:
     """Initial values of all coordinates and speeds, as the file gives them; none where no parameter changes them."""
     if not model.initial_depends_on_parameters:
         return []

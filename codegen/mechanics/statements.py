@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from ..loops.partition import Partition
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
+from ..program.formula import Formula
 from ..program.procedure import Formulas, Procedure, sweeps, walk
 from ..program.progress import Progress, silent
 from .ears.orthogonal import RankLossError
 from .elimination import ZeroPivotError
 from .expansion import Place as MemoryPlace
 from .expansion import Program, expand
-from .formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas, motion_formulas
+from .formulas import coefficient_formulas, force_formulas, initial_formulas, motion_formulas
 from .outputs.frames import SIZES, frame_formulas, place_formulas
-from .outputs.outputs import RecordFormula, output_formulas, potential_formula
+from .outputs.outputs import output_formulas, potential_formula
 from .outputs.switches import switch_formulas
 from .procedures import SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
 from .stores import LAID_OUT, SLOT
@@ -45,8 +46,7 @@ class Expanded:
 
     system: System
     program: Program
-    formulas: list[FormulaKind]
-    records: list[RecordFormula]
+    formulas: list[Formula]
     asked: tuple[Procedure, ...]
 
 
@@ -109,18 +109,18 @@ def expanded(
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *motion_formulas(model), *values]
     formulas += [*initial_formulas(model), *place_formulas(model)]
-    formulas = [f for f in formulas if f.target in read]
-    tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
+    formulas = [*(f for f in formulas if f.target in read), *records]
+    tangents = [f.tangent for f in formulas]
     # pivots are met whether the function that says so is among those asked for or not
     checked = checked_backwards(asked if functions is None else procedures(system, reactions, moves=moves))
     transpose_sweeps(program, backwards, tangents, checked, *swept_together(asked))
     for sweep in backwards:  # what was only there to be run backwards, or together with others
         for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
             program.blocks.pop(name, None)
-    return Expanded(system, program, formulas, records, asked)
+    return Expanded(system, program, formulas, asked)
 
 
-def _read_by_formulas(system: System, records: list[RecordFormula]) -> set[MemoryPlace]:
+def _read_by_formulas(system: System, records: list[Formula]) -> set[MemoryPlace]:
     """Components of records and lanes that outputs and the potential energy read."""
     read: set[MemoryPlace] = set()
     for r in records:

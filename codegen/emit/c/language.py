@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from ...mechanics.expansion import Program
-from ...mechanics.formulas import FormulaKind
-from ...mechanics.outputs.outputs import RecordFormula
 from ...mechanics.stores import ME
 from ...mechanics.structure.kinds import UnitKind
 from ...mechanics.sweeps import SWEEP
@@ -16,6 +14,7 @@ from ...program import algebra
 from ...program.algebra import ZERO, Expr, Symbol
 from ...program.block import Block, symbols_of
 from ...program.field_table import identifier
+from ...program.formula import Formula
 from ...program.passes import by_results
 from ...program.procedure import Procedure
 from ...program.store import MARGIN, MODES, Store
@@ -89,13 +88,12 @@ class CLanguage(Writer):
     def __init__(
         self,
         program: Program,
-        formulas: list[FormulaKind],
-        records: list[RecordFormula],
+        formulas: list[Formula],
         asked: tuple[Procedure, ...],
         scalar: Scalar,
         reserved: frozenset[str],
     ):
-        super().__init__(program, formulas, records, asked, C, scalar, reserved)
+        super().__init__(program, formulas, asked, C, scalar, reserved)
         self.printer = CPrinter(C, scalar)
         self.tables: list[tuple[str, list[str]]] = []
         self.has_parts = False

@@ -11,14 +11,13 @@ from typing import Any
 
 from ...elementary import ELEMENTWISE
 from ...mechanics.expansion import Program
-from ...mechanics.formulas import FormulaKind
-from ...mechanics.outputs.outputs import RecordFormula
 from ...mechanics.structure.kinds import UnitKind
 from ...program import procedure as procedures
 from ...program.algebra import ZERO
 from ...program.block import Block
 from ...program.digits import text_of
 from ...program.field_table import identifier
+from ...program.formula import Formula
 from ...program.procedure import Procedure, routines
 from ...program.store import MARGIN, MODES, Store
 from ..function import in_lines
@@ -40,12 +39,11 @@ class NumpyWriter(Writer):
     def __init__(
         self,
         program: Program,
-        formulas: list[FormulaKind],
-        records: list[RecordFormula],
+        formulas: list[Formula],
         asked: tuple[Procedure, ...],
         reserved: frozenset[str],
     ):
-        super().__init__(program, formulas, records, asked, NUMPY, FLOAT64, reserved)
+        super().__init__(program, formulas, asked, NUMPY, FLOAT64, reserved)
         self.printer = NumpyPrinter(NUMPY, FLOAT64)
         self.tables: dict[str, list[str]] = {}
 
@@ -223,7 +221,7 @@ class NumpyWriter(Writer):
     @cached_property
     def singular_outputs(self) -> bool:
         """Whether there are outputs without a derivative in some states."""
-        return any(store.memory is MARGIN for r in self.records for store, _, _ in r.tangent.stores)
+        return any(store.memory is MARGIN for f in self.formulas for store, _, _ in f.tangent.stores)
 
     def memory(self) -> list[str]:
         """Lines that give a call its memory."""
@@ -327,8 +325,7 @@ def _index(entry: str, offset: int) -> str:
 
 def write_numpy(
     program: Program,
-    formulas: list[FormulaKind],
-    records: list[RecordFormula],
+    formulas: list[Formula],
     asked: tuple[Procedure, ...],
     reserved: frozenset[str] = frozenset(),
 ) -> str:
@@ -336,10 +333,10 @@ def write_numpy(
 
     Parameters
     ----------
-    program, formulas, records, asked, reserved
+    program, formulas, asked, reserved
         See `language.Language`.
     """
-    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, records, asked, reserved).context())
+    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, asked, reserved).context())
 
 
 __all__ = ["NumpyWriter", "write_numpy"]

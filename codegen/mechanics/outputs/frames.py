@@ -13,13 +13,14 @@ from ...model.grammar import Tree
 from ...model.model import GROUND, Model
 from ...model.places import Point
 from ...program.block import Expansion
+from ...program.formula import Formula
 from ...program.scalar import Value, Vector
 from .. import fields
-from ..formulas import FormulaKind, FormulaSlots, formula_kinds
+from ..formulas import FormulaSlots, formula_kinds
 from ..spatial import add, cross, matvec, transpose
 from ..structure.links import ORIGIN
 from ..structure.system import System
-from .outputs import RecordFormula, value_and_tangent
+from .outputs import record_formula
 from .records import Records, carrier, expressions_of, structure_of
 
 FRAMES, ACCELERATIONS, PLACES = "frames", "frame_accelerations", "point_places"
@@ -89,9 +90,9 @@ class Body:
         return self.records.in_link(self.body, self.records.vector(ORIGIN))
 
 
-def frame_formulas(system: System, target: str) -> list[RecordFormula]:
+def frame_formulas(system: System, target: str) -> list[Formula]:
     """The blocks of an array of frames, one per form."""
-    kinds: dict[str, RecordFormula] = {}
+    kinds: dict[str, Formula] = {}
     slots = FormulaSlots(system.model)
     turned = bool(system.way_of_ground)
     for body, spec in enumerate(system.model.bodies):
@@ -106,8 +107,8 @@ def frame_formulas(system: System, target: str) -> list[RecordFormula]:
         key = repr((form, links[0] == GROUND, structure_of(system, on, links)))
         kind = kinds.get(key)
         if kind is None:
-            kind = kinds[key] = _formula(system, target, len(kinds), body, links, canonical, slots)
-        kind.rows.append((SIZES[target] * body, links, [j for _, j in slots.slots], list(slots.numbers)))
+            kind = kinds[key] = _formula(system, target, len(kinds), body, links, canonical)
+        kind.rows.append(slots.row(SIZES[target] * body, links))
         kind.places.append(f"bodies.{spec.name}")
     return list(kinds.values())
 
@@ -119,18 +120,16 @@ def _formula(
     body: int,
     links: tuple[int, ...],
     canonical: dict[Expression, Tree],
-    slots: FormulaSlots,
-) -> RecordFormula:
+) -> Formula:
     def write(x: Expansion, tangents: bool) -> list[Value]:
         records = Records(x, system, links, canonical, tangents)
         of = Body(records, body, bool(system.way_of_ground))
         return of.motion() if target == FRAMES else of.acceleration()
 
-    value, tangent = value_and_tangent(write, index, target, "the frame of a body")
-    return RecordFormula(index, target, value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
+    return record_formula(write, index, target, "the frame of a body")
 
 
-def place_formulas(model: Model) -> list[FormulaKind]:
+def place_formulas(model: Model) -> list[Formula]:
     """Places of the model's points in their bodies; none where no parameter moves any."""
     if not model.points_depend_on_parameters:
         return []

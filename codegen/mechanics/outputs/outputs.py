@@ -6,22 +6,21 @@ Outputs of the same form share a block, like formulas; the links are data. What 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 
 from ...model.expressions import Expression
 from ...model.grammar import Tree
 from ...model.model import GROUND, Model, Output
 from ...program import algebra
 from ...program.algebra import Expr, Symbol
-from ...program.block import Block, Expansion
+from ...program.block import Expansion
 from ...program.derivatives import Tangents
+from ...program.formula import Formula
 from ...program.functions import SYMBOLIC
 from ...program.passes import simplify
 from ...program.scalar import Value, Vector
 from ...program.store import NUMBER, argument
 from .. import fields
-from ..formulas import FormulaKind, FormulaSlots, formula_kinds, has_derivative, seed_of, transpose_of_tangent
+from ..formulas import FormulaSlots, formula_kinds, has_derivative, seed_of
 from ..spatial import add, dot
 from ..stores import LME, ME, MY_LANE, RECORD, TANGENT_OF
 from ..structure.constants import Statements
@@ -33,44 +32,17 @@ from .measure import FormulaMeasure, RecordMeasure
 from .records import Records, expressions_of, links_of, structure_of
 
 
-@dataclass(eq=False)
-class RecordFormula:
-    """Formulas of one form over the records of some links.
-
-    Attributes
-    ----------
-    value, tangent : Block
-        From the records of the links, their lanes (the tangents), the ground's slot, parameters and numbers.
-    rows : list of (int, tuple of int, list of int, list of float)
-        Target index, of several entries that of the first, links, parameter indices, numbers.
-    places : list of str
-        For each of these its path in the model file.
-    """
-
-    index: int
-    target: str
-    value: Block
-    tangent: Block
-    slots: list[tuple[str, int]]
-    rows: list[tuple[int, tuple[int, ...], list[int], list[float]]] = field(default_factory=list)
-    places: list[str] = field(default_factory=list)
-
-    @cached_property
-    def transposed(self) -> Block:
-        return transpose_of_tangent(self.tangent)
-
-
 def pivoted_outputs(model: Model) -> list[str]:
     """Outputs that have a value, but no derivative, where two of their points coincide."""
     measures = {o.name: MEASURES[o.measure] for o in model.outputs}
     return [name for name, m in measures.items() if isinstance(m, RecordMeasure) and m.pivots]
 
 
-def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula]]:
-    """Outputs as value formulas and record formulas; those that are energies are copied by the procedures."""
+def output_formulas(system: System) -> tuple[list[Formula], list[Formula]]:
+    """Outputs as formulas of the state, and over records; those that are energies are copied by the procedures."""
     model = system.model
     values: list[tuple[int, Tree]] = []
-    kinds: dict[object, RecordFormula] = {}
+    kinds: dict[object, Formula] = {}
     slots = FormulaSlots(model)
     for i, o in enumerate(model.outputs):
         measure = MEASURES[o.measure]
@@ -83,7 +55,7 @@ def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
 
 
 def _add_record(
-    system: System, kinds: dict[object, RecordFormula], slots: FormulaSlots, i: int, o: Output, measure: RecordMeasure
+    system: System, kinds: dict[object, Formula], slots: FormulaSlots, i: int, o: Output, measure: RecordMeasure
 ) -> None:
     """Add a row to the formula of its form, which is made if it is the first."""
     links = links_of(system, o)
@@ -105,18 +77,13 @@ def _add_record(
                 records.evaluate(e)
             return [x.let("value", measure.write(records, o))]
 
-        value, tangent = value_and_tangent(write, len(kinds), "outputs", "an output of the model")
-        kind = kinds[repr(key)] = RecordFormula(
-            len(kinds), "outputs", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)]
-        )
-    kind.rows.append((i, links, [j for _, j in slots.slots], list(slots.numbers)))
+        kind = kinds[repr(key)] = record_formula(write, len(kinds), "outputs", "an output of the model")
+    kind.rows.append(slots.row(i, links))
     kind.places.append(f"outputs.{o.name}")
 
 
-def value_and_tangent(
-    write: Callable[[Expansion, bool], Sequence[Value]], index: int, target: str, title: str
-) -> tuple[Block, Block]:
-    """The block of values, which are the entries of the target from that of a row on, and that of their tangents."""
+def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: int, target: str, title: str) -> Formula:
+    """A formula over the records of links, without rows: its values are the entries of the target from that of a row on."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
     for i, e in enumerate(write(x, False)):
         x.set_entry(argument(target), i, e)
@@ -134,10 +101,10 @@ def value_and_tangent(
         d.statement(statement)
     for i, value in enumerate(values):
         y.set_entry(argument(f"d{target}", lanes=True), i, d.value(value))
-    return simplify(x.finish()), simplify(y.finish())
+    return Formula(f"{target}_of_link_{index}", target, simplify(x.finish()), simplify(y.finish()))
 
 
-def potential_formula(system: System) -> RecordFormula | None:
+def potential_formula(system: System) -> Formula | None:
     """Potential energy of gravity, zero at the ground's origin: ``-g . sum m r``. None without gravity."""
     model = system.model
     if model.gravity is None:
@@ -165,7 +132,6 @@ def potential_formula(system: System) -> RecordFormula | None:
         slots.slots, slots.numbers = fresh.slots, fresh.numbers
         return [x.let("value", -dot(g, h))]
 
-    value, tangent = value_and_tangent(write, 0, "energy", "potential energy of gravity")
-    formula = RecordFormula(0, "energy", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
-    formula.rows.append((1, (GROUND,), [j for _, j in slots.slots], list(slots.numbers)))
+    formula = record_formula(write, 0, "energy", "potential energy of gravity")
+    formula.rows.append(slots.row(1, (GROUND,)))
     return formula

@@ -10,15 +10,16 @@ from ...model.switches import MODE, Switch
 from ...program.algebra import Expr
 from ...program.block import Expansion
 from ...program.field import XYZ
+from ...program.formula import Formula
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value, Vector
 from ...program.store import NUMBER, argument
-from ..formulas import FormulaKind, FormulaSlots, formula_kinds
+from ..formulas import FormulaSlots, formula_kinds
 from ..spatial import dot, matmul, transpose
 from ..structure.constants import Statements
 from ..structure.links import ORIGIN, frame_matrix, place
 from ..structure.system import System
-from .outputs import RecordFormula, value_and_tangent
+from .outputs import record_formula
 from .records import Records, expressions_of, links_of, value_of
 
 MEASURED = {"position": ("pose",), "velocity": ("pose", "kinetic")}
@@ -33,7 +34,7 @@ def quantities_of(switch: Switch) -> set[str]:
     return {q for what, needed in MEASURED.items() if what in first for q in needed}
 
 
-def switch_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula]]:
+def switch_formulas(system: System) -> tuple[list[Formula], list[Formula]]:
     """The switching functions of the model, as value formulas and as formulas over the records of links."""
     found = system.model.switches.found
     plain = [(s.number, s.value) for s in found if not quantities_of(s)]
@@ -54,7 +55,7 @@ class _Slots(FormulaSlots):
         return ("name", what, point, XYZ.index(component))
 
 
-def _turn(system: System, switch: Switch, index: int) -> RecordFormula:
+def _turn(system: System, switch: Switch, index: int) -> Formula:
     """The angle of a torsion spring, within half a turn of its mode; see `elements.torsion`."""
     model = system.model
     (element,) = (e for e in system.elements if e.element.name == switch.element)
@@ -86,14 +87,12 @@ def _turn(system: System, switch: Switch, index: int) -> RecordFormula:
         angle = x.let("angle", x.call("atan2", sine, cosine))
         return [x.let("value", x.call("held_turn", angle, x.entry(argument(mode[1]), mode[2])))]
 
-    value, tangent = value_and_tangent(write, index, "switches", "an angle that jumps at half a turn")
-    return RecordFormula(
-        index, "switches", value, tangent, [(c, n) for n, (c, _) in enumerate(slots.slots)],
-        [(switch.number, links, [n for _, n in slots.slots], list(slots.numbers))], [switch.places[0]],
-    )  # fmt: skip
+    return _of_switch(
+        switch, record_formula(write, index, "switches", "an angle that jumps at half a turn"), slots, links
+    )
 
 
-def _record(system: System, switch: Switch, index: int) -> RecordFormula:
+def _record(system: System, switch: Switch, index: int) -> Formula:
     """A switching function that reads positions or velocities of points."""
     model = system.model
     names = {n.split(".")[1] for n in Expression(switch.value).names if n.partition(".")[0] in MEASURED}
@@ -118,9 +117,13 @@ def _record(system: System, switch: Switch, index: int) -> RecordFormula:
 
         return [x.let("value", Statements(x, leaf).write(form))]
 
-    value, tangent = value_and_tangent(write, index, "switches", "a switching function of the model")
-    made = RecordFormula(
-        index, "switches", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)],
-        [(switch.number, links, [j for _, j in slots.slots], list(slots.numbers))], [switch.places[0]],
-    )  # fmt: skip
-    return made
+    return _of_switch(
+        switch, record_formula(write, index, "switches", "a switching function of the model"), slots, links
+    )
+
+
+def _of_switch(switch: Switch, formula: Formula, slots: FormulaSlots, links: tuple[int, ...]) -> Formula:
+    """The formula, with the switch as its one row."""
+    formula.rows.append(slots.row(switch.number, links))
+    formula.places.append(switch.places[0])
+    return formula

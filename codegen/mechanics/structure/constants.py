@@ -7,7 +7,6 @@ depend on parameters, together with their derivative primitives, from the link's
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import mpmath
 
@@ -16,12 +15,13 @@ from ...model.grammar import CHOICE, VANISHING, Tree
 from ...model.trees import mapped
 from ...program import algebra
 from ...program.algebra import Expr, Number, Symbol
-from ...program.block import Block, Expansion, Scope
+from ...program.block import Expansion, Scope
 from ...program.derivatives import Tangents
 from ...program.digits import are_long, number, value_of
 from ...program.functions import SYMBOLIC, Power, computed
 from ...program.passes import simplify
 from ...program.scalar import Value
+from ...program.shape import Shape
 from ...program.store import NUMBER, SHAPE
 from ..stores import PARAMETER
 
@@ -153,33 +153,6 @@ def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") 
     return x.call("sqrt", 1)  # what a quotient, a power or a function is cannot be known from patterns
 
 
-@dataclass(slots=True, eq=False)
-class Shape:
-    """What links with constants of one form have in common.
-
-    Attributes
-    ----------
-    index : int
-    parameters : int
-        How many design parameters.
-    block : Block
-        Computes the constants that depend on parameters, and their derivatives: components ``r.x`` and ``r.x/0`` of `SHAPE`.
-    fields : dict of str to Expr
-        Every constant; 0 where it is structurally zero.
-    varying : dict of str to str
-        Fields that depend on parameters, and the first field of equal value.
-    fixed : dict of str to Expr
-        Fields and primitives that are known numbers.
-    """
-
-    index: int
-    parameters: int
-    block: Block
-    fields: dict[str, Expr]
-    varying: dict[str, str]
-    fixed: dict[str, Expr]
-
-
 def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict[str, Value]]) -> Shape:
     """Expand the constants of a form of links.
 
@@ -237,25 +210,3 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict
                 else:
                     varying[f"{name}/{j}"] = varying[f"{same}/{j}"]
     return Shape(index, len(parameters), simplify(x.finish()), fields, varying, fixed)
-
-
-@dataclass(slots=True, eq=False)
-class Constants:
-    """The constants of links that are made of the same expressions.
-
-    Attributes
-    ----------
-    shape : Shape
-    parameters : tuple of str
-    numbers : tuple of float
-        For the shape's slots.
-    values : dict of str to float
-        Constants that do not depend on parameters and are not structurally zero.
-    index : int
-    """
-
-    shape: Shape
-    parameters: tuple[str, ...]
-    numbers: tuple[float, ...]
-    values: dict[str, float]
-    index: int

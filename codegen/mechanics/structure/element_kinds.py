@@ -24,10 +24,11 @@ from ...program.block import Expansion
 from ...program.field import XYZ
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
+from ...program.shape import Constants, Shape
 from ...program.store import Store
 from ..spatial import matmul, matvec, transpose
 from ..stores import ELEMENT_CONSTANTS
-from .constants import Constants, Leaf, Shape, Slots, Statements
+from .constants import Leaf, Slots, Statements
 from .folded import Folded, make_constants, pattern
 from .links import (
     BODY_FRAME,

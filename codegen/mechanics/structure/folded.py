@@ -12,7 +12,8 @@ from ...program.algebra import Expr
 from ...program.block import Expansion
 from ...program.digits import number
 from ...program.scalar import Value
-from .constants import Constants, Leaf, Shape, Slots, make_shape
+from ...program.shape import Constants, Shape
+from .constants import Leaf, Slots, make_shape
 
 
 @dataclass(slots=True, eq=False)

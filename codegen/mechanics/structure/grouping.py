@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from ...model.model import GROUND, PointCondition
 from ...program import algebra
 from ...program.digits import long_number, number
-from .constants import Constants
+from ...program.shape import Constants
 from .folded import pattern
 from .graph import Region
 from .kinds import ClosureKind, EarKind, LinkKind, RegionKind, UnitKind

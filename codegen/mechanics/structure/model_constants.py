@@ -9,7 +9,8 @@ from ...model.expressions import Expression
 from ...program.block import Expansion
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
-from .constants import Constants, Leaf, Shape, Slots, Statements
+from ...program.shape import Constants, Shape
+from .constants import Leaf, Slots, Statements
 from .folded import make_constants
 from .links import NUMERIC, Link, LoopFaces, NumberOf, face_constants, form_of_steps, keep, link_constants
 

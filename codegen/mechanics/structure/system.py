@@ -12,8 +12,8 @@ from ...model.expressions import Expression, functions_for
 from ...model.model import GROUND, JointForce, Model
 from ...program.digits import are_long, long_number
 from ...program.field import XYZ
+from ...program.shape import Constants, Shape
 from ..fields import explicit_acceleration, remainder, total
-from .constants import Constants, Shape
 from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
 from .grouping import find_link_kinds, find_unit_kinds
 from .kinds import LinkKind, UnitKind
