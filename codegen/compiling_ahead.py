@@ -47,7 +47,7 @@ class CompilingAhead:
         files : mapping of str to str
             All of the C that is generated, and perhaps others.
         manifest : mapping
-            See `codegen.emit.interface.manifest`.
+            See `codegen.manifest.manifest`.
         """
         if CFLAGS in os.environ:  # other flags may have the compiler write down where the C was
             return

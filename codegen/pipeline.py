@@ -12,13 +12,14 @@ from .emit.c.calls import write_calls
 from .emit.c.module import CWriter, write_c
 from .emit.c.motion import has_motion, write_four, write_motion, write_precise
 from .emit.c.states import arrays_of, over_states, write_states, write_threads
-from .emit.interface import manifest, operations
 from .emit.numpy.module import write_numpy
 from .emit.registry import BESIDE_C, RESERVED
 from .emit.target import Scalar, UnwritableError
 from .loops.description import describe
 from .loops.errors import AssemblyError, PartitionError
 from .loops.partition import Partition, partition
+from .loops.redundancy import ALLOWED
+from .manifest import manifest, operations
 from .mechanics.expansion import Program
 from .mechanics.procedures import (
     arrays,
@@ -48,7 +49,7 @@ class Source:
     ----------
     files : dict of str to str
     manifest : dict
-        See `codegen.emit.interface.manifest`.
+        See `codegen.manifest.manifest`.
     seconds : dict of str to float
         By stage.
     passes : list of (str, Operations, float)
@@ -176,7 +177,9 @@ def _written(
         }
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     if has_motion(made["functions"]):
-        files[f"{model.name}_motion.c"] = write_motion(system, made, writer.procedures)
+        files[f"{model.name}_motion.c"] = write_motion(
+            model, made, writer.procedures, ALLOWED * made.get("loop_tolerance", 0.0)
+        )
     lap("print")
     if printed is not None:
         printed(files, made)
@@ -212,7 +215,7 @@ def write_apart(
         if "state_rate_sensitivities" in made["functions"]:
             files[f"{name}_four.c"] = write_four(made, procedures)
         if system.model.loops:
-            files[f"{name}_precise.c"] = write_precise(system, made, procedures, context["called"])
+            files[f"{name}_precise.c"] = write_precise(system.model, made, procedures, context["called"])
     return files
 
 

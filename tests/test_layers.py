@@ -25,7 +25,16 @@ FLOORS = {
     "mechanics": {"loops", "model", "program", "version"},  # knows no C and no files
     "reference": {"elementary", "loops", "model", "version"},  # nothing of the generator but these, graph and partition
     "emit": {"elementary", "loops", "mechanics", "model", "program", "version"},
-    "pipeline": {"emit", "loops", "mechanics", "model", "program", "version"},  # the stages from model to files
+    "manifest": {"emit", "loops", "mechanics", "model", "program"},  # what model.json says
+    "pipeline": {
+        "emit",
+        "loops",
+        "manifest",
+        "mechanics",
+        "model",
+        "program",
+        "version",
+    },  # the stages from model to files
     "runtime": {"deferred", "elementary", "emit", "loops", "mechanics", "model", "pipeline", "program", "version"},
     "design": {"runtime", "version"},  # on solvers; knows no models, and no package carries it
 }
@@ -61,7 +70,7 @@ RUN_TIME = ("files", "calls", "assembly", "state", "statics", "trajectory", "mot
 """The rooms of it, each of which may import those before it."""
 
 READS_MECHANICS = {
-    "interface", "language", "rows", "sweeps", "writer", "c/language", "c/legend", "c/motion", "c/prepared", "c/sweeps",
+    "language", "sweeps", "writer", "c/language", "c/legend", "c/prepared", "c/sweeps",
     "numpy/module",
 }  # fmt: skip
 """Modules of `emit` that read what the mechanics says of memory, kinds and sweeps. All others print for any program."""

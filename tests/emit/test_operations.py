@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.emit.interface import OUTSIDE
+from codegen.manifest import OUTSIDE
 from codegen.mechanics.procedures import arrays, procedures
 from codegen.mechanics.procedures.words import MOTIONS
 from codegen.mechanics.sweeps import SWEEP

@@ -27,7 +27,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
     Parameters
     ----------
     manifest : dict
-        See `codegen.emit.interface.manifest`.
+        See `codegen.manifest.manifest`.
     sizes : dict of str to int
         Numbers of entries of arguments and results.
     """

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ...loops.redundancy import ALLOWED
-from ...mechanics.procedures import ALONG_MOTIONS
-from ...mechanics.structure.system import System
+from ...model.model import Model
 from ...model.switches import KINDS
 from ...program.procedure import Procedure
 from ...version import __version__
@@ -46,25 +44,27 @@ def by_name(procedures: Iterable[Procedure]) -> dict[str, dict[str, Any]]:
     }  # fmt: skip
 
 
-def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> str:
+def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable[Procedure], allowed: float) -> str:
     """The C of the calls.
 
     Parameters
     ----------
     manifest : dict
-        See `codegen.emit.interface.manifest`.
+        See `codegen.manifest.manifest`.
     procedures : iterable of Procedure
         The functions of the solver, those among them that only integration calls.
+    allowed : float
+        How far a dropped condition may open while a motion goes on.
     """
     name, functions = manifest["name"], by_name(procedures)
     calls = [(f, _call(name, f, functions[f], "")) for f in VALUES if f in functions]
     calls += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for f in ALONG if f in functions for w in WIDTHS]
-    model = system.model
-    free_q, free_u = system.independent
+    free_q = [model.coordinate_names.index(n) for n in manifest["independent_names"]]
+    free_u = [model.speed_names.index(n) for n in manifest["independent_speed_names"]]
     dropped = set(manifest.get("dropped", ()))
     tables = {
-        "free_q": list(free_q),
-        "free_u": list(free_u),
+        "free_q": free_q,
+        "free_u": free_u,
         "quaternion": manifest["quaternions"],
         "kept": [k for k in range(len(model.closure_names)) if k not in dropped],
         "moving": [model.inputs.index(n) for n in model.moving_inputs],
@@ -98,8 +98,7 @@ def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterab
         members += [f".{table} = {table}"] if tables[table] else []
     if tables["moving"]:
         members += [f".nmoving = {len(tables['moving'])}", ".moving = moving"]
-    allowed = repr(ALLOWED * manifest.get("loop_tolerance", 0.0))
-    members += [f".apart = {allowed}"] * bool(dropped) + [f".slack = {allowed}"] * bool(manifest.get("redundant"))
+    members += [f".apart = {allowed!r}"] * bool(dropped) + [f".slack = {allowed!r}"] * bool(manifest.get("redundant"))
     members += [f".{f} = {f}" for f in VALUES if f in functions]
     backwards = []
     for f in ALONG:
@@ -132,10 +131,10 @@ OWN = ("sin", "cos")
 
 
 def write_precise(
-    system: System, manifest: Mapping[str, Any], procedures: Iterable[Procedure], library: Sequence[str]
+    model: Model, manifest: Mapping[str, Any], procedures: Iterable[Procedure], library: Sequence[str]
 ) -> str:
     """The C of closure, rates and outputs, their derivatives and transposes, in long double, of a model with loops."""
-    name, functions, model = manifest["name"], by_name(procedures), system.model
+    name, functions = manifest["name"], by_name(procedures)
     sizes = {
         "q": model.nq, "u": model.nu, "p": len(model.parameters), "inputs": len(model.inputs), "qdot": model.nq, "udot": model.nu,
         "outputs": len(model.outputs), "full_q": model.nq, "full_u": model.nu, "t": 1,
@@ -189,8 +188,8 @@ def write_precise(
 
 def write_four(manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> str:
     """The C of the functions that integration calls, for four directions at once."""
-    name, functions = manifest["name"], by_name(procedures)
-    found = [f for f in ALONG_MOTIONS if f in functions]
+    name, functions = manifest["name"], by_name(p for p in procedures if 4 in p.apart)
+    found = [f for f in ALONG if f in functions]
     return render(
         "c/four.c.jinja",
         {

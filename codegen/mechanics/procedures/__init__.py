@@ -23,7 +23,7 @@ from .transposed import backwards
 from .words import OTHER_WIDTHS, OUTPUTS, SHAPES, SWITCHES, arrays
 
 __all__ = [
-    "ALONG_MOTIONS", "OTHER_WIDTHS", "OUTPUTS", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
+    "OTHER_WIDTHS", "OUTPUTS", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
     "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
 ]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""What the run time is told of a solver: names, functions, operations."""
+"""What `model.json` says of a solver to the run time: names, functions, operations."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..mechanics.expansion import Program
-from ..mechanics.outputs.outputs import pivoted_outputs
-from ..mechanics.structure.system import System
-from ..mechanics.sweeps import SWEEP
-from ..model.expressions import Expression
-from ..model.kinks import nodes
-from ..model.model import Model, closure_row_names
-from ..program.formula import Formula
-from ..program.operations import Operations, count
-from ..program.procedure import WIDTHS, Array, Formulas, Procedure, Single, counted, walk
-from .c.functions import batch_arrays
-from .c.libraries import FRAMES as FRAMES_LIBRARY
-from .c.libraries import libraries, library_of
+from .emit.c.functions import batch_arrays
+from .emit.c.libraries import FRAMES as FRAMES_LIBRARY
+from .emit.c.libraries import libraries, library_of
+from .mechanics.expansion import Program
+from .mechanics.outputs.outputs import pivoted_outputs
+from .mechanics.structure.system import System
+from .mechanics.sweeps import SWEEP
+from .model.expressions import Expression
+from .model.kinks import nodes
+from .model.model import Model, closure_row_names
+from .program.formula import Formula
+from .program.operations import Operations, count
+from .program.procedure import WIDTHS, Array, Formulas, Procedure, Single, counted, walk
 
 OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""
@@ -77,28 +77,9 @@ def manifest(
 ) -> dict[str, Any]:
     """What ``model.json`` says for the run time; `divided`: some sweeps stand in parts, see `libraries`."""
     model = system.model
-    defaults = model.defaults
-    q0, u0 = [], []
-    quaternions = []
-    for i, name in enumerate(model.coordinate_names):
-        if name.endswith(".qw"):
-            quaternions.append(i)
-        given = model.initial_q.get(name)
-        q0.append(float(given.evaluate(defaults)) if given is not None else float(name.endswith(".qw")))
-    for name in model.speed_names:
-        given = model.initial_u.get(name)
-        u0.append(float(given.evaluate(defaults)) if given is not None else 0.0)
-    functions: dict[str, Any] = {}
+    functions = _functions(procedures, operations)
     independent_q, independent_u = system.independent
-    for f in procedures:
-        if f.internal:
-            continue
-        sweeps = [s for s in counted(f, OUTSIDE) if s in operations]
-        functions[f.name] = {"arguments": _names(f.arguments), "results": _names(f.results), "sweeps": sweeps}
-        if f.member:
-            functions[f.name]["member"] = f.member
-        if f.widths:
-            functions[f.name] |= {"seeds": _names(f.seeds), "widths": list(f.widths)}
+    q0, u0 = _initial(model)
     return {
         "name": model.name,
         "coordinate_names": list(model.coordinate_names),
@@ -120,7 +101,7 @@ def manifest(
         "prescribed_names": list(model.prescribed_names),
         "initial": {"q": _of_free(system, assembled) or q0, "u": u0},
         **({"initial_at_rest": True} if model.initial_at_rest else {}),
-        "quaternions": quaternions,
+        "quaternions": [i for i, name in enumerate(model.coordinate_names) if name.endswith(".qw")],
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
         **_couplings(model),
@@ -138,6 +119,31 @@ def manifest(
         **_closures(system),
         **_redundancy(system),
     }
+
+
+def _initial(model: Model) -> tuple[list[float], list[float]]:
+    """Initial values of all coordinates and speeds at the parameters' defaults."""
+
+    def value(given: Expression | None, otherwise: float) -> float:
+        return otherwise if given is None else float(given.evaluate(model.defaults))
+
+    q = [value(model.initial_q.get(n), float(n.endswith(".qw"))) for n in model.coordinate_names]
+    return q, [value(model.initial_u.get(n), 0.0) for n in model.speed_names]
+
+
+def _functions(procedures: tuple[Procedure, ...], operations: Mapping[str, Any]) -> dict[str, Any]:
+    """What users call: arguments, results and sweeps, and of functions over directions seeds and widths."""
+    functions: dict[str, Any] = {}
+    for f in procedures:
+        if f.internal:
+            continue
+        sweeps = [s for s in counted(f, OUTSIDE) if s in operations]
+        functions[f.name] = {"arguments": _names(f.arguments), "results": _names(f.results), "sweeps": sweeps}
+        if f.member:
+            functions[f.name]["member"] = f.member
+        if f.widths:
+            functions[f.name] |= {"seeds": _names(f.seeds), "widths": list(f.widths)}
+    return functions
 
 
 def _names(arrays: tuple[Array, ...]) -> list[str]:
