@@ -272,8 +272,8 @@ class Model:
                 found.add(e.tree, f"forces.{force.name}.{key}")
             if isinstance(force, Torsion):
                 found.add_turn(force.name)
-            elif not self.loops and (length := signed_length(self.bodies, self.motion, force)) is not None:
-                found.add_line(force.name, length)
+            elif not self.loops and (line := signed_length(self.bodies, self.motion, force)) is not None:
+                found.add_line(force.name, *line)
         for i, output in enumerate(self.outputs):
             if output.expression is not None:
                 found.add(output.expression.tree, f"outputs.{output.name}.value", i)

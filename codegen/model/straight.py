@@ -1,16 +1,20 @@
-"""Lines between points that keep one direction: those of bodies that only slide, all along the same axis of the ground."""
+"""Lines between points that keep one direction: those of bodies that only slide, all along one direction of the ground."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
-from .axes import Vector, coordinate_axis
+from .axes import Vector, coordinate_axis, signed_base
 from .entries import ZERO
 from .expressions import Expression
 from .forces import ForceElement
-from .grammar import Tree
+from .grammar import Number, Tree
 from .places import GROUND, Face, Point
+
+_ROUNDING: Final = 2.0**-50
+"""Relative to two places, m, by how much they may differ and be the same, such as 0.1 + 0.2 and 0.3."""
 
 
 class Carried(Protocol):
@@ -24,10 +28,13 @@ class Carried(Protocol):
     def joint(self) -> Any: ...
 
 
-def signed_length(bodies: Sequence[Carried], prescribed: Collection[str], element: ForceElement) -> Tree | None:
-    """The one component of the line between the ends of a force element that is not zero in all states, if there is but one.
+def signed_length(
+    bodies: Sequence[Carried], prescribed: Collection[str], element: ForceElement
+) -> tuple[Tree, tuple[Number, Number, Number]] | None:
+    """The length of the line between the ends of a force element, with a sign, and its direction, if that is always the same.
 
-    Where it is zero, the ends coincide, and the line turns over.
+    Where the length is zero, the ends coincide, and the line turns over. The direction is an axis of the ground frame, or one
+    given by three numbers, of any length.
 
     Parameters
     ----------
@@ -43,15 +50,30 @@ def signed_length(bodies: Sequence[Carried], prescribed: Collection[str], elemen
     places = [_place(bodies, prescribed, end) for end in ends]
     if places[0] is None or places[1] is None:
         return None
-    moving = [e for a, b in zip(places[0], places[1], strict=True) if (e := b - a) is not ZERO]
-    if len(moving) != 1 or not any(n.startswith("q.") for n in moving[0].names):
+    (a, slides), (b, others) = places[0], places[1]
+    moving = [(name, slides[name], -1) for name in slides if name not in others]
+    moving += [(name, others[name], 1) for name in others if name not in slides]
+    direction = _direction(moving[0][1]) if moving else None
+    if direction is None:
         return None
-    return moving[0].tree
+    unit = [float(v) / math.hypot(*direction) for v in direction]
+    apart = [ZERO if _is_same(x, y) else y - x for x, y in zip(a, b, strict=True)]
+    length: Expression = sum((x * e for x, e in zip(apart, unit, strict=True)), ZERO)
+    for name, axis, sign in moving:
+        if not _are_parallel(axis, unit, 1.0):
+            return None
+        q = Expression(("name", f"q.{name}"))
+        along = sign * sum(float(x.value) * e for x, e in zip(axis, unit, strict=True))
+        length = length + q if along > 0 else length - q
+    return (length.tree, direction) if _are_parallel(apart, unit, _size(a) + _size(b)) else None
 
 
-def _place(bodies: Sequence[Carried], prescribed: Collection[str], point: Point) -> Vector | None:
-    """Where a point is whose body is carried by slides along the ground's axes; None where something may turn."""
-    found = [*point.at]
+def _place(
+    bodies: Sequence[Carried], prescribed: Collection[str], point: Point
+) -> tuple[list[Expression], dict[str, Vector]] | None:
+    """Where a point is at coordinates of zero, and the slides that carry it; None where something may turn."""
+    found: list[Expression] = [*point.at]
+    slides: dict[str, Vector] = {}
     k = point.body
     while k != GROUND:
         body = bodies[k]
@@ -60,16 +82,36 @@ def _place(bodies: Sequence[Carried], prescribed: Collection[str], point: Point)
             return None
         found = [a + b for a, b in zip(joint.at, found, strict=True)]
         if joint.type == "prismatic":
-            along = coordinate_axis(_only(joint.axes))
-            if along is None:
-                return None
-            i, sign = along
-            q = Expression(("name", f"q.{body.name}"))
-            found[i] = found[i] + q if sign > 0 else found[i] - q
+            (slides[body.name],) = joint.axes
         k = body.parent
-    return found[0], found[1], found[2]
+    return found, slides
 
 
-def _only(axes: tuple[Vector, ...]) -> Vector:
-    (axis,) = axes
-    return axis
+def _direction(axis: Vector) -> tuple[Number, Number, Number] | None:
+    """The components of an axis of numbers, as they are written; one along the ground's axes is a base vector."""
+    if not all(a.is_number for a in axis):
+        return None
+    base = coordinate_axis(axis)
+    x, y, z = axis if base is None else signed_base(base[0])
+    return x.value, y.value, z.value
+
+
+def _are_parallel(vector: Sequence[Expression], unit: Sequence[float], size: float) -> bool:
+    """Whether a vector is along a direction, but for rounding of numbers of some size."""
+    if all(x.is_number for x in vector):
+        values = [float(x.value) for x in vector]
+        along = sum(x * e for x, e in zip(values, unit, strict=True))
+        size = max(size, math.hypot(*values))
+        return all(abs(x - along * e) <= _ROUNDING * size for x, e in zip(values, unit, strict=True))
+    return all(x is ZERO or e == 1 for x, e in zip(vector, unit, strict=True))
+
+
+def _is_same(a: Expression, b: Expression) -> bool:
+    """Whether two coordinates are equal, but for rounding."""
+    if not (a.is_number and b.is_number):
+        return b - a is ZERO
+    return bool(abs(b.value - a.value) <= _ROUNDING * max(abs(a.value), abs(b.value)))
+
+
+def _size(place: Sequence[Expression]) -> float:
+    return max(abs(float(x.value)) for x in place if x.is_number) if any(x.is_number for x in place) else 0.0

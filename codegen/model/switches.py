@@ -17,7 +17,7 @@ from typing import Final
 
 from ..elementary import TABLE, named, tree_of
 from .expressions import COMBINED, Expression
-from .grammar import AT_LEAST, WRAPPED, Tree
+from .grammar import AT_LEAST, WRAPPED, Number, Tree
 from .slopes import HELD, is_positive
 from .trees import nodes, parts
 
@@ -113,6 +113,8 @@ class Switch:
         It is in prescribed motion.
     outputs : set of int
         Outputs that it is in.
+    direction : tuple of float
+        Of the line of a force element whose ends pass each other, of any length.
     """
 
     number: int
@@ -124,6 +126,7 @@ class Switch:
     drives: bool = False
     moves: bool = False
     outputs: set[int] = field(default_factory=set)
+    direction: tuple[Number, ...] = ()
 
     @property
     def words(self) -> str:
@@ -177,13 +180,22 @@ class Switches:
         """The angle between two bodies, which jumps at half a turn."""
         self.found.append(Switch(len(self.found), (), (), "turn", element, [f"forces.{element}"], drives=True))
 
-    def add_line(self, element: str, length: Tree) -> None:
+    def add_line(self, element: str, length: Tree, direction: tuple[Number, ...]) -> None:
         """The line between two points that move along it, which turns over where they pass each other."""
-        self.found.append(Switch(len(self.found), (), length, "sign", element, [f"forces.{element}"], drives=True))
+        self.found.append(
+            Switch(
+                len(self.found), (), length, "sign", element, [f"forces.{element}"], drives=True, direction=direction
+            )
+        )
 
-    def mode_of(self, element: str) -> Tree | None:
-        """The mode of the angle or the line of a force element, if it has one."""
-        return next((("name", f"{MODE}{s.number}") for s in self.found if s.element == element), None)
+    def direction_of(self, element: str) -> tuple[Number, ...]:
+        """The direction, of any length, of the line between the ends of a force element, if it is always the same."""
+        return next((s.direction for s in self.found if s.element == element), ())
+
+    def mode_of(self, element: str) -> tuple[Tree, ...]:
+        """The mode of the angle or the line of a force element, if it has one; then the direction of the line."""
+        found = (s for s in self.found if s.element == element)
+        return next(((("name", f"{MODE}{s.number}"), *(("number", v) for v in s.direction)) for s in found), ())
 
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
         """The tree with held functions in the place of those that have branches.

@@ -332,6 +332,9 @@ class Engine(Arguments):
             if isinstance(place, Face):
                 R = R @ placed_rotation(place, pairs)
             found.append(End(*self._point(motion, place.body, pairs.vector(place.at)), R, omega))
+        axis = self.given.switches.direction_of(element.name)
+        if axis:
+            found[0].line = pairs.unit(pairs.column([pairs.number(v) for v in axis]))
         return found
 
     def _measured(self, pairs: Pairs, motion: Any, element: ForceElement) -> Pairs:

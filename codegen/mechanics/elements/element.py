@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 from ...model.grammar import Tree
 from ...program import algebra
-from ...program.algebra import Expr, Symbol
+from ...program.algebra import Expr, Number, Symbol
 from ...program.block import Expansion, FieldError, Scope
+from ...program.digits import long_number
 from ...program.limits import limits
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
@@ -214,10 +215,24 @@ class Element:
     def _mode(self) -> Value:
         return self._coefficient(len(self.kind.first.keys))
 
+    @property
+    def _direction(self) -> Vector:
+        """Of a line that turns over, as components in the ground frame."""
+        axis = [long_number(form[1]) for form in self.kind.forms[-3:]]
+        if axis.count(0) == 2:
+            return [int(v) for v in axis]
+        size = sum(v * v for v in axis) ** 0.5
+        return [Number(v / size) if v else 0 for v in axis]
+
+    def _signed(self, line: Vector) -> Value:
+        """The length of a line that turns over, with a sign; what is across its direction is rounding."""
+        return self.let("way", dot(line, self._direction))
+
     def along(self, line: Vector, length: Value) -> Vector:
         """The direction of the line between the first two ends."""
         if self.turns_over:
-            return [c if is_zero(c) else self.let("along", self.x.call("held_sign", c, self._mode)) for c in line]
+            sign = self.x.call("held_sign", self._signed(line), self._mode)
+            return [0 if is_zero(c) else self.let("along", sign * c) for c in self._direction]
         inverse = self.let("inverse", 1 / length)
         return self.vector("along", [c * inverse for c in line])
 
@@ -242,13 +257,12 @@ class Element:
         """
         start, end = (end.position for end in self.ends[:2])
         line = self.vector("line", minus(end, start))
-        square = self.let("square", dot(line, line))
         if self.turns_over:  # its ends may pass each other
-            (moving,) = (c for c in line if not is_zero(c))
+            signed, mode = self._signed(line), self._mode
             if directed:
-                mode = self._mode
-                self.require(square + mode * mode - self.x.number(shortest() ** 2))
-            return line, self.let("length", self.x.call("held_abs", moving, self._mode))
+                self.require(self.let("square", signed * signed) + mode * mode - self.x.number(shortest() ** 2))
+            return line, self.let("length", self.x.call("held_abs", signed, mode))
+        square = self.let("square", dot(line, line))
         if directed:
             self.require(square - self.x.number(shortest() ** 2))
         return line, self.let("length", self.x.sqrt(square))

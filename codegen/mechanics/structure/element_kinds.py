@@ -68,7 +68,7 @@ class PlacedElement:
     axis : Frame
         Of the axis of its faces.
     forms : tuple of Tree
-        Its coefficients, then the mode of its angle or its line, if that has one, with
+        Its coefficients, then the mode of its angle or its line, if that has one, and the line's direction, with
         ``("name", "coefficient", i)`` for the parts that are evaluated beforehand and ``("name",
         "position", end, i)`` and ``("name", "velocity", end, i)`` for what points do.
     parts : tuple of (str, Tree)
@@ -241,7 +241,7 @@ def _placed(
     evaluate: NumberOf,
     first: int,
     hold: Callable[[Tree], Tree],
-    mode: Tree | None,
+    mode: tuple[Tree, ...],
 ) -> PlacedElement:
     places: list[Point | Face] = [*element.ends, *element.measured]
     on: list[int] = []
@@ -258,8 +258,8 @@ def _placed(
     for name, e in zip(element.keys, element.coefficients, strict=True):
         forms.append(split(hold(e.tree), ends, parts))
         keys += [name] * (len(parts) - len(keys))
-    if mode is not None:
-        forms.append(split(mode, ends, parts))
+    if mode:
+        forms += [split(mode[0], ends, parts), *mode[1:]]
         keys.append("mode")
     return PlacedElement(
         element, distinct, tuple(distinct.index(i) for i in on), tuple(steps),

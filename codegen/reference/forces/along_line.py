@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ...model.expressions import Expression
 from ...model.forces import AlongLine
 from ..pairs import Pair, Pairs
-from .law import End, Law, Wrench
+from .law import End, Law, Wrench, line
 
 
 class AlongLineLaw(Law[AlongLine]):
@@ -15,7 +15,7 @@ class AlongLineLaw(Law[AlongLine]):
 
     def wrenches(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         start, end = ends
-        along, distance = self._line(element, pairs, ends)
+        along, distance = line(element, pairs, ends)
         rate = pairs.dot(along, end.v - start.v)
         push = along * self._value(element.law.formula, element, pairs, {"distance": distance, "rate": rate})
         return Wrench(-push), Wrench(push)
@@ -23,18 +23,8 @@ class AlongLineLaw(Law[AlongLine]):
     def energy(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Pair | None:
         if element.law.potential is None:
             return None
-        _, distance = self._line(element, pairs, ends)
+        _, distance = line(element, pairs, ends)
         return self._value(element.law.potential, element, pairs, {"distance": distance})
-
-    @staticmethod
-    def _line(element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, Pair]:
-        """The unit vector from the start to the end, (3, 1), and the distance."""
-        start, end = ends
-        r = end.x - start.x
-        square = pairs.dot(r, r)
-        if square.value == 0:
-            raise ValueError(f"{element.type} {element.name}: its two points coincide, so its force has no direction")
-        return pairs.unit(r), pairs.call("sqrt", square)
 
     @staticmethod
     def _value(formula: Expression, element: AlongLine, pairs: Pairs, measures: dict[str, Pair]) -> Pair:

@@ -24,12 +24,15 @@ class End:
         Components of the body, or of the face, into ground components, (3, 3).
     omega : Pair
         Angular velocity of the body, (3, 1).
+    line : Pair or None
+        Of the first end: the direction of the line to the second one where that is always the same, but for its sign.
     """
 
     x: Pair
     v: Pair
     R: Pair
     omega: Pair
+    line: Pair | None = None
 
 
 @dataclass(slots=True)
@@ -38,6 +41,24 @@ class Wrench:
 
     force: Pair | None = None
     torque: Pair | None = None
+
+
+def line(element: ForceElement, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, Pair]:
+    """The unit vector from the first end to the second, (3, 1), and the distance.
+
+    Raises
+    ------
+    ValueError
+        The ends coincide.
+    """
+    start, end = ends
+    r = end.x - start.x
+    length = pairs.dot(r if start.line is None else start.line, r)  # what is across a line that stays is rounding
+    if length.value == 0:
+        raise ValueError(f"{element.type} {element.name}: its two points coincide, so its force has no direction")
+    if start.line is None:
+        return pairs.unit(r), pairs.call("sqrt", length)
+    return start.line * pairs.call("sign", length), pairs.call("abs", length)
 
 
 class Law(Generic[E]):

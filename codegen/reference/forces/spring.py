@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ...model.forces import Spring
 from ..pairs import Pair, Pairs
-from .law import End, Law, Wrench
+from .law import End, Law, Wrench, line
 
 
 class SpringLaw(Law[Spring]):
@@ -22,8 +22,7 @@ class SpringLaw(Law[Spring]):
         if self._is_linear(element, pairs, r):
             pull = r * k
         else:
-            d = pairs.call("sqrt", pairs.dot(r, r))
-            along = r * (pairs.number(1) / d)
+            along, d = line(element, pairs, ends)
             pull = along * (k * (d - free) + c * pairs.dot(along, end.v - start.v))
         return Wrench(pull), Wrench(-pull)
 
@@ -33,20 +32,11 @@ class SpringLaw(Law[Spring]):
         r, two = end.x - start.x, pairs.number(2)
         if self._is_linear(element, pairs, r):
             return pairs.dot(r, r) * k / two
-        stretch = pairs.call("sqrt", pairs.dot(r, r)) - free
+        stretch = line(element, pairs, ends)[1] - free
         return k * stretch * stretch / two
 
     @staticmethod
     def _is_linear(element: Spring, pairs: Pairs, r: Pair) -> bool:
-        """Whether the points coincide and the force is k r.
-
-        Raises
-        ------
-        ValueError
-            They coincide and it is not.
-        """
-        if pairs.dot(r, r).value != 0:
-            return False
-        if any(e.names or e.value != 0 for e in (element.damping, element.free_length)):
-            raise ValueError(f"spring {element.name}: its two points coincide, so its force has no direction")
-        return True
+        """Whether the points coincide and the force is k r."""
+        zero = all(not e.names and e.value == 0 for e in (element.damping, element.free_length))
+        return zero and bool(pairs.dot(r, r).value == 0)
