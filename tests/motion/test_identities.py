@@ -252,7 +252,7 @@ def rounding_decides(made: Made, wanted: Any, wrt: list[str], inputs: Any, **opt
 @pytest.mark.parametrize("first", [100, 200])
 def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
     """Random trees and random mechanisms of every scene and loop joint."""
-    told, undecided, turned_over = [], [], []
+    told, undecided, ended = [], [], []
     for seed in range(first, first + 25):
         rng = np.random.default_rng(seed)
         kind = ("tree", "spatial", "planar", "spherical")[seed % 4]
@@ -273,8 +273,9 @@ def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
                 else:
                     agree(forward, adjoint)
         except Exception as error:
-            if "by half a turn" in str(error):  # where a torsion or a bushing has no angle motions end, and say so
-                turned_over.append(seed)
+            # where a torsion has no angle, or the arc cosine of a speed above its range no value, motions end and say so
+            if any(words in str(error) for words in ("by half a turn", "is not finite: just behind, the force on")):
+                ended.append(seed)
             else:
                 told.append((seed, kind, type(error).__name__, str(error)[:300]))
     with capsys.disabled():
@@ -282,4 +283,4 @@ def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
             print(line)
     assert not told
     assert len(undecided) <= 1, undecided  # of 75
-    assert len(turned_over) <= 2, turned_over  # of 25
+    assert len(ended) <= 2, ended  # of 25
