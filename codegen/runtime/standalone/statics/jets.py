@@ -15,7 +15,7 @@ from ....elementary import ON_ARRAYS, TABLE, Elementary
 from ..arrays import Array
 
 
-class Jet:
+class Jet(np.lib.mixins.NDArrayOperatorsMixin):
     """An array and its derivatives along m directions.
 
     Parameters
@@ -45,45 +45,6 @@ class Jet:
             return NotImplemented
         return rule(*given)
 
-    def __add__(self, other: Any) -> Jet:
-        return _add(self, other)
-
-    def __radd__(self, other: Any) -> Jet:
-        return _add(self, other)
-
-    def __sub__(self, other: Any) -> Jet:
-        return _subtract(self, other)
-
-    def __rsub__(self, other: Any) -> Jet:
-        return _subtract(other, self)
-
-    def __mul__(self, other: Any) -> Jet:
-        return _multiply(self, other)
-
-    def __rmul__(self, other: Any) -> Jet:
-        return _multiply(self, other)
-
-    def __truediv__(self, other: Any) -> Jet:
-        return _divide(self, other)
-
-    def __rtruediv__(self, other: Any) -> Jet:
-        return _divide(other, self)
-
-    def __neg__(self) -> Jet:
-        return Jet(-self.value, -self.slope)
-
-    def __gt__(self, other: Any) -> Any:
-        return self.value > value_of(other)
-
-    def __ge__(self, other: Any) -> Any:
-        return self.value >= value_of(other)
-
-    def __lt__(self, other: Any) -> Any:
-        return self.value < value_of(other)
-
-    def __le__(self, other: Any) -> Any:
-        return self.value <= value_of(other)
-
 
 def value_of(x: Any) -> Any:
     """The value of a jet, or a plain number."""
@@ -103,19 +64,13 @@ def _scaled(*terms: tuple[Any, Any]) -> Array:
 
 
 def _add(x: Any, y: Any) -> Jet:
-    if not isinstance(y, Jet):
-        return Jet(x.value + y, x.slope)
-    if not isinstance(x, Jet):
-        return Jet(x + y.value, y.slope)
-    return Jet(x.value + y.value, x.slope + y.slope)
+    slopes = [z.slope for z in (x, y) if isinstance(z, Jet)]
+    return Jet(value_of(x) + value_of(y), slopes[0] if len(slopes) == 1 else slopes[0] + slopes[1])
 
 
-def _subtract(x: Any, y: Any) -> Jet:
-    if not isinstance(y, Jet):
-        return Jet(x.value - y, x.slope)
-    if not isinstance(x, Jet):
-        return Jet(x - y.value, -y.slope)
-    return Jet(x.value - y.value, x.slope - y.slope)
+def _of_values(function: Callable[..., Any], *given: Any) -> Any:
+    """What a function that is constant in pieces makes of values."""
+    return function(*map(value_of, given))
 
 
 def _multiply(x: Any, y: Any) -> Jet:
@@ -182,10 +137,8 @@ def _elementary(e: Elementary) -> Callable[..., Any]:
 ELEMENTARY: dict[str, Callable[..., Any]] = {e.spelled("numpy") or e.name: _elementary(e) for e in TABLE.values()}
 
 RULES: dict[str, Callable[..., Any]] = {
-    **ELEMENTARY, "add": _add, "subtract": _subtract, "multiply": _multiply, "divide": _divide, "power": _power,
-    "negative": Jet.__neg__, "floor": lambda x: np.floor(x.value), "absolute": ELEMENTARY["abs"],
-    "greater": lambda x, y: value_of(x) > value_of(y),
-    "less": lambda x, y: value_of(x) < value_of(y),
-    "greater_equal": lambda x, y: value_of(x) >= value_of(y), "less_equal": lambda x, y: value_of(x) <= value_of(y),
+    **ELEMENTARY, "add": _add, "subtract": lambda x, y: _add(x, -y), "multiply": _multiply, "divide": _divide, "power": _power,
+    "negative": lambda x: Jet(-x.value, -x.slope), "absolute": ELEMENTARY["abs"],
+    **{f.__name__: partial(_of_values, f) for f in (np.floor, np.greater, np.less, np.greater_equal, np.less_equal)},
 }  # fmt: skip
 """What NumPy's functions that generated statements call do to jets, by their names."""
