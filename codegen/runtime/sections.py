@@ -41,7 +41,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 """Sections of `standalone.solver.Solver`, and what a manifest names, as functions or beside them, where they are needed."""
 
 PARTS: dict[str, tuple[str, ...]] = {
-    "assembly.loops": ("closure",), "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
+    **dict.fromkeys(("assembly.loops", "trust.exact_loops"), ("closure",)),
+    "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
     "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
 }  # fmt: skip
 """Modules that others import only where a manifest names what needs them."""

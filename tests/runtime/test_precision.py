@@ -77,8 +77,10 @@ def test_what_is_taken(solver, exact):
     for wrong, message in (([np.nan, 0, 0], "finite"), (["a", 0, 0], "real numbers"), ([1, 2], "expected")):
         with pytest.raises(ValueError, match=message):
             exact.accelerations(wrong, u)
-    with pytest.raises(ValueError, match="leave it out"):
+    with pytest.raises(ValueError, match=r"holds float64.*expected a writeable C-contiguous array of object"):
         exact.accelerations(q, u, out=np.zeros(3))
+    place = np.empty(3, object)
+    assert exact.accelerations(q, u, out=place) is place and (place == a).all()
     for digits in (15, 40.0, True, 10**6):
         with pytest.raises(ValueError, match="digits is"):
             solver.in_precision(digits)
@@ -86,6 +88,29 @@ def test_what_is_taken(solver, exact):
         exact.simulate(1.0)
     with pytest.raises(codegen.runtime.AssemblyError):
         exact.assemble(q, u, {"base": 99.0})
+
+
+def test_batches_with_bad_states_keep_their_digits(solver):
+    solver.bad_states = "nan"
+    try:
+        exact = solver.in_precision(40)
+    finally:
+        solver.bad_states = "error"
+    q, u = exact.initial
+    third = exact.mp.mpf(1) / 3
+    states = np.stack([q, q, q])
+    alone = exact.accelerations(q, u, {"coupler_mass": third})
+    assert (exact.accelerations(states, u, {"coupler_mass": third}) == alone).all()
+    states[1, 0] = exact.mp.nan
+    calls = [
+        lambda q: exact.accelerations(q, u, {"coupler_mass": third}),
+        lambda q: exact.jacobians(q, u, {"coupler_mass": third}, wrt="p").p,
+        lambda q: exact.gradients(q, u, {"coupler_mass": third}, weights=[1, 0, 0]).p[0],
+    ]
+    for call in calls:
+        with pytest.warns(RuntimeWarning, match=r"1 of 3 states are NaN: state \[1\]: q\[0\]"):
+            found = call(states)
+        assert (found[[0, 2]] == call(q)).all() and all(map(mpmath.isnan, found[1].ravel()))
 
 
 def test_without_mpmath_it_says_what_to_install(solver, monkeypatch):

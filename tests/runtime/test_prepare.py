@@ -75,3 +75,24 @@ def test_who_looks_is_told_what_takes_time(monkeypatch, capsys, watched):
     with compiling.waiting("quick"):
         pass
     assert capsys.readouterr().err == ("compiling arm (motion): once, the library is kept\n" if watched else "")
+
+
+def test_members_that_can_be_prepared_are_those_that_can_be_called(tmp_path):
+    """Every member of a list in an error is a method, and one that is made of other functions has these compiled."""
+    model = codegen.load_model(EXAMPLES / "four_bar.yaml")
+    codegen.generate(model, tmp_path / "all", check=False, compile=False, frames=True)
+    codegen.generate(model, tmp_path / "few", check=False, compile=False, functions=("accelerations", "energies"))
+    for folder in ("all", "few"):
+        solver = codegen.load(tmp_path / folder, "numpy")
+        with pytest.raises(ValueError, match="prepare: 'nothing' is none of ") as error:
+            solver.prepare("nothing")
+        names = str(error.value).partition("none of ")[2].split(", ")
+        assert names[-1] == "batches" and all(callable(getattr(solver, n)) for n in names[:-1])
+        solver.prepare(*names)
+        assert {"points", "mass_matrix", "gradients"} <= {*names} or folder == "few"
+        assert {"points", "mass_matrix", "gradients", "equilibrium"}.isdisjoint(names) or folder == "all"
+    with pytest.raises(ValueError, match="'closing_step' is none of"):
+        solver.prepare("closing_step")
+    for lacking in ("points", "jacobians", "equilibrium"):
+        with pytest.raises(AttributeError, match="generate it with"):
+            solver.prepare(lacking)

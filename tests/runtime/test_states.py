@@ -20,11 +20,11 @@ def four_bar(request, packages):
 def evaluations(four_bar, monkeypatch):
     """Names of the generated functions without directions that were called."""
     called = []
-    values, calls = four_bar._target.compute, four_bar._calls
+    run, calls = four_bar._target.run, four_bar._calls
 
-    def counted(f, *arguments, **named):
-        called.append(f.name)
-        return values(f, *arguments, **named)
+    def counted(task):
+        called.append(task.f.name)
+        run(task)
 
     class Counted(dict):
         def __missing__(self, wanted):
@@ -36,8 +36,9 @@ def evaluations(four_bar, monkeypatch):
 
             return counted_alone
 
-    monkeypatch.setattr(four_bar._target, "compute", counted)
-    monkeypatch.setattr(four_bar, "_calls", Counted())
+    monkeypatch.setattr(four_bar._target, "run", counted)
+    for place, name in ((four_bar, "_calls"), (four_bar._target, "calls")):
+        monkeypatch.setattr(place, name, Counted())
     return called
 
 

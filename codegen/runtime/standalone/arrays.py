@@ -47,8 +47,10 @@ a core: 4 ms each time where others want it too, for what takes 20 us."""
 
 
 def all_finite(x: Array) -> bool:
-    """The same for any number of axes."""
+    """The same for any number of axes, and for numbers that are objects."""
     flat = x.reshape(-1)
+    if x.dtype == object:
+        return all(e - e == 0 for e in flat)
     if len(flat) <= FEW:
         return all(map(math.isfinite, flat.tolist()))
     with np.errstate(all="ignore"):

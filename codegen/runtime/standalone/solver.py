@@ -34,7 +34,7 @@ from .statics.statics import Statics
 from .trajectory.trajectory import Trajectory
 from .trust.diagnose import Diagnosing
 from .trust.diagnosis import Diagnosis
-from .trust.precision import extended
+from .trust.precision import PartitionTexts, extended
 
 
 class Solver(Package):
@@ -858,21 +858,23 @@ class Solver(Package):
 
     # -- precision -----------------------------------------------------------------------------------------------------
 
-    def in_precision(self, digits: int = 40) -> Any:
+    def in_precision(self, digits: int = 40, model: Any = None) -> Any:
         """This solver in more digits, to settle a doubt about rounding: the same statements on longer numbers.
 
         Its members take what those of this solver take, and mpmath's numbers and decimal text too; floats count as exactly
         what they are. They return mpmath's numbers in arrays of objects, which keep these digits whatever ``mpmath.mp.dps``
         is; ``.astype(float)`` rounds an array to doubles. `assemble` closes loops to these digits; the other members take
-        coordinates as they are given, as everywhere. There are no ``out=``, `simulate`, `judge`, `equilibrium`, `linearize`
-        and `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in the
-        package.
+        coordinates as they are given, as everywhere. There are no `simulate`, `judge`, `equilibrium`, `linearize` and
+        `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in the package.
 
         Parameters
         ----------
         digits : int
             Decimal digits of results, at least 16; what is computed with has ten more. Cancellation takes digits away, so
             compare with those of more.
+        model : Model or path, optional
+            What the package was generated from: numbers that were computed from it are computed in these digits too, from the
+            doubles that the model file is read as. Needs a solver that `ordernm.load` has opened.
 
         Returns
         -------
@@ -883,5 +885,11 @@ class Solver(Package):
         ------
         ImportError
             mpmath is not installed.
+        ValueError
+            `digits` are too few or too many, or the package was generated from another model.
         """
-        return extended(self, digits)
+        return extended(self, digits, None if model is None else self._long_texts(model, digits))
+
+    def _long_texts(self, model: Any, digits: int) -> PartitionTexts:
+        """The NumPy module of each partition with the numbers of a model in more digits, which its generator writes."""
+        raise ValueError("model: a package by itself generates nothing; open it with ordernm.load to give its model")

@@ -45,6 +45,7 @@ class Solver:
     parameter_names: tuple[str, ...]
     input_names: tuple[str, ...]
     signal_names: tuple[str, ...]
+    moving_inputs: tuple[str, ...]
     output_names: tuple[str, ...]
     closure_names: tuple[str, ...]
     prescribed_names: tuple[str, ...]
@@ -125,4 +126,4 @@ class Solver:
         self, q: Coordinates, u: Speeds, p: Parameters = None, inputs: ArrayLike | None = None,
         t: ArrayLike = 0.0, *, out: Array | None = None
     ) -> Array: ...
-    def in_precision(self, digits: int = 40) -> Any: ...
+    def in_precision(self, digits: int = 40, model: Any = None) -> Any: ...

@@ -104,16 +104,10 @@ class Loops(States):
         return self._call("completion", (q_new, *(arrays[n] for n in STATE[1:])))[0]
 
     def _completed_along(
-        self,
-        q_new: Array,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        dq_new: Array,
-        du_new: Array,
-        rest: tuple[Any, ...],
-    ) -> tuple[Array, Array, Array, Array]:
-        given = {**arrays, "q": q_new, "u": super().completed(q_new, arrays, batch)}
-        return q_new, *self._call("completion_sensitivities", tuple(given[n] for n in STATE), (dq_new, du_new, *rest))
+        self, at: Mapping[str, Any], batch: Shape, seeds: tuple[Any, ...]
+    ) -> tuple[Array, Array, Array]:
+        u, dq, du = self._call("completion_sensitivities", tuple(at[n] for n in STATE), seeds)
+        return u, dq, du
 
 
 def _place(number: int, batch: Shape) -> tuple[int, ...]:

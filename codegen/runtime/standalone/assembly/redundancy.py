@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Numbers
 from ..calls.arguments import Seeds
-from ..calls.functions import STATE, Wanted
+from ..calls.functions import STATE, WEIGHTED, Wanted
 from ..calls.room import Room
 from ..calls.single_calls import Call
 from ..calls.targets import Opened
@@ -74,11 +74,11 @@ class Redundancy(Room):
                 f"generated, and {name} is of a mechanism without it"
             )
 
-    def look_at_directions(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...]) -> None:
+    def look_at_directions(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None) -> None:
         """Warn of directions that have no derivative."""
-        opened, dp = self._opened, seeds[STATE.index("p")]
-        if opened.manifest.get("dropped"):
-            self._look_at_state(name, given)
+        opened, name = self._opened, wanted if isinstance(wanted, str) else wanted.name
+        by_all = name in WEIGHTED or (name == "jacobians" and "J_p" in getattr(wanted, "returned", ("J_p",)))
+        dp = np.eye(self.np) if by_all else None if seeds is None else seeds[STATE.index("p")]
         if self._watched and dp is not None and name != "closure_sensitivities" and name in opened.functions:
             known = opened.functions[name].named(given)
             if "q" in known:

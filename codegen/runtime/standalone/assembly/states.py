@@ -70,14 +70,15 @@ class States(Room):
         arrays, batch = self._arguments.take(state(*given), self._left_out)
         (seeds, k), batch = Seeds.take(self._arguments, dict(zip(ALONG, along, strict=True)), arrays, batch)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
-        q_new = self.assembled(arrays, batch, follow)
-        dq_new = filled((k, *batch, self.nq), seeds.get("dq", 0.0), q_new.dtype)
-        du_new = filled((k, *batch, self.nu), seeds.get("du", 0.0), q_new.dtype)
+        at, zero = {**arrays, "q": self.assembled(arrays, batch, follow)}, self._arguments.kind(0)
+        dq_new, du_new = (
+            filled((k, *batch, *self._shapes[n]), seeds.get(f"d{n}", zero), at["q"].dtype) for n in ("q", "u")
+        )
         for i, length in before.items():
-            e, de = q_new[..., i : i + 4], dq_new[..., i : i + 4]
+            e, de = at["q"][..., i : i + 4], dq_new[..., i : i + 4]
             de /= length
             de -= e * np.sum(e * de, axis=-1, keepdims=True)
-        return self._completed_along(q_new, arrays, batch, dq_new, du_new, along[2:])
+        return at["q"], *self._completed_along(at, batch, (dq_new, du_new, *along[2:]))
 
     def closure(self, given: tuple[Any, ...]) -> tuple[Array, Array]:
         """See `Solver.closure`; without loops there are no residuals."""
@@ -192,13 +193,7 @@ class States(Room):
         return filled((*batch, self.nu), arrays["u"], arrays["u"].dtype)
 
     def _completed_along(
-        self,
-        q_new: Array,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        dq_new: Array,
-        du_new: Array,
-        rest: tuple[Any, ...],
-    ) -> tuple[Array, Array, Array, Array]:
-        """Assembled coordinates, the speeds that belong to them, and derivatives of both, (k, *batch, nq) and (k, *batch, nu)."""
-        return q_new, self.completed(q_new, arrays, batch), dq_new, du_new
+        self, at: Mapping[str, Any], batch: Shape, seeds: tuple[Any, ...]
+    ) -> tuple[Array, Array, Array]:
+        """The speeds that belong to assembled coordinates, and derivatives of both, (k, *batch, nq) and (k, *batch, nu)."""
+        return self.completed(at["q"], at, batch), seeds[0], seeds[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -42,8 +43,9 @@ class Arguments:
     kind: Callable[[Any], Any] = float
     """What numbers are in arrays, and alone."""
     _largest = float(np.finfo(float).max)
-    _is_finite = staticmethod(is_finite)
-    _finite: Callable[[Any], Any] = staticmethod(np.isfinite)
+    is_finite: Callable[[Any], bool] = staticmethod(is_finite)
+    finite: Callable[[Any], Any] = staticmethod(np.isfinite)
+    """Of a row, and of each number."""
 
     def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
         self.names = names_of(manifest)
@@ -53,6 +55,12 @@ class Arguments:
         if "scalar" in manifest:
             self.dtype, self._largest = numbers, float(np.finfo(numbers).max)
         self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
+
+    def lenient(self) -> Arguments:
+        """The same without checks of numbers: of what is finite, and of lengths of quaternions."""
+        found = copy.copy(self)
+        found.is_finite, found.finite, found.quaternions = lambda x: True, lambda x: np.ones((), bool), ()
+        return found
 
     def take(self, given: Mapping[str, Any], left_out: LeftOut) -> tuple[dict[str, Any], Shape]:
         """Checked arguments, and the shape of the batch they make together."""
@@ -103,9 +111,9 @@ class Arguments:
             if value.ndim == 1:
                 if not value.flags.c_contiguous:
                     value = np.ascontiguousarray(value)
-                if self._is_finite(value):
+                if self.is_finite(value):
                     return value
-        finite = self._finite(once(value))
+        finite = self.finite(once(value))
         if not finite.all():
             place = tuple(int(i) for i in np.argwhere(~np.broadcast_to(finite, value.shape))[0])
             where = f"[{', '.join(map(str, place))}]" if place else ""

@@ -18,72 +18,46 @@ MOST_TOLD = 5
 """So many bad states are told of one by one."""
 
 
-class Lenient(Arguments):
-    """Checks arguments but for numbers that are not finite and short quaternions of single states of a batch.
+def without_bad(
+    strict: Arguments, initial: Array, given: Mapping[str, Any], left_out: LeftOut
+) -> tuple[dict[str, Any], Shape, dict[int, str]]:
+    """Arguments with ordinary numbers where states are bad, the shape of the batch, and what is bad by number of state.
 
-    Parameters
-    ----------
-    manifest : dict
-    arguments : Arguments
-        Those that check everything.
+    What all states share is checked as always; `initial` are coordinates that serve where q is bad.
     """
+    arrays, batch = strict.lenient().take(given, left_out)
+    bad: dict[int, str] = {}
+    for name, x in arrays.items():
+        if np.ndim(x) == (name != "t"):
+            strict.take({name: x}, left_out)
+            continue
+        rows = x[..., None] if name == "t" else x
+        found = _bad_rows(strict, name, rows)
+        if not found.any():
+            continue
+        whole = np.broadcast_to(rows, (*batch, rows.shape[-1])).reshape(-1, rows.shape[-1])
+        for number in np.flatnonzero(np.broadcast_to(found, batch)):
+            bad.setdefault(int(number), _what(strict, name, whole[number]))
+        rows = rows.copy()
+        rows[found] = initial if name == "q" else strict.defaults.get(name, 0.0)
+        arrays[name] = rows[..., 0] if name == "t" else rows
+    return arrays, batch, dict(sorted(bad.items()))
 
-    _is_finite = staticmethod(lambda x: True)
-    _finite = staticmethod(lambda x: np.ones((), bool))
 
-    def __init__(self, manifest: Mapping[str, Any], arguments: Arguments):
-        super().__init__(manifest, arguments.shapes)
-        self.strict = arguments
-        initial = np.array(manifest["initial"]["q"], float)
-        self.instead = {"q": initial, "p": self.defaults["p"]}
+def _bad_rows(strict: Arguments, name: str, rows: Array) -> Any:
+    found = ~strict.finite(rows).all(axis=-1)
+    for i in strict.quaternions if name == "q" else ():
+        with np.errstate(all="ignore"):
+            e = rows[..., i : i + 4].astype(float)
+            found |= ~(np.einsum("...i,...i", e, e) >= SMALLEST_QUATERNION**2)
+    return found
 
-    def _check_quaternions(self, q: Array) -> None:
-        """Done for each state in `without_bad`."""
 
-    def without_bad(self, given: Mapping[str, Any], left_out: LeftOut) -> tuple[dict[str, Any], Shape, dict[int, str]]:
-        """Arguments with ordinary numbers where states are bad, the shape of the batch, and what is bad by number of state.
-
-        What all states share is checked as always.
-        """
-        arrays, batch = self.take(given, left_out)
-        bad: dict[int, str] = {}
-        for name, x in arrays.items():
-            entries = 0 if name == "t" else 1
-            if np.ndim(x) == entries:
-                if name == "t":
-                    self.strict.take({"t": x}, left_out)
-                else:
-                    self.strict.array(name, x, name)
-                    if name == "q":
-                        self.strict._check_quaternions(x)
-                continue
-            rows = x[..., None] if name == "t" else x
-            found = self._bad_rows(name, rows)
-            if not found.any():
-                continue
-            whole = np.broadcast_to(found, batch)
-            for number in np.flatnonzero(whole.reshape(-1)):
-                row = np.broadcast_to(rows, (*batch, rows.shape[-1])).reshape(-1, rows.shape[-1])[number]
-                bad.setdefault(int(number), self._what(name, row))
-            rows = rows.copy()
-            rows[found] = self.instead.get(name, 0.0)
-            arrays[name] = rows[..., 0] if name == "t" else rows
-        return arrays, batch, dict(sorted(bad.items()))
-
-    def _bad_rows(self, name: str, rows: Array) -> Any:
-        found = ~np.isfinite(rows).all(axis=-1)
-        if name == "q":
-            for i in self.quaternions:
-                with np.errstate(all="ignore"):
-                    e = rows[..., i : i + 4]
-                    found |= ~(np.einsum("...i,...i", e, e) >= SMALLEST_QUATERNION**2)
-        return found
-
-    def _what(self, name: str, row: Array) -> str:
-        """What is bad about a row."""
-        for i in np.flatnonzero(~np.isfinite(row)):
-            return f"{name} is {row[i]}" if name == "t" else f"{name}[{i}] ({self.names[name][i]}) is {row[i]}"
-        return "a quaternion of q is too short for a rotation"
+def _what(strict: Arguments, name: str, row: Array) -> str:
+    """What is bad about a row."""
+    for i in np.flatnonzero(~strict.finite(row)):
+        return f"{name} is {row[i]}" if name == "t" else f"{name}[{i}] ({strict.names[name][i]}) is {row[i]}"
+    return "a quaternion of q is too short for a rotation"
 
 
 def tell_bad(model: str, bad: Mapping[int, str], batch: Shape) -> None:
@@ -106,4 +80,4 @@ def spread(bad: Mapping[int, str], of: Shape, batch: Shape) -> dict[int, str]:
     return {int(i): bad[int(whole[i])] for i in np.flatnonzero(whole >= 0)}
 
 
-__all__ = ["BAD_STATES", "Lenient", "spread", "tell_bad"]
+__all__ = ["BAD_STATES", "spread", "tell_bad", "without_bad"]

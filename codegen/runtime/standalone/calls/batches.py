@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import os
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Shape
+from ..arrays import Array
 from ..errors import CompileError, NoCompilerError
 from ..files.build import build_apart
 from ..warning import warn
@@ -71,19 +71,12 @@ class Batches:
     folder : Path
         The package.
     manifest : dict
-
-    Attributes
-    ----------
-    threads : int
-        How many work on a batch.
     """
 
     def __init__(self, target: Any, folder: Path, manifest: Mapping[str, Any], sealed: str = ""):
-        self.threads = 1
         self._sealed = sealed
         self._target, self._ffi, self._folder = target, target.ffi, folder
         self._model: str = manifest["name"]
-        self._workspace: int = manifest["workspace"]
         self._arrays: list[str] = manifest["batch"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
         self._calls: dict[tuple[str, int], Callable[[Any], int]] = {}
@@ -96,7 +89,7 @@ class Batches:
 
     def _parts(self, count: int) -> list[tuple[int, int]]:
         """Where the parts of a batch begin and end, one for each thread."""
-        n = max(1, min(self.threads, count // WORTH_A_THREAD))
+        n = max(1, min(self._target.threads, count // WORTH_A_THREAD))
         size = max(-(-count // (n * EVEN)), 1) * EVEN
         return [(start, min(start + size, count)) for start in range(0, count, size)]
 
@@ -176,7 +169,7 @@ class Batches:
 
     def prepare(self) -> None:
         """Compile the functions over several states at once, and what shares them among threads, where there are any."""
-        if self._over_states and self._opened() is not False and self.threads > 1:
+        if self._over_states and self._opened() is not False and self._target.threads > 1:
             self._shared()
 
     def _opened(self) -> Any:
@@ -228,7 +221,7 @@ class Batches:
             n = math.prod(shape)
             arrays[name] = target.pointer(r), n, count * n
 
-        threads = min(self.threads, count // WORTH_A_THREAD)
+        threads = min(self._target.threads, count // WORTH_A_THREAD)
         shared: Any = self._shared() if threads > 1 else False
         codes = np.zeros(count, np.intc)
         work = np.empty(self._over_states["workspace"] * (threads if shared else 1), target.dtype)
@@ -240,14 +233,4 @@ class Batches:
         return {int(i): int(codes[i]) for i in np.flatnonzero(codes)} if code else {}
 
 
-def spoil(results: Sequence[Array], f: Function, failed: Iterable[int], batch: Shape) -> None:
-    """Put NaN where states have failed."""
-    for number in failed:
-        at = tuple(int(i) for i in np.unravel_index(number, batch))
-        for r, derived in zip(results, f.derived, strict=True):
-            if r is not None:  # it was not asked for
-                place: Any = (slice(None), *at) if derived else at
-                r[place] = np.nan
-
-
-__all__ = ["Batches", "Failed", "spoil"]
+__all__ = ["Batches", "Failed"]

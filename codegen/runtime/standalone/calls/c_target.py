@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import SCALARS, Array, Shape, dtype_of
+from ..arrays import SCALARS, Array, Shape
 from ..errors import (
     CompileError,
     NoCompilerError,
@@ -25,12 +25,12 @@ from ..errors import (
 from ..files.build import Build, builds
 from ..files.compiler import find_compiler
 from ..warning import warn
-from .arguments import NO_SEEDS, Seeds
-from .batches import Batches, Failed, spoil
+from .batches import Batches, Failed
 from .caller import find_caller
 from .functions import Function, names_of, split
 from .results import empty
 from .single_calls import SLOT, Calls
+from .task import Target, Task
 
 UNFIT, FEW_LACK = -1, -3
 """What ``NAME_calls.c`` returns where it cannot take an argument, and where it needs functions over few directions, which are a
@@ -44,7 +44,7 @@ BESIDE = {
 """Functions over chosen points, and those in whose library they are."""
 
 
-class CTarget:
+class CTarget(Target):
     """The compiled functions of a package, called through cffi, which releases the GIL.
 
     Parameters
@@ -79,18 +79,17 @@ class CTarget:
             from cffi import FFI
         except ImportError:
             raise NoCompilerError("cffi is not installed, and the C target needs it: pip install cffi") from None
+        super().__init__(manifest)
         self.ffi = FFI()
         self.model: str = manifest["name"]
         self.links: list[str] = manifest["links"]
         self.loops: list[str] = manifest.get("loops", [])
-        self.couplings = frozenset(manifest.get("couplings", ()))
         self.singular_forces = singular_forces(manifest)
         self.outputs: list[str] = manifest["output_names"]
         self.workspace: int = manifest["workspace"]
         self.functions = functions
         self.shapes = shapes
         self.names = names_of(manifest)
-        self.dtype = dtype_of(manifest)
         self.real = SCALARS[self.dtype.name]
         """What numbers of the C are called."""
         self.defaults = np.array(manifest["parameters"], self.dtype), self.zeros(len(manifest["input_names"]))
@@ -125,15 +124,6 @@ class CTarget:
         self.default_pointers = [self.pointer(a) for a in self.defaults]
         self._free_work: list[Any] = []
         self.calls = Calls(weakref.proxy(self), caller)
-
-    @property
-    def threads(self) -> int:
-        """How many work on a batch."""
-        return self.batches.threads
-
-    @threads.setter
-    def threads(self, threads: int) -> None:
-        self.batches.threads = threads
 
     def _library(self, part: str) -> Any:
         """A library of the package; compiled when first asked for."""
@@ -289,18 +279,19 @@ class CTarget:
             x[slot] = pointer
         return x
 
-    def _single(self, f: Function, arrays: Mapping[str, Any], seeds: Seeds, results: Sequence[Array]) -> None:
+    def _single(self, task: Task) -> None:
         """Compute the results of one state, directions as rows."""
-        given = {n: self.plain(a) for n, a in arrays.items() if n in SLOT}
-        given |= {s: self.plain(a) for s, a in seeds.of.items() if s in f.seeds}
+        f, t = task.f, task.arrays.get("t", 0.0)
+        given = {n: self.plain(a) for n, a in task.arrays.items() if n in SLOT}
+        given |= {s: self.plain(a) for s, a in task.seeds.of.items() if s in f.seeds}
         lanes = np.empty(f.per_direction * max(f.widths, default=0), self.dtype)
         with self.work() as work:
-            x = self.pointers({SLOT[n]: self.pointer(a) for n, a in given.items()}, work, self.pointer(lanes), results)
+            x = self.pointers({SLOT[n]: self.pointer(a) for n, a in given.items()}, work, self.pointer(lanes), task.out)
             bits = sum(1 << SLOT[n] for n in given)
-            status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
+            status = self.function(f)(x, bits, t, task.seeds.k)
             if status == FEW_LACK:
                 self.give_few()
-                status = self.function(f)(x, bits, arrays.get("t", 0.0), seeds.k)
+                status = self.function(f)(x, bits, t, task.seeds.k)
         if status == UNFIT:  # by rounding, at the very limit: there are no results
             raise ValueError(
                 f"{self.model}: {f.name} takes finite {self.dtype} and quaternions of at least 1e-6 in length"
@@ -310,72 +301,50 @@ class CTarget:
 
     # -- any number of states ------------------------------------------------------------------------------------------
 
-    def compute(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        seeds: Seeds = NO_SEEDS,
-        out: Sequence[Array] = (),
-        failed: dict[int, SingularJointError] | None = None,
-    ) -> list[Array]:
-        """Results of a function, (*batch, *shape), and derivatives along seeds, (k, *batch, *shape); in `out` if there is one.
-
-        `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...). Seeds have as many batch
-        axes as the batch. States of a batch that fail go to `failed`, if that is there, and have NaN; else they are an error.
-        """
-        if not (batch or out or f.seeds):
-            alone = self.calls[f.name](tuple([arrays.get(n, 0.0 if n == "t" else None) for n in f.order]), None, None)
-            if alone is not None:
-                return list(alone)
-        results = list(out) or [empty(shape, self.dtype) for shape in f.whole_shapes(batch, seeds.k)]
-        if not batch:
-            self._single(f, arrays, seeds, results)
-            return results
-        count = math.prod(batch)
-        given = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
-        if self.batches.takes(f, count, seeds.k):
+    def run(self, task: Task) -> None:
+        if not task.batch:
+            self._single(task)
+            return
+        f, of, k, batch = task.f, task.seeds.of, task.seeds.k, task.batch
+        given = [self._row(task.arrays[a], batch, a == "t") for a in f.arguments]
+        if self.batches.takes(f, task.states, k):
             with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, given, strict=True)}
-            with_steps |= {s: self._rows(seeds.of[s], seeds.k, batch, count) for s in f.seeds if s in seeds.of}
-            found = self.batches.states(f, with_steps, results, count, seeds.k)
+            with_steps |= {s: self._rows(of[s], k, batch, task.states) for s in f.seeds if s in of}
+            found = self.batches.states(f, with_steps, task.out, task.states, k)
         elif f.seeds:
-            found = self._in_lanes(f, given, batch, seeds, results, failed is not None)
+            found = self._in_lanes(task, given)
         else:
-            found = self.batches.rows(f, 0, given, results, count, failed is not None)
-        self._tell(f, found, failed, results, batch)
-        return results
+            found = self.batches.rows(f, 0, given, task.out, task.states, task.failed is not None)
+        if found and task.failed is None:
+            number = min(found)
+            raise self.singular(found[number], f" (state {list(task.place(number))} of the batch)")
+        if found and task.failed is not None:
+            task.failed.update({number: self.singular(code) for number, code in found.items()})
+            task.spoil(task.out, f.derived, found)
 
-    def _in_lanes(
-        self,
-        f: Function,
-        arguments: Sequence[tuple[Any, int]],
-        batch: Shape,
-        seeds: Seeds,
-        results: Sequence[Array],
-        go_on: bool,
-    ) -> Failed:
+    def _in_lanes(self, task: Task, arguments: Sequence[tuple[Any, int]]) -> Failed:
         """Compute the results of a batch, state after state, some directions at a time; what has failed."""
-        count, k = math.prod(batch), seeds.k
+        f, of, k, batch, count = task.f, task.seeds.of, task.seeds.k, task.batch, task.states
         found: Failed = {}
         start = 0
         for width in split(k, self.widths(f, k)) or [max(f.widths)]:  # without directions there are values still
             end = min(start + width, k)
             given = list(arguments)
             for s, n in f.seeds.items():
-                if s in seeds.of:
-                    given.append(self._lanes(seeds.of[s][start:end], width, batch, count))
+                if s in of:
+                    given.append(self._lanes(of[s][start:end], width, batch, count))
                 else:
                     given.append((self._nothing(n * width), 0))
             taken: list[Array] = []
             lanes: list[tuple[Array, Array]] = []
-            for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
+            for result, shape, derived in zip(task.out, f.shapes, f.derived, strict=True):
                 if derived and (width > 1 or start == end):
                     taken.append(empty((count, math.prod(shape), width), self.dtype))
                     lanes.append((taken[-1], result[start:end]))
                 else:
                     taken.append(result[start] if derived else result)
-            found |= self.batches.rows(f, width, given, taken, count, go_on)
-            if found and not go_on:
+            found |= self.batches.rows(f, width, given, taken, count, task.failed is not None)
+            if found and task.failed is None:
                 break
             for lane, part in lanes:
                 part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
@@ -393,24 +362,6 @@ class CTarget:
             loop = self.loops[status - 1 - links]
             return SingularLoopError(loop, where, loop in self.couplings)
         return SingularJointError(self.links[status - 1], where)
-
-    def _tell(
-        self,
-        f: Function,
-        found: Failed,
-        failed: dict[int, SingularJointError] | None,
-        results: Sequence[Array],
-        batch: Shape,
-    ) -> None:
-        """States that have failed: an error about the first, or NaN."""
-        if not found:
-            return
-        if failed is None:
-            number = min(found)
-            state = ", ".join(str(int(j)) for j in np.unravel_index(number, batch))
-            raise self.singular(found[number], f" (state [{state}] of the batch)")
-        failed |= {number: self.singular(code) for number, code in found.items()}
-        spoil(results, f, found, batch)
 
     def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
         """Where an argument begins, and its step from state to state."""

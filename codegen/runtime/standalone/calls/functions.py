@@ -40,6 +40,15 @@ WEIGHTED = {
 }
 """The seeds of transposed functions: weights of sums of results."""
 
+WEIGHTS = {
+    "dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
+    "dfull_u": "weights_u",
+}  # fmt: skip
+"""What the members of a solver call these."""
+
+SELECTIVE = ("jacobians",)
+"""Functions that leave out results with no place to go, but for the first."""
+
 MEMBERS = {
     "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
     "energy_sensitivities_transposed": "energy_gradients", "completion_sensitivities_transposed": "assemble_gradients",
@@ -56,6 +65,7 @@ WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
     "coordinate_rate_sensitivities": {"seeds": ALONG, "results": ("qdot", "dqdot")},
     "outputs": {"results": ("outputs",)},
     "output_sensitivities": {"seeds": ALONG, "results": ("outputs", "doutputs")},
+    "output_sensitivities_transposed": {"seeds": ("doutputs",), "results": ("doutputs",)},
     "closure": {"results": ("position", "velocity")},
     "closure_sensitivities": {"seeds": ALONG, "results": ("position", "dposition")},
 }

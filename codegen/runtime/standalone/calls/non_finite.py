@@ -3,53 +3,46 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Shape, all_finite, of_state
+from ..arrays import Array, all_finite
 from ..warning import warn
-from .arguments import Seeds, some
+from .arguments import some
 from .functions import STATE, Function
 from .numpy_target import NumpyTarget
 from .targets import Opened
+from .task import Task
 
 QUIET = ("closure", "conditions", "newton_step")
 """What these return may be infinite; who calls them looks at it."""
 
 
-def tell_infinite(
-    opened: Opened,
-    f: Function,
-    results: Sequence[Array],
-    arrays: Mapping[str, Any],
-    batch: Shape,
-    seeds: Seeds,
-) -> None:
+def tell_infinite(opened: Opened, task: Task) -> None:
     """Warn of results that are not finite, with what made them so."""
+    f, batch = task.f, task.batch
     if f.name in QUIET:
         return
-    weights = seeds.of.get("doutputs")
+    weights = task.seeds.of.get("doutputs")
     asked = (
         [] if weights is None else np.flatnonzero(np.any(weights != 0.0, axis=tuple(range(weights.ndim - 1)))).tolist()
     )
-    for name, x, derived in zip(f.results, results, f.derived, strict=True):
+    for name, x, derived in zip(f.results, task.out, f.derived, strict=True):
         if x is None or all_finite(x) or (name == "outputs" and weights is not None and all_finite(x[..., asked])):
             continue
-        bad = np.argwhere(~np.isfinite(x))
+        bad = np.argwhere(~np.isfinite(x.astype(float)))
         at = tuple(int(i) for i in bad[0][derived : derived + len(batch)])
-        alone = {
-            n: of_state(a, batch, at, 0) if n != "t" else float(np.broadcast_to(a, batch)[at])
-            for n, a in arrays.items()
-        }
+        alone = {n: np.asarray(a, float)[()] for n, a in task.at(at).items()}
+        along = bool(f.seeds) or f.name == "jacobians"
         reason = ""
         if "outputs" in (name, name[1:]):
             reason = outputs_without(opened, alone, sorted({int(i) for i in bad[:, -1]}), along=derived)
         elif weights is not None:
             reason = outputs_without(opened, alone, asked, along=True)
-        elif {"q", "u"} <= set(arrays):
-            reason = culprit(opened, alone, along=bool(seeds.of), moved=not f.name.startswith("energ"))
+        elif {"q", "u"} <= set(alone):
+            reason = culprit(opened, alone, along, moved=not f.name.startswith("energ"))
         where = f" in state {list(at)} of the batch" if batch else ""
         warn(f"{opened.package['name']}: {name} of {f.name} is not finite{where}{reason and f': {reason}'}")
         return

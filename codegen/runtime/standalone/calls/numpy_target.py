@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Shape, dtype_of, of_state
+from ..arrays import Array, Shape, of_state
 from ..errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
-from .arguments import NO_SEEDS, Seeds
+from .arguments import Seeds
 from .functions import Function
-from .results import put
-from .single_calls import NoCalls
+from .task import Target, Task
 
 
-class NumpyTarget:
+class NumpyTarget(Target):
     """The NumPy module of a package."""
 
     name = "numpy"
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
-        self.threads = 1
-        self.calls = NoCalls()
-        self.dtype = dtype_of(manifest)
-        self.couplings = frozenset(manifest.get("couplings", ()))
+        super().__init__(manifest)
         self.singular_forces = dict(singular_forces(manifest))
         module = f"{manifest['name']}_numpy"
         self.module: Any = self._load(module, folder / f"{module}.py")
@@ -39,58 +35,38 @@ class NumpyTarget:
         spec.loader.exec_module(module)
         return module
 
-    def compute(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        seeds: Seeds = NO_SEEDS,
-        out: Sequence[Array] = (),
-        failed: dict[int, SingularJointError] | None = None,
-    ) -> list[Array]:
-        """See `CTarget.compute`."""
-        k, axes = seeds.k, (1,) * len(batch)
-        along = [seeds.of[s] if s in seeds.of else np.zeros((k, *axes, n)) for s, n in f.seeds.items()]
-        given = [
-            *(arrays[a] for a in f.arguments),
-            *(x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, along, strict=True)),
-        ]
+    def run(self, task: Task) -> None:
+        f, of, k = task.f, task.seeds.of, task.seeds.k
+        axes = (1,) * len(task.batch)
+        along = [of[s] if s in of else np.zeros((k, *axes, n)) for s, n in f.seeds.items()]
+        along = [x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, along, strict=True)]
         try:
-            return self._call(f, given, f.whole_shapes(batch, k), out)
+            found = self._call(f, [*(task.arrays[a] for a in f.arguments), *along])
         except SingularJointError:
-            if failed is None:
+            if task.failed is None:
                 raise
-        return self._one_by_one(f, arrays, batch, seeds, out, failed)
+            self._one_by_one(task, task.failed)
+            return
+        for place, x, shape in zip(task.out, found, f.shapes, strict=True):
+            if place is not None:
+                place[...] = in_rows(x, shape)
 
-    def _one_by_one(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        seeds: Seeds,
-        out: Sequence[Array],
-        failed: dict[int, SingularJointError],
-    ) -> list[Array]:
+    def _one_by_one(self, task: Task, failed: dict[int, SingularJointError]) -> None:
         """Each state of a batch alone: some of them cannot be computed."""
-        results = list(out) or [np.full(shape, np.nan, self.dtype) for shape in f.whole_shapes(batch, seeds.k)]
-        for number, at in enumerate(np.ndindex(*batch)):
-            alone = {
-                n: float(np.broadcast_to(a, batch)[at]) if n == "t" else of_state(a, batch, at, 0)
-                for n, a in arrays.items()
-            }
-            along = Seeds({s: of_state(a, batch, at, 1) for s, a in seeds.of.items()}, seeds.k)
+        for number, at in enumerate(np.ndindex(*task.batch)):
+            along = Seeds({s: of_state(a, task.batch, at, 1) for s, a in task.seeds.of.items()}, task.seeds.k)
             try:
-                found = self.compute(f, alone, (), along)
+                found = self.compute(task.f, task.at(at), (), along)
             except SingularJointError as error:
                 failed[number] = error
                 continue
-            for r, x, derived in zip(results, found, f.derived, strict=True):
-                r[(slice(None), *at) if derived else at] = x
-        return results
+            for r, x, derived in zip(task.out, found, task.f.derived, strict=True):
+                if r is not None:
+                    r[(slice(None), *at) if derived else at] = x
+        task.spoil(task.out, task.f.derived, failed)
 
-    def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Array]:
-        found = [np.asarray(r, self.dtype) for r in self._results(f, arguments)]
-        return put([_full(r, s, shape) for r, s, shape in zip(found, f.shapes, shapes, strict=True)], out)
+    def _call(self, f: Function, arguments: list[Any]) -> list[Array]:
+        return [np.asarray(r, self.dtype) for r in self._results(f, arguments)]
 
     def _results(self, f: Function, arguments: list[Any]) -> Any:
         """What a function of the module returns."""
@@ -110,9 +86,3 @@ class NumpyTarget:
 def in_rows(x: Array, shape: Shape) -> Array:
     """The same numbers with the last axes of that shape; the module has those of all bodies in one row."""
     return x if len(shape) < 2 or x.shape[-len(shape) :] == shape else x.reshape(*x.shape[:-1], *shape)
-
-
-def _full(x: Array, alone: Shape, whole: Shape) -> Array:
-    """An array of its own of the whole shape; arguments without batch axes give results without them."""
-    x = in_rows(x, alone)
-    return x if x.shape == whole else np.broadcast_to(x, whole).copy()

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -17,14 +18,24 @@ from ..arrays import Array, Shape
 from ..errors import SingularJointError
 from ..files.manifest import read_manifest, refuse_another
 from .arguments import NO_SEEDS, Arguments, Seeds
-from .bad_states import BAD_STATES, Lenient, spread, tell_bad
-from .batches import spoil
+from .bad_states import BAD_STATES, spread, tell_bad, without_bad
 from .c_target import CTarget
-from .functions import MEMBERS, WITHOUT_ENTRIES, Function, Wanted, function, shapes_of
+from .functions import (
+    MEMBERS,
+    SELECTIVE,
+    WEIGHTED,
+    WEIGHTS,
+    WITHOUT_ENTRIES,
+    Function,
+    Wanted,
+    function,
+    shapes_of,
+)
 from .non_finite import tell_infinite
 from .operation_counts import OperationCounts
 from .results import empty, overlap, places, put
-from .targets import Opened, Target, c_target, open_partition
+from .targets import Opened, c_target, open_partition
+from .task import Target, Task
 
 Composed = Callable[[tuple[Any, ...], Any, Any], Sequence[Array]]
 """Results from arguments, seeds and places for results; see `Package._call`."""
@@ -33,7 +44,7 @@ Composed = Callable[[tuple[Any, ...], Any, Any], Sequence[Array]]
 class Package:
     """A generated package that is open; see `Solver` for its parameters."""
 
-    _watch: Callable[[str, tuple[Any, ...], tuple[Any, ...]], None] | None = None
+    _watch: Callable[[str | Wanted, tuple[Any, ...], tuple[Any, ...] | None], None] | None = None
     """What warns of directions that have no derivative."""
     _threads = 1
     _bad_states = "error"
@@ -229,55 +240,73 @@ class Package:
         --------
         >>> solver.prepare("simulate", "jacobians")  # doctest: +SKIP
         """
-        known = {MEMBERS.get(n, n) for n in self._functions} | {*MADE_OF, "assemble", "batches"}
-        for member in members or sorted(m for m in known if m == "batches" or hasattr(self, m)):
+        methods = [n for n, _ in inspect.getmembers(type(self), inspect.isfunction) if n[0] != "_"]
+        compiled = [*(n for n in methods if self._needed(n) and not self._lacks(n)), "batches"]
+        for member in members or compiled:
             if member in SOMETIMES:
                 getattr(self, member)  # says why a package lacks it
-            if member not in known:
-                if member in SOMETIMES:
-                    raise AttributeError(self._why_not(member))
-                raise ValueError(f"prepare: {member!r} is none of {', '.join(sorted(known))}")
+            if member not in methods and member != "batches":
+                raise ValueError(f"prepare: {member!r} is none of {', '.join(compiled)}")
+            if self._lacks(member):
+                raise AttributeError(self._why_not(member))
             self._prepare(member)
 
+    def _made_of(self, member: str) -> set[str]:
+        """A member, and functions and members that it is made of."""
+        names = {member, *MADE_OF.get(member, ())}
+        return names if names.isdisjoint(self._composed) else names | {*OF_COMPOSED}
+
+    def _needed(self, member: str) -> list[Function]:
+        """The functions that a member calls."""
+        names = self._made_of(member)
+        return [f for name, f in self._functions.items() if name in names or MEMBERS.get(name) in names]
+
+    def _lacks(self, member: str) -> bool:
+        """Whether a member cannot be called."""
+        if any(MEMBERS.get(n, n) in self._manifest.get("left_out", ()) for n in self._made_of(member)):
+            return True
+        nothing = {*WITHOUT_ENTRIES, *(MEMBERS.get(n) for n in WITHOUT_ENTRIES), *([] if self.closure_names else TREES)}
+        return member in SOMETIMES and member not in nothing and not self._needed(member)
+
     def _prepare(self, member: str) -> None:
-        opened = self._opened
-        target = opened.target
+        target = self._opened.target
         if not isinstance(target, CTarget):
             return
         if member == "batches":
             target.batches.prepare()
-            return
-        needed = {*MADE_OF.get(member, ()), *(CLOSING if member == "assemble" else ()), member}
-        for name, f in opened.functions.items():
-            if name in needed or MEMBERS.get(name, name) in needed:
-                target.prepare(f)
+        for f in self._needed(member):
+            target.prepare(f)
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
-    def _call(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
+    def _call(
+        self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None
+    ) -> Any:
         """Results of a function, in `out` if there is one.
 
         `given` are the arguments that it takes, and `seeds` those of a function over directions, as a user gives them, in the
         order of `Function.order` and `Function.directions`. One state and a few go straight to the C.
         """
-        if self._watched and seeds is not None:
-            self._look_at_directions(name, given, seeds)
-        found = self._calls[name](given, seeds, out)
+        if self._watched:
+            self._look_at_directions(wanted, given, seeds)
+        found = self._calls[wanted](given, seeds, out)
         if found is not None:
             return found
-        opened = self._opened
+        opened, name = self._opened, wanted if isinstance(wanted, str) else wanted.name
         if name in self._composed and name not in opened.functions:
             return self._composed[name](given, seeds, out)
         f = self._find(opened, name)
         arrays, batch, bad = self._taken(f, given)
         along = NO_SEEDS
         if seeds is not None:
-            of = batch
-            along, batch = Seeds.take(self._arguments, dict(zip(f.directions, seeds, strict=True)), arrays, batch)
+            of, called = batch, WEIGHTS if name in WEIGHTED else {}
+            along, batch = Seeds.take(
+                self._arguments, dict(zip(f.directions, seeds, strict=True)), arrays, batch, called
+            )
             bad = bad if batch == of else spread(bad, of, batch)
-        shapes, results = f.whole_shapes(batch, along.k), [out] if seeds is None else out
-        taken = [] if out is None else places(results, f.results, shapes, self._arguments.dtype)
-        return tuple(self._compute(opened, f, arrays, batch, along, taken, bad))
+        returned = f.results if isinstance(wanted, str) else wanted.returned
+        out = [out] if out is not None and seeds is None and len(returned) == 1 else out
+        return self._computed(opened, Task(f, arrays, batch, along, ()), returned, out, bad)
 
     def _one_state(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None) -> Any:
         """Results of a function, vectors; None unless q and u are arrays of one state, and all goes straight to the C."""
@@ -292,32 +321,41 @@ class Package:
         given = f.named(values)
         if self._bad_states == "error":
             return *self._arguments.take(given, self._left_out), {}
-        return Lenient(self._manifest, self._arguments).without_bad(given, self._left_out)
+        return without_bad(self._arguments, self._initial[0], given, self._left_out)
 
-    def _compute(
-        self,
-        opened: Opened,
-        f: Function,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        seeds: Seeds,
-        taken: list[Array],
-        bad: Mapping[int, str] | None = None,
-    ) -> list[Array]:
-        """Results for arguments that have been checked, told where they are not finite; NaN for states that are bad."""
-        if not f.has_entries():
-            return taken or [empty(shape, self._arguments.dtype) for shape in f.whole_shapes(batch, seeds.k)]
+    def _computed(
+        self, opened: Opened, task: Task, returned: Sequence[str], out: Any, bad: Mapping[int, str]
+    ) -> tuple[Array, ...]:
+        """Results for arguments that have been checked, in `out` if it is there; zeros of what the function does not compute.
+
+        What is not finite is reported; states that are bad have NaN.
+        """
+        f, batch, seeds, dtype = task.f, task.batch, task.seeds, self._arguments.dtype
+        shapes = dict(zip(f.results, f.whole_shapes(batch, seeds.k), strict=True))
+        lead = (seeds.k, *batch) if f.seeds else batch
+        wanted = [shapes[r] if r in shapes else lead + self._shapes[r.removeprefix("d")] for r in returned]
+        taken: dict[str, Array] = {}
+        if out is not None:
+            taken = dict(zip(returned, places(out, returned, wanted, dtype), strict=True))
         # results that would be written over what is read are moved in the end
-        place: list[Array] = [] if overlap(taken, {**arrays, **seeds.of}) else taken
+        direct = {} if overlap([*taken.values()], {**task.arrays, **seeds.of}) else taken
+        skipped = {*f.results[1:]}.difference(returned) if f.name in SELECTIVE else ()
+        found = {r: None if r in skipped else direct[r] if r in direct else empty(s, dtype) for r, s in shapes.items()}
         failed: dict[int, SingularJointError] | None = {} if batch and self._bad_states == "nan" else None
-        results = put(opened.target.compute(f, arrays, batch, seeds, place, failed), [] if place else taken)
+        task = task._replace(out=[*found.values()], failed=failed)
+        if f.has_entries():
+            opened.target.run(task)
+        zero, along = self._arguments.kind(0), dict(zip(f.results, f.derived, strict=True))
+        results: list[Any] = [
+            found[r] if r in found else np.full(s, zero, dtype) for r, s in zip(returned, wanted, strict=True)
+        ]
         if failed or bad:
-            told = {n: str(error) for n, error in (failed or {}).items()} | dict(bad or {})
-            spoil(results, f, told, batch)
+            told = {n: str(error) for n, error in (failed or {}).items()} | dict(bad)
+            task.spoil(results, [along.get(r, bool(f.seeds)) for r in returned], told)
             tell_bad(self.name, dict(sorted(told.items())), batch)
-        else:
-            tell_infinite(opened, f, results, arrays, batch, seeds)
-        return results
+        elif f.has_entries():
+            tell_infinite(opened, task)
+        return tuple(put(results, [*taken.values()]))
 
     def _has(self, name: str) -> bool:
         """Whether a solver of the model has a function: it has been generated, or left out, which `_find` tells."""
@@ -346,12 +384,12 @@ class Package:
             return f"{self.name} was generated without {name}: generate it with --reactions{among}"
         if name.startswith(("frame", "point")):
             return f"{self.name} was generated without {name}: generate it with --frames"
-        left_out = self._manifest.get("left_out", ())
-        if called := [MEMBERS.get(n, n) for n in MADE_OF.get(name, (name,)) if MEMBERS.get(n, n) in left_out]:
+        left_out, needed = self._manifest.get("left_out", ()), (name, *MADE_OF.get(name, ()))
+        if called := [n for n in dict.fromkeys(MEMBERS.get(n, n) for n in needed) if n in left_out]:
             have = [f.get("member", n) for n, f in self._manifest["functions"].items()]
-            needed = f", which {name} needs" if name in MADE_OF else ""
+            why = f", which {name} needs" if name in MADE_OF and name not in called else ""
             return (
-                f"{self.name} was generated without {', '.join(called)}{needed}; generate it with "
+                f"{self.name} was generated without {', '.join(called)}{why}; generate it with "
                 f"--functions {','.join([*have, *called])}, or without --functions for all"
             )
         if self.closure_names:
@@ -362,10 +400,10 @@ class Package:
         """What a mapping leaves out of an argument: default parameters, else zeros."""
         return self._arguments.defaults.get(name, 0.0)
 
-    def _look_at_directions(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...]) -> None:
+    def _look_at_directions(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None) -> None:
         """Warn of directions that have no derivative, where there may be any."""
         if self._watch is not None:
-            self._watch(name, given, seeds)
+            self._watch(wanted, given, seeds)
 
 
 IN_DOUBLE_ONLY = ("simulate", "judge", "state_rates", "state_rate_sensitivities")
@@ -375,26 +413,27 @@ _ON_INDEPENDENTS = dict.fromkeys(
     ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),
     "; mass_matrix is there, on the independent speeds",
 )
-MADE_OF = (
-    dict.fromkeys(
-        ("equilibrium", "linearize"),
-        (
-            "accelerations",
-            "sensitivities",
-            "coordinate_rates",
-            "coordinate_rate_sensitivities",
-            "assemble_sensitivities",
-        ),
-    )
-    | dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step"))
-    | {"diagnose": ("accelerations",)}
-)
-"""Members that are made of functions, and what these are called."""
-
-
 CLOSING = ("closure", "closing_step", "newton_step", "completion")
-"""Functions that `assemble` calls."""
+"""Functions that close loops."""
 
+OF_COMPOSED = ("energy_sensitivities", "accelerations", "sensitivities")
+"""Functions that mass matrix and inverse dynamics of mechanisms with loops are made of."""
+
+TREES = ("assemble_gradients",)
+"""Members of `SOMETIMES` that call no function of their own in models without loops."""
+
+MADE_OF = {
+    **dict.fromkeys(("equilibrium", "linearize"), (
+        "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
+    )),
+    **dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step")),
+    **dict.fromkeys(("assemble", "initial_state", "assemble_sensitivities", "assemble_gradients"), CLOSING),
+    **dict.fromkeys(("frame_jacobians", "point_sensitivities", "point_jacobians"), ("frame_sensitivities",)),
+    "points": ("frames",), "diagnose": ("accelerations",), "condition": ("conditions",),
+    "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
+    "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
+}  # fmt: skip
+"""Members that are made of functions of other names, and what these are called."""
 
 SOMETIMES = (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",

@@ -64,9 +64,9 @@ def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
     return any(np.may_share_memory(a, b) for a, b in itertools.product(taken, given))
 
 
-def put(results: Sequence[Array], out: Sequence[Any]) -> list[Any]:
-    """Results in the arrays of the caller's, if there are any; there is none for what is not asked for."""
+def put(results: Sequence[Array], out: Sequence[Array]) -> list[Array]:
+    """Results in the arrays of the caller's, if there are any."""
     for place, result in zip(out, results, strict=False):
-        if place is not None:
+        if place is not result:
             place[...] = result
     return list(out) or list(results)

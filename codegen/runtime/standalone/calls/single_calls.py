@@ -14,16 +14,13 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from .functions import ARGUMENTS, SEEDS, Function, Wanted
+from .functions import ARGUMENTS, SEEDS, SELECTIVE, Function, Wanted
 from .results import empty, overlapping, put
 
 Call = Callable[[tuple[Any, ...], tuple[Any, ...] | None, Any], tuple[Array, ...] | None]
 
 FEW, FEW_ALONG = 96, 32
 """States of a small batch; with more, a large batch takes less time, along directions sooner."""
-
-SELECTIVE = ("jacobians",)
-"""Functions that leave out results with no place to go, but for the first."""
 
 SLOT = {
     n: i

@@ -2,41 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from ..arrays import Array, Shape
-from ..errors import NoCompilerError, SingularJointError
+from ..arrays import Shape
+from ..errors import NoCompilerError
 from ..files.manifest import check_files
 from ..warning import warn
-from .arguments import NO_SEEDS, Seeds
 from .c_target import CTarget
 from .comparison import compare
 from .functions import Function, functions_of
 from .numpy_target import NumpyTarget
-from .single_calls import Call
-
-
-class Target(Protocol):
-    """Computes the functions of a package for arguments that have been checked; see `CTarget` for what it takes."""
-
-    name: str
-    threads: int
-
-    @property
-    def calls(self) -> Mapping[Any, Call]: ...
-
-    def compute(
-        self,
-        f: Function,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        seeds: Seeds = NO_SEEDS,
-        out: Sequence[Array] = (),
-        failed: dict[int, SingularJointError] | None = None,
-    ) -> list[Array]: ...
+from .task import Target
 
 
 @dataclass(frozen=True, slots=True, eq=False)

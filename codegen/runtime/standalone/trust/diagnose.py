@@ -16,7 +16,8 @@ from ..calls.non_finite import tell_infinite
 from ..calls.numpy_target import NumpyTarget
 from ..calls.package import Package
 from ..calls.room import Room, alone
-from ..calls.targets import Opened, Target
+from ..calls.targets import Opened
+from ..calls.task import Target, Task
 from ..errors import SingularJointError
 from .diagnosis import ClosureCondition, Diagnosis, MassCondition
 from .rounding import UNIT, NearestFunctions, can_round, spread, to_nearest
@@ -70,7 +71,7 @@ class Diagnosing(Room):
             nearest = compute()
         except SingularJointError as error:
             return np.full(shape, np.nan), np.full(shape, np.inf), str(error)
-        tell_infinite(opened, f, nearest, arrays, (), directions)
+        tell_infinite(opened, Task(f, arrays, (), directions, nearest))
         if not can_round():
             return nearest[-1], np.full(shape, np.nan), ""
         return nearest[-1], spread(lambda: compute()[-1:], nearest[-1:])[0], ""

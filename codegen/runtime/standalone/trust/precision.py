@@ -15,7 +15,7 @@ import io
 import math
 import threading
 import tokenize
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal
 from typing import Any
@@ -23,16 +23,14 @@ from typing import Any
 import numpy as np
 
 from ....elementary import ELEMENTWISE, TABLE, Elementary
-from ..arrays import Array, Numbers, Shape, Times, normalise
-from ..calls.arguments import NO_SEEDS, Arguments, Seeds, placing
+from ..arrays import Array
+from ..assembly.states import States
+from ..calls.arguments import Arguments
 from ..calls.functions import Function
-from ..calls.non_finite import tell_infinite
-from ..calls.numpy_target import NumpyTarget, in_rows
-from ..calls.package import Package, state
-from ..calls.room import Room
+from ..calls.numpy_target import NumpyTarget
+from ..calls.package import Package
 from ..calls.targets import Opened
 from ..files.manifest import check_files
-from ..state.derivatives import JACOBIANS, Jacobians, asked_for, jacobians_of
 
 GUARD = 10
 """Decimal digits beyond those that are asked for."""
@@ -40,20 +38,12 @@ GUARD = 10
 FEWEST, MOST = 16, 10_000
 """Digits that may be asked for."""
 
-NEWTON = 60
-"""Steps of Newton's method from a state that is closed in double precision."""
-
-LEFT = 5
-"""Digits of the closure that may be missing where it can be no better."""
-
-SAME = 1e-13
-"""What closing a loop in double precision changes by less, against one, it does not change."""
-
-NO_PLACES = "out: arrays of float64 cannot hold the results; leave it out, or use astype(float) on them"
-"""What is said of ``out=``."""
-
 REFUSED = ("simulate", "judge", "equilibrium", "linearize", "diagnose")
 """Members that compute in double precision only."""
+
+
+PartitionTexts = Callable[[int], str]
+"""Gives the NumPy module of a partition, with its numbers in more digits."""
 
 
 class Digits:
@@ -227,19 +217,16 @@ class ExtendedTarget(NumpyTarget):
     def __init__(self, opened: Opened, numbers: Digits, text: str):
         self.numbers, self.text = numbers, text
         super().__init__(opened.folder, opened.manifest)
+        self.dtype = np.dtype(object)
 
     def _load(self, name: str, file: Any) -> Any:
         return Text(self.text, self.numbers).module(name)
 
-    def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Any]:
+    def _call(self, f: Function, arguments: list[Any]) -> list[Any]:
         with decimal.localcontext(self.numbers.context):
             found = self._results(f, [self.numbers.to_decimals(x) for x in arguments])
             with np.errstate(invalid="ignore"):  # what is not finite is reported with the results
-                found = [np.asarray(self.numbers.to_mp(x), object) for x in found]
-            return [
-                np.broadcast_to(in_rows(x, alone), shape).copy()
-                for x, alone, shape in zip(found, f.shapes, shapes, strict=True)
-            ]
+                return [np.asarray(self.numbers.to_mp(x), object) for x in found]
 
 
 class ExtendedArguments(Arguments):
@@ -251,8 +238,8 @@ class ExtendedArguments(Arguments):
         self.__dict__.update(plain.__dict__)
         self.numbers, self.kind = numbers, numbers.mpf
         finite = np.frompyfunc(numbers.mp.isfinite, 1, 1)
-        self._finite = lambda x: np.asarray(finite(x), bool)
-        self._is_finite = lambda x: bool(self._finite(x).all())
+        self.finite = lambda x: np.asarray(finite(x), bool)
+        self.is_finite = lambda x: bool(self.finite(x).all())
 
     def _numbers(self, name: str, value: Any) -> Array:
         try:
@@ -275,7 +262,7 @@ class Extended(Package):
         Of these digits: its functions, such as ``exact.mp.sin``, keep them.
     """
 
-    def __init__(self, solver: Package, digits: int, texts: Callable[[int], str] | None):
+    def __init__(self, solver: Any, digits: int, texts: PartitionTexts | None):
         self.__dict__.update((n, x) for n, x in solver.__dict__.items() if not _is_room(type(solver), n))
         self._solver, self._texts = solver, texts
         self._made, self._making = {}, threading.Lock()
@@ -283,6 +270,11 @@ class Extended(Package):
         self.digits, self.mp = digits, self._digits.mp
         self._arguments = ExtendedArguments(solver._arguments, self._digits)
         self._use(self._open(solver._opened.number))
+        self._states: States = States(self, solver._states._equilibrium)
+        if self.closure_names:
+            from .exact_loops import ExactLoops
+
+            self._states = ExactLoops(self, solver)
 
     def _open(self, partition: int) -> Opened:
         with self._making:
@@ -294,163 +286,28 @@ class Extended(Package):
                 self._made[partition] = replace(opened, target=ExtendedTarget(opened, self._digits, text))
             return self._made[partition]
 
+    def _is_used(self) -> None:
+        super()._is_used()
+        self._watched = False  # in double precision there is a warning of directions that have no derivative
+
     def __reduce__(self) -> Any:
         return extended, (self._solver, self.digits, self._texts)
 
     def __repr__(self) -> str:
         return f"<{self._solver!r} in {self.digits} digits>"
 
-    # -- calls ---------------------------------------------------------------------------------------------------------
 
-    def _why_not(self, name: str) -> str:
-        if name in REFUSED:
-            return f"{name!r} is not to be had in more digits; it computes in double precision"
-        return super()._why_not(name)
-
-    def _call(self, name: str, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
-        if out is not None:
-            raise ValueError(NO_PLACES)
-        return super()._call(name, given, seeds)
-
-    def _compute(
-        self,
-        opened: Opened,
-        f: Function,
-        arrays: Mapping[str, Any],
-        batch: Shape,
-        seeds: Seeds,
-        taken: list[Array],
-        bad: Mapping[int, str] | None = None,
-    ) -> list[Array]:
-        if taken:
-            raise ValueError(NO_PLACES)
-        if not f.has_entries():
-            return [np.empty(shape, object) for shape in f.whole_shapes(batch, seeds.k)]
-        results = opened.target.compute(f, arrays, batch, seeds)
-        if not all(map(self._arguments._is_finite, results)):
-            in_double = self._solver._open(opened.number)  # which knows by what
-            floats = {n: np.asarray(x, float) for n, x in arrays.items()}
-            directions = Seeds({n: x.astype(float) for n, x in seeds.of.items()}, seeds.k)
-            tell_infinite(in_double, f, [x.astype(float) for x in results], floats, batch, directions)
-        return results
-
-    @functools.cached_property
-    def _states(self) -> Any:
-        of_doubles: Any = self._solver
-        return _with(ExtendedStates, type(of_doubles._states))(self, of_doubles._states)
-
-    @functools.cached_property
-    def _gradients(self) -> Any:
-        of_doubles: Any = self._solver
-        return _with(ExtendedGradients, type(of_doubles._gradients))(self, self._states)
-
-    def jacobians(
-        self,
-        q: Numbers,
-        u: Numbers,
-        p: Numbers = None,
-        inputs: Numbers = None,
-        t: Times = 0.0,
-        *,
-        wrt: str | Sequence[str] | None = None,
-        out: Jacobians | None = None,
-    ) -> Jacobians:
-        """The partial derivatives of udot, or those by what `wrt` names."""
-        asked = asked_for(wrt)
-        f = self._find(self._opened, "jacobians")
-        arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
-        taken = [] if out is None else [np.empty(0)]
-        found = dict(zip(f.results, self._compute(self._opened, f, arrays, batch, NO_SEEDS, taken), strict=True))
-        zero = self._digits.mpf(0)
-        shapes = {n: batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
-        return jacobians_of({n: found.get(f"J_{n}", np.full(shapes[n], zero, object)) for n in asked})
-
-    def _look_at_directions(self, name: str, given: Sequence[Any], seeds: Sequence[Any]) -> None:
-        """In double precision there is a warning of directions that have no derivative."""
+def _refuse(exact: Extended) -> Any:
+    raise AttributeError(f"{', '.join(REFUSED)} compute in double precision; they are not to be had in more digits")
 
 
-class ExtendedGradients(Room):
-    """In front of `WeightedGradients`: results as numbers of mpmath's."""
-
-    package: Extended
-
-    def _filled(self, found: Mapping[str, Array], k: int, batch: Shape) -> Any:
-        gradients = super()._filled(found, k, batch)  # type: ignore[misc]
-        return type(gradients)(*map(self.package._digits.as_mpf, gradients))
-
-
-class ExtendedStates(Room):
-    """In front of `States`, or `Loops`: consistent states in more digits, from those of doubles."""
-
-    package: Extended
-
-    def __init__(self, package: Extended, of_doubles: Any):
-        super().__init__(package, of_doubles._equilibrium)  # type: ignore[call-arg]
-        self._digits, self.closing = package._digits, package._solver._open
-
-    def _closing(self) -> Opened:
-        return self.closing(self._opened.number)  # double precision closes the loops first
-
-    def assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
-        q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).astype(object)
-        normalise(q_new, self._arguments.quaternions)
-        if self.closure_names:
-            p = placing(arrays, batch, self._opened.manifest)
-            rough = {n: np.asarray(arrays[n]).astype(float) for n in ("p", "inputs", "t") if n in arrays}
-            near = super().assembled({"q": q_new.astype(float), **rough}, batch, follow)  # type: ignore[misc]
-            for at in np.ndindex(batch):
-                moved = np.abs(near[at] - q_new[at].astype(float)) > SAME * (1.0 + np.abs(near[at]))
-                q_new[at] = self._closed(np.where(moved, self._digits.to_mpf(near[at]), q_new[at]), p[at], at)
-        return q_new
-
-    def _completed_along(self, *given: Any) -> Any:
-        return tuple(map(self._digits.as_mpf, super()._completed_along(*given)))  # type: ignore[misc]
-
-    def _closed(self, q: Any, p: Any, at: tuple[int, ...]) -> Any:
-        """Coordinates (nq,) that are closed in double precision, closed in this one."""
-        opened, assembly = self._opened, self.assembly  # type: ignore[attr-defined]
-        u, named = np.zeros(self.nu), assembly.newton.named
-
-        def gaps(q: Any) -> Any:
-            found = opened.target.compute(opened.functions["closure"], named(q, p) | {"u": u}, ())[0]
-            return np.abs(found)[assembly.kept]
-
-        left = gaps(q)
-        for _ in range(NEWTON):
-            (step,) = opened.target.compute(opened.functions["newton_step"], named(q, p), ())
-            trial = q + step
-            normalise(trial, self._arguments.quaternions)
-            after = gaps(trial)
-            if not 2 * max(after) < max(left):
-                break
-            q, left = trial, after
-        if not max(left) < self.package.mp.mpf(10) ** (LEFT - self.package.digits):
-            where = f" (state {list(at)} of the batch)" if at else ""
-            digits = f" in {self.package.digits} digits{where}"
-            raise assembly.open(int(np.argmax(left)), float(max(left)), digits)
-        return q
-
-
-class Refused:
-    """Stands for a member that computes in double precision only."""
-
-    def __init__(self, name: str):
-        self.name = name
-
-    def __get__(self, package: Package | None, kind: type | None = None) -> Any:
-        raise AttributeError(f"{self.name!r} is not to be had in more digits; it computes in double precision")
-
-
-for _name in REFUSED:
-    setattr(Extended, _name, Refused(_name))
-
-
-def extended(solver: Package, digits: int, texts: Callable[[int], str] | None = None) -> Any:
+def extended(solver: Any, digits: int, texts: PartitionTexts | None = None) -> Any:
     """A solver in more digits; `texts` gives the NumPy module of each partition where it is not the package's own."""
     solver = getattr(solver, "_solver", solver)
     if isinstance(digits, bool) or not isinstance(digits, (int, np.integer)) or not FEWEST <= digits <= MOST:
         raise ValueError(f"digits is {digits!r}, expected a whole number from {FEWEST} to {MOST}; doubles have 16")
-    return _with(Extended, type(solver))(solver, int(digits), texts)
+    kind: Any = type(solver)
+    return _in_front_of(kind)(solver, int(digits), texts)
 
 
 def _is_room(kind: type, name: str) -> bool:
@@ -458,11 +315,9 @@ def _is_room(kind: type, name: str) -> bool:
     return isinstance(getattr(kind, name, None), functools.cached_property)
 
 
-def _with(front: Any, plain: Any) -> Any:
-    """A class with one of these in front of it."""
-    return _made_of(front, plain)
-
-
 @functools.cache
-def _made_of(front: Any, plain: Any) -> Any:
-    return type(front.__name__, (front, plain), {"__doc__": front.__doc__})
+def _in_front_of(kind: Any) -> Any:
+    """`Extended` with the methods of a class of solvers."""
+    return type(
+        "Extended", (Extended, kind), {"__doc__": Extended.__doc__, **dict.fromkeys(REFUSED, property(_refuse))}
+    )

@@ -1,0 +1,93 @@
+"""A call of a generated function with arguments that have been checked, and what computes such calls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arrays import Array, Shape, dtype_of, of_state
+from ..errors import SingularJointError
+from .arguments import NO_SEEDS, Seeds
+from .functions import Function
+from .results import empty
+from .single_calls import Call, NoCalls
+
+
+class Task(NamedTuple):
+    """A call of a generated function.
+
+    Attributes
+    ----------
+    f : Function
+    arrays : mapping
+        Arguments by name, (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...).
+    batch : tuple of int
+    seeds : Seeds
+        With as many batch axes as the batch.
+    out : list of array or None
+        Where results go, (*batch, *shape), and derivatives along seeds, (k, *batch, *shape); None for one that is not wanted.
+    failed : dict of int to SingularJointError, or None
+        Gets the states of a batch that fail, which have NaN then; without it they are an error.
+    """
+
+    f: Function
+    arrays: Mapping[str, Any]
+    batch: Shape
+    seeds: Seeds
+    out: Sequence[Any]
+    failed: dict[int, SingularJointError] | None = None
+
+    @property
+    def states(self) -> int:
+        """How many states there are."""
+        return math.prod(self.batch)
+
+    def place(self, number: int) -> tuple[int, ...]:
+        """Where a state is in the batch."""
+        return tuple(int(i) for i in np.unravel_index(number, self.batch))
+
+    def at(self, place: tuple[int, ...]) -> dict[str, Any]:
+        """Arguments of one state."""
+        return {
+            n: np.broadcast_to(a, self.batch)[place] if n == "t" else of_state(a, self.batch, place, 0)
+            for n, a in self.arrays.items()
+        }
+
+    def spoil(self, results: Sequence[Any], derived: Sequence[bool], failed: Iterable[int]) -> None:
+        """Put NaN where states have failed."""
+        for place in map(self.place, failed):
+            for x, along in zip(results, derived, strict=True):
+                if x is not None:
+                    x[(slice(None), *place) if along else place] = math.nan
+
+
+class Target:
+    """What computes the functions of a package: the compiled C, or the NumPy module."""
+
+    name = ""
+    threads = 1
+    calls: Mapping[Any, Call] = NoCalls()
+
+    def __init__(self, manifest: Mapping[str, Any]):
+        self.dtype = dtype_of(manifest)
+        self.couplings = frozenset(manifest.get("couplings", ()))
+
+    def run(self, task: Task) -> None:
+        """Compute the results of a task."""
+        raise NotImplementedError
+
+    def compute(
+        self, f: Function, arrays: Mapping[str, Any], batch: Shape, seeds: Seeds = NO_SEEDS,
+        failed: dict[int, SingularJointError] | None = None,
+    ) -> list[Array]:  # fmt: skip
+        """Results in new arrays; see `Task`."""
+        if not (batch or f.seeds):
+            alone = self.calls[f.name](tuple([arrays.get(n, 0.0 if n == "t" else None) for n in f.order]), None, None)
+            if alone is not None:
+                return list(alone)
+        results = [empty(shape, self.dtype) for shape in f.whole_shapes(batch, seeds.k)]
+        self.run(Task(f, arrays, batch, seeds, results, failed))
+        return results
