@@ -22,7 +22,6 @@ from .loops.redundancy import ALLOWED
 from .manifest import manifest, operations
 from .mechanics.expansion import Program
 from .mechanics.procedures import (
-    arrays,
     asks_reactions,
     left_out,
 )
@@ -35,6 +34,7 @@ from .program.algebra import expressions_kept
 from .program.digits import long_numbers
 from .program.limits import limited
 from .program.operations import Operations
+from .program.plan import Plan
 from .program.procedure import Procedure, for_target
 from .program.progress import Progress, silent
 
@@ -145,50 +145,27 @@ def _written(
     if not model.nu and not model.prescribed:
         raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
     if model.loops and chosen is None:
-        progress("choosing dependent coordinates", 0, 0)
-        try:
-            chosen = partition(model)
-        except (AssemblyError, PartitionError) as error:
-            raise ModelError([model.problem("loops", str(error))]) from None
+        chosen = _dependents(model, progress)
         lap("partition")
     if chosen is not None:
         model = model.with_turned(chosen.turned)
     progress("analysing", 0, 0)
     system, unrolled = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
     lap("analyse")
-    e = expanded(system, reactions, progress, functions, frames, scalar.moves)
-    program, formulas, asked = e.program, e.formulas, e.asked
+    program, plan, asked = expanded(system, reactions, progress, functions, frames, scalar.moves)
     lap("expand and simplify")
     progress("printing C", 0, 0)
-    writer = CWriter(program, formulas, tuple(for_target(p, True) for p in asked), scalar, RESERVED)
-    context = writer.context()
-    files = write_c(context)
-    counts = operations(program, formulas, writer.procedures)
-    guess = chosen.q if chosen else ()
-    made = manifest(system, writer.procedures, writer.workspace, counts, guess, writer.has_parts, scalar.name)
-    if functions is not None:
-        made["left_out"] = left_out(system, asked)
-    if over := over_states(writer.procedures):
-        made["over_states"] = {
-            "functions": [p.name for p in over],
-            "arrays": [name for names in arrays_of(over) for name in names],
-            "workspace": context["states_workspace"],
-            "swept": writer.memory_of_sweeps,
-        }
-    files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
-    if has_motion(made["functions"]):
-        files[f"{model.name}_motion.c"] = write_motion(
-            model, made, writer.procedures, ALLOWED * made.get("loop_tolerance", 0.0)
-        )
+    lacks = {} if functions is None else {"left_out": left_out(system, asked)}
+    writer, context, files, made = _in_c(system, program, plan, asked, chosen, scalar, lacks)
     lap("print")
     if printed is not None:
         printed(files, made)
         lap("begin to compile")
-    files |= write_apart(context, system, made, writer.procedures)
+    files |= write_apart(context, system.model, made, writer.procedures)
     lap("print what is compiled apart")
     progress("printing NumPy", 0, 0)
     for ending, write in BESIDE_C.items():
-        files[f"{model.name}{ending}"] = write(program, formulas, one_by_one(asked), RESERVED)
+        files[f"{model.name}{ending}"] = write(system.model, plan, one_by_one(asked), RESERVED)
     lap("print NumPy")
     return Source(
         files,
@@ -203,19 +180,62 @@ def _written(
     )
 
 
+def _dependents(model: Model, progress: Progress) -> Partition:
+    """The choice of dependent coordinates of a model with loops."""
+    progress("choosing dependent coordinates", 0, 0)
+    try:
+        return partition(model)
+    except (AssemblyError, PartitionError) as error:
+        raise ModelError([model.problem("loops", str(error))]) from None
+
+
+def _in_c(
+    system: System,
+    program: Program,
+    plan: Plan,
+    asked: tuple[Procedure, ...],
+    chosen: Partition | None,
+    scalar: Scalar,
+    lacks: dict[str, list[str]],
+) -> tuple[CWriter, dict[str, Any], dict[str, str], dict[str, Any]]:
+    """The C that is compiled first: its writer, what templates are rendered with, the files, and the manifest.
+
+    `lacks`: entries of the manifest on functions that were not chosen.
+    """
+    model, procedures = system.model, tuple(for_target(p, True) for p in asked)
+    writer = CWriter(model, plan, procedures, scalar, RESERVED)
+    context = writer.context()
+    files = write_c(context)
+    counts = operations(program, plan.formulas, writer.procedures)
+    guess = chosen.q if chosen else ()
+    made = manifest(system, writer.procedures, writer.workspace, counts, guess, writer.has_parts, scalar.name) | lacks
+    if over := over_states(writer.procedures):
+        made["over_states"] = {
+            "functions": [p.name for p in over],
+            "arrays": [name for names in arrays_of(over) for name in names],
+            "workspace": context["states_workspace"],
+            "swept": writer.memory_of_sweeps,
+        }
+    files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in plan.arguments.items()})
+    if has_motion(made["functions"]):
+        allowed = ALLOWED * made.get("loop_tolerance", 0.0)
+        files[f"{model.name}_motion.c"] = write_motion(model, made, writer.procedures, allowed)
+    return writer, context, files, made
+
+
 def write_apart(
-    context: dict[str, Any], system: System, made: Mapping[str, Any], procedures: tuple[Procedure, ...]
+    context: dict[str, Any], model: Model, made: Mapping[str, Any], procedures: tuple[Procedure, ...]
 ) -> dict[str, str]:
     """C files that are compiled apart, when they are needed."""
-    name, files = system.model.name, {}
+    name, files = model.name, {}
     if context["functions_over_states"]:
         files[f"{name}_states.c"] = write_states(context)
         files[f"{name}_threads.c"] = write_threads(context, made["over_states"]["arrays"])
     if has_motion(made["functions"]):
         if "state_rate_sensitivities" in made["functions"]:
             files[f"{name}_four.c"] = write_four(made, procedures)
-        if system.model.loops:
-            files[f"{name}_precise.c"] = write_precise(system.model, made, procedures, context["called"])
+        if model.loops:
+            files[f"{name}_precise.c"] = write_precise(model, made, procedures, context["called"])
     return files
 
 
@@ -233,8 +253,8 @@ def write_long(
     """The NumPy module of a solver whose numbers have more digits than doubles; see `write_solver`."""
     with long_numbers(digits):
         system, _ = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
-        e = expanded(system, reactions, functions=functions, frames=frames)
-        return write_numpy(e.program, e.formulas, one_by_one(e.asked), RESERVED)
+        _, plan, asked = expanded(system, reactions, functions=functions, frames=frames)
+        return write_numpy(system.model, plan, one_by_one(asked), RESERVED)
 
 
 def one_by_one(asked: tuple[Procedure, ...]) -> tuple[Procedure, ...]:

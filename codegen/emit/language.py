@@ -7,16 +7,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..mechanics.address import Addresses
-from ..mechanics.expansion import Program
-from ..mechanics.memory import Layout
-from ..mechanics.procedures import SHAPES
-from ..mechanics.structure.kinds import UnitKind
+from ..model.model import Model
+from ..program.addresses import Kind
 from ..program.block import RESERVED, Block
-from ..program.formula import Formula
-from ..program.procedure import (
-    Procedure,
-)
+from ..program.plan import Plan
+from ..program.procedure import Procedure
 from ..program.store import Store
 from .target import Scalar, Target, TargetError, UnwritableError
 
@@ -58,9 +53,9 @@ class Language(ABC):
 
     Parameters
     ----------
-    program : Program
-    formulas : list of Formula
-        Joint forces, outputs and the like.
+    model : Model
+        For names.
+    plan : Plan
     asked : tuple of Procedure
         The functions of the solver.
     target : Target
@@ -74,8 +69,8 @@ class Language(ABC):
 
     def __init__(
         self,
-        program: Program,
-        formulas: list[Formula],
+        model: Model,
+        plan: Plan,
         asked: tuple[Procedure, ...],
         target: Target,
         scalar: Scalar,
@@ -83,12 +78,9 @@ class Language(ABC):
     ):
         self.asked = asked
         self.target, self.scalar, self.reserved = target, scalar, reserved
-        self.program = program
-        self.system = program.system
-        self.model = program.system.model
-        self.formulas = formulas
-        self.layout = Layout(program)
-        self.addresses = Addresses(program, self.layout, self.numbered)
+        self.model, self.plan = model, plan
+        self.layout = plan.layout
+        self.addresses = plan.addresses(self.numbered)
         self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
         self._names: dict[str, Sequence[str]] = {
             "nq": self.model.coordinate_names, "nu": self.model.speed_names, "np": self.model.parameter_names,
@@ -96,7 +88,7 @@ class Language(ABC):
         }  # fmt: skip
         self.reads_numbers = False
         """Whether any function reads the table of numbers that differ within a kind."""
-        self._shared: dict[str, list[tuple[UnitKind, ...]]] = {}
+        self._shared: dict[str, list[tuple[Kind, ...]]] = {}
 
     # -- the language ----------------------------------------------------------------------------------------------
 
@@ -109,7 +101,7 @@ class Language(ABC):
         `each` begins the loop over directions, where the language has one.
         """
 
-    def each(self, kinds: Sequence[UnitKind], sweep: str) -> str:
+    def each(self, kinds: Sequence[Kind], sweep: str) -> str:
         """What begins the loop over directions in the function that kinds share."""
         return ""
 
@@ -142,7 +134,7 @@ class Language(ABC):
         """Table of equally long rows; asked for twice, it stands there once."""
 
     @abstractmethod
-    def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
+    def place(self, kinds: Sequence[Kind], sweep: str, store: Store, name: str) -> Located:
         """Where a component of a store lies, in the function that kinds share."""
 
     @abstractmethod
@@ -193,7 +185,9 @@ class Language(ABC):
 
     def names_of(self, array: str, index: str) -> tuple[str, ...]:
         """What the model calls an entry of an argument, a seed or a result: ``length``, ``q_crank``, ``dp_length``."""
-        axes = SHAPES.get(array) or SHAPES.get(array.removeprefix("d"), ())
+        known = self.plan.arguments
+        of = known.get(array) or known.get(array.removeprefix("d"))
+        axes = of.shape if of is not None else ()
         found = self._names.get(axes[0]) if len(axes) == 1 else None
         if found is None or not index.isdigit():
             return ()

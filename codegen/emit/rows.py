@@ -53,7 +53,7 @@ class RowWriter(SweepWriter):
                 return self.number_of_row(f"numbers_of_{of}", "0" if single else "i", int(component))
             return place(column, store, component)
 
-        first = len(self.system.links) + len(self.model.loops) + len(self.model.loads)
+        first = len(self.plan.links) + len(self.model.loops) + len(self.model.loads)
         lines = self.lines_of(block, located, lambda margin: f"{first} + {column(0)}", about=about)
         f = Function(about, self.signature(name, lanes, not single), lines, notes(block))
         numbered = any(store is NUMBER for store, _ in block.loads.values())
@@ -71,10 +71,10 @@ class RowWriter(SweepWriter):
         """Functions that compute constants from parameters, and the calls."""
         functions, calls = [], []
         places = self.parameter_places
-        for shape in self.system.shapes:
+        for shape in self.plan.shapes:
             if not shape.block.stores:
                 continue
-            rows = [c for c in self.system.constants if c.shape is shape]
+            rows = [c for c in self.plan.constants if c.shape is shape]
 
             def place(column: Column, store: Store, name: str, index: int = shape.index) -> Located:
                 if store is SHAPE:
@@ -96,8 +96,8 @@ class RowWriter(SweepWriter):
             f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls")
         }
 
-        ground = len(self.system.links)
-        for formula in self.formulas:
+        ground = len(self.plan.links)
+        for formula in self.plan.formulas:
             if formula.target == target:
                 slots = 1 + len(formula.rows[0][1])
 
@@ -143,10 +143,8 @@ class RowWriter(SweepWriter):
 
     def owners(self, constants: Sequence[Constants]) -> str:
         """Whose constants some are, in words."""
-        system, model, those = self.system, self.model, {id(c) for c in constants}
-        found = [link.name for link, c in zip(system.links, system.constants_of, strict=True) if id(c) in those]
-        found += [loop.name for loop, c in zip(model.loops, system.closure_constants, strict=True) if id(c) in those]
-        found += [e.element.name for e in system.elements if id(e.constants) in those]
+        those = {id(c) for c in constants}
+        found = [name for name, c in self.plan.owners if id(c) in those]
         return ", ".join(found[:3]) + (f", ... ({len(found)})" if len(found) > 3 else "") if found else "gravity"
 
 

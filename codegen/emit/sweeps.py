@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache, cached_property, partial
 
-from ..mechanics.structure.element_kinds import ElementKind
-from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
-from ..mechanics.sweeps import INWARD, SWEEP
+from ..program.addresses import Kind
 from ..program.block import Block
 from ..program.procedure import sweeps as sweeps_run
 from ..program.store import MARGIN, Store
@@ -30,21 +28,21 @@ class SweepWriter(Language):
     def blocks(self) -> dict[str, dict[int, Block]]:
         """Blocks by sweep and kind, of the sweeps that are run and have something to do."""
         run = sweeps_run(self.asked)
-        found = self.program.blocks.items()
-        return {s: b for s, b in found if s in run and any(block.stores for block in b.values())}
+        found = self.plan.sweeps.items()
+        return {s: of.blocks for s, of in found if s in run and any(block.stores for block in of.blocks.values())}
 
-    def shared(self, sweep: str) -> list[tuple[UnitKind, ...]]:
+    def shared(self, sweep: str) -> list[tuple[Kind, ...]]:
         """The kinds of a sweep that have something to do there, those together whose functions differ by nothing but rows."""
         if sweep not in self._shared:
-            found: dict[object, list[UnitKind]] = {}
-            for kind in SWEEP[sweep].kinds(self.system):
-                block = self.program.blocks[sweep].get(kind.index)
+            found: dict[object, list[Kind]] = {}
+            for kind in self.plan.sweeps[sweep].kinds:
+                block = self.plan.sweeps[sweep].blocks.get(kind.index)
                 if block is not None and block.stores:
                     found.setdefault(self._form(kind, sweep, block), []).append(kind)
             self._shared[sweep] = [tuple(kinds) for kinds in found.values()]
         return self._shared[sweep]
 
-    def _form(self, kind: UnitKind, sweep: str, block: Block) -> object:
+    def _form(self, kind: Kind, sweep: str, block: Block) -> object:
         """A block and where its components lie, rows apart."""
 
         def form(store: Store, name: str) -> tuple[object, ...]:
@@ -56,45 +54,33 @@ class SweepWriter(Language):
         stores = tuple((store, form(store, name), value) for store, name, value in block.stores)
         return block.title, loads, tuple(block.statements), stores
 
-    def instances(self, kinds: Sequence[UnitKind], sweep: str) -> list[int]:
+    def instances(self, kinds: Sequence[Kind], sweep: str) -> list[int]:
         """The values that i takes in the function that kinds share."""
         return [i for kind in kinds for i in self.addresses.instances(kind, sweep)]
 
-    def link_function(self, sweep: str, kinds: tuple[UnitKind, ...]) -> Function:
+    def link_function(self, sweep: str, kinds: tuple[Kind, ...]) -> Function:
         """The function of kinds of links, ears or regions; it has the number of the first."""
-        block = self.program.blocks[sweep][kinds[0].index]
+        block = self.blocks[sweep][kinds[0].index]
         single = len(self.instances(kinds, sweep)) == 1
-        signature = self.signature(f"{sweep}_{kinds[0].index}", SWEEP[sweep].lanes, not single)
+        signature = self.signature(f"{sweep}_{kinds[0].index}", self.plan.sweeps[sweep].lanes, not single)
         place = cache(partial(self.place, kinds, sweep))  # asked for several times for each component
         lines = self.lines_of(block, place, self.addresses.culprit(kinds, sweep), self.each(kinds, sweep))
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
-    def called(self, kinds: tuple[UnitKind, ...]) -> str:
+    def called(self, kinds: tuple[Kind, ...]) -> str:
         """What the function that kinds share is for, in words."""
-        system, kind, count = self.system, kinds[0], sum(len(kind.members) for kind in kinds)
-        if isinstance(kind, RegionKind):
-            what, first = "regions", f"region of {kind.sources} sources"
-        elif isinstance(kind, ElementKind):
-            what, first = f"{kind.first.type}s", kind.first.name
-        elif isinstance(kind, EarKind):
-            ear = system.regions.ears[kind.members[0]]
-            loops = [self.model.loops[c.loop].name for c in ear.closures]
-            names = ", ".join(system.links[i].name for i in ear.links)
-            what, first = "ears", f"{names}{' closed by ' + ', '.join(loops) if loops else ''}"
-        else:
-            what, first = "links", system.links[kind.members[0]].name
+        (what, first), count = self.plan.called[kinds[0]], sum(len(kind.members) for kind in kinds)
         return first if count == 1 else f"{count} {what}: {first}, ..."
 
     def loop(self, sweep: str) -> Function:
         """The loop over the links, or the units, of a sweep."""
-        spec = SWEEP[sweep]
+        spec = self.plan.sweeps[sweep]
         shared = self.shared(sweep)
         first = {kind.index: kinds[0].index for kinds in shared for kind in kinds}
-        kinds = [first.get(k.index, IDLE) for k in self.sequence(sweep)]
+        kinds = [first.get(k.index, IDLE) for k in spec.order]
         if spec.then and spec.then in self.blocks:
             return self.loop_of_two(sweep, spec.then)
         single = {kinds[0].index: len(self.instances(kinds, sweep)) == 1 for kinds in shared}
-        inward = spec.direction == INWARD
         f = Function(spec.title, self.signature(sweep, spec.lanes, False))
 
         def call(kind: int, i: str) -> list[str]:
@@ -104,8 +90,8 @@ class SweepWriter(Language):
 
         parts = stretches(kinds)
         if len(parts) <= MAX_STRETCHES or len(single) == len(kinds):
-            for start, pattern, count in reversed(parts) if inward else parts:
-                order = list(reversed(range(len(pattern)))) if inward else list(range(len(pattern)))
+            for start, pattern, count in reversed(parts) if spec.inward else parts:
+                order = list(reversed(range(len(pattern)))) if spec.inward else list(range(len(pattern)))
                 if count == 1:
                     for o in order:
                         f.lines += call(pattern[o], str(start + o))
@@ -113,21 +99,21 @@ class SweepWriter(Language):
                 calls = [c for o in order for c in call(pattern[o], f"i + {o}" if o else "i")]
                 if calls:
                     step = len(pattern)
-                    f.lines += self.repeat(start, start + step * count, step, inward, calls)
+                    f.lines += self.repeat(start, start + step * count, step, spec.inward, calls)
         else:
-            of_kind = [k.index for k in self.sequence(sweep)]
+            of_kind = [k.index for k in spec.order]
             entry = self.addresses.table(sweep).entry("KIND", list(range(len(kinds))), of_kind)
             cases = [([k.index for k in of], c) for of in shared for c in call(of[0].index, "i")]
-            f.lines += self.dispatch(len(kinds), inward, entry, cases)
+            f.lines += self.dispatch(len(kinds), spec.inward, entry, cases)
         return f
 
     def loop_of_two(self, sweep: str, then: str) -> Function:
         """The loop over all links of two sweeps by turns."""
-        both: list[list[UnitKind | None]] = []
+        both: list[list[Kind | None]] = []
         for name in (sweep, then):
             of = {kind: kinds[0] for kinds in self.shared(name) for kind in kinds}
-            both.append([of.get(k) for k in self.sequence(name)])
-        numbers: dict[tuple[UnitKind | None, ...], int] = {}
+            both.append([of.get(k) for k in self.plan.sweeps[name].order])
+        numbers: dict[tuple[Kind | None, ...], int] = {}
         sequence = [numbers.setdefault(pair, len(numbers)) for pair in zip(*both, strict=True)]
         pairs = list(numbers)
         single = {
@@ -135,7 +121,7 @@ class SweepWriter(Language):
             for name in (sweep, then)
             for kinds in self.shared(name)
         }
-        lanes = SWEEP[sweep].lanes
+        lanes = self.plan.sweeps[sweep].lanes
 
         def call(pair: int, i: str) -> list[str]:
             return [
@@ -144,7 +130,7 @@ class SweepWriter(Language):
                 if kind is not None
             ]
 
-        f = Function(SWEEP[sweep].title, self.signature(sweep, lanes, False))
+        f = Function(self.plan.sweeps[sweep].title, self.signature(sweep, lanes, False))
         for start, pattern, times in stretches(sequence):
             places = [str(start + o) if times == 1 else f"i + {o}" if o else "i" for o in range(len(pattern))]
             calls = [c for pair, i in zip(pattern, places, strict=True) for c in call(pair, i)]
@@ -152,21 +138,13 @@ class SweepWriter(Language):
             f.lines += calls if times == 1 else self.repeat(start, start + step * times, step, False, calls)
         return f
 
-    def sequence(self, sweep: str) -> list[UnitKind]:
-        """Kinds of what a sweep goes over, one after the other."""
-        spec, system = SWEEP[sweep], self.system
-        if spec.element:
-            of: dict[int, UnitKind] = {n: k for k in system.element_kinds for n in k.members}
-            return [of[n] for n in range(len(of))]
-        return [*(system.unit_kind_of if spec.units else system.kind_of)]
-
     def sweep_functions(self, sweep: str) -> list[Function]:
         functions = [f for kinds in self.shared(sweep) for f in self.link_functions(sweep, kinds)]
-        if any(spec.then == sweep for spec in SWEEP.values()):
+        if any(of.then == sweep for of in self.plan.sweeps.values()):
             return functions  # called by turns with another
         return [*functions, self.loop(sweep)]
 
-    def link_functions(self, sweep: str, kinds: tuple[UnitKind, ...]) -> list[Function]:
+    def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:
         """That of `link_function`, after the parts that it is made of."""
         return [self.link_function(sweep, kinds)]
 

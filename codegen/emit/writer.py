@@ -9,8 +9,6 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
-from ..mechanics.sweeps import FALLING, SWEEP
-from ..program.digits import value_of
 from ..program.procedure import (
     CONSTANTS,
     Formulas,
@@ -21,6 +19,7 @@ from ..program.procedure import (
     routines,
     walk,
 )
+from ..program.store import MARGIN
 from ..version import __version__
 from .function import Function
 from .rows import RowWriter
@@ -30,51 +29,14 @@ from .runs import called_for, name_of, part_of, widest_first
 class Writer(RowWriter):
     """Source of a program in one language."""
 
-    # -- the ground ------------------------------------------------------------------------------------------------
-
-    def ground_values(self) -> list[tuple[str, float | str]]:
-        """The ground's record, at rest and accelerating by -g: fields with a number or gravity's constant by name."""
-        g, of_gravity = self.system.gravity, self.system.fields_of_gravity
-        found: list[tuple[str, float | str]] = []
-        for name in sorted(self.program.ground_fields):
-            value: float | str = 0.0
-            if name.endswith(("W.xx", "W.yy", "W.zz")):
-                value = 1.0
-            elif g is not None and of_gravity.get(name) in g.shape.fields:
-                value = g.shape.varying.get(of_gravity[name]) or g.values.get(of_gravity[name], 0.0)
-            found.append((name, value))
-        return found
-
-    def ground_accelerations(self) -> list[str]:
-        """The fields of the ground's record that gravity sets."""
-        return sorted(self.program.ground_fields & self.system.fields_of_gravity.keys())
-
-    def ground_tangents(self) -> list[tuple[str, list[tuple[float | str, int]]]]:
-        """The ground's tangent where gravity depends on parameters: fields as sums of factor and parameter."""
-        g = self.system.gravity
-        found: list[tuple[str, list[tuple[float | str, int]]]] = []
-        places = {n: k for k, n in enumerate(self.model.parameter_names)}
-        for name in dict.fromkeys(n for s in FALLING for n in self.program.slots.get(s, ())):
-            if g is None or name not in g.shape.varying:
-                continue
-            terms: list[tuple[float | str, int]] = []
-            for j, p in enumerate(g.parameters):
-                key = f"{name}/{j}"
-                if key in g.shape.fixed and value_of(g.shape.fixed[key]) != 0:
-                    terms.append((value_of(g.shape.fixed[key]), places[p]))
-                elif key in g.shape.varying:
-                    terms.append((g.shape.varying[key], places[p]))
-            found.append((name, terms))
-        return found
-
     # -- the files -------------------------------------------------------------------------------------------------
 
     @cached_property
     def swept(self) -> dict[str, list[Function]]:
         """The functions of every sweep."""
         sets = self.sets_of_widths
-        then = {SWEEP[s].then for s in self.blocks}  # called by others, so before them
-        ranks = {s: 1 + sets.index(self.widths[s]) if SWEEP[s].lanes else 0 for s in self.blocks}
+        then = {self.plan.sweeps[s].then for s in self.blocks}  # called by others, so before them
+        ranks = {s: 1 + sets.index(self.widths[s]) if self.plan.sweeps[s].lanes else 0 for s in self.blocks}
         order = sorted(self.blocks, key=lambda s: (ranks[s], s not in then))
         return {s: self.sweep_functions(s) for s in order}
 
@@ -98,6 +60,12 @@ class Writer(RowWriter):
         """Functions that compute constants, and their calls."""
         _ = self.swept  # tables are in the order of the sweeps
         return self.constants_functions() if self.prepares(CONSTANTS) else ([], [])
+
+    @cached_property
+    def singular_outputs(self) -> bool:
+        """Whether there are outputs without a derivative in some states."""
+        of_outputs = (f.tangent.stores for f in self.plan.formulas if f.target == "outputs")
+        return any(store.memory is MARGIN for stores in of_outputs for store, _, _ in stores)
 
     def prepares(self, what: str) -> bool:
         """Whether any function prepares something."""
@@ -145,7 +113,7 @@ class Writer(RowWriter):
         """What the templates of every target are rendered with."""
         model = self.model
         parts = self.swept | {name_of(step): functions for step, functions in self.groups.items()}
-        lanes = {name_of(s) for s in self.groups if s.lanes} | {s for s in self.swept if SWEEP[s].lanes}
+        lanes = {name_of(s) for s in self.groups if s.lanes} | {s for s in self.swept if self.plan.sweeps[s].lanes}
         return {
             "name": model.name,
             "version": __version__,

@@ -1,21 +1,14 @@
-"""Where a component of a store lies: decided here once, for every target.
-
-An address is the name of a region of memory (or of an argument), the row in it that belongs to the link, ear or loop that is
-meant, and the place in the row. Rows are known for each link or unit that a function is called for, whose number is ``i`` there;
-they become an expression in i where the function is written, and integers that are not a function of i stand in tables
-(`IndexTable`), which grow by what is asked for. So kinds that differ by nothing but rows can share a function.
-"""
+"""Where a component of a store of the mechanics lies: whose memory a store is of, for each instance of a kind."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from ..model.model import GROUND, closure_row_names
+from ..program.addresses import Address, Addresses, IndexTable, Kind, Row
 from ..program.store import CONSTANT, Owner, Store
 from .expansion import Program
-from .memory import IndexTable, Layout
+from .memory import SystemLayout
 from .stores import (
     BASE_LINK,
     COEFFICIENTS,
@@ -29,6 +22,7 @@ from .stores import (
     KEPT,
     LINK,
     LOOP,
+    ME,
     OWN_COUPLING,
     PARENT,
     PARTNER,
@@ -65,68 +59,19 @@ _COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PAR
 """Beginnings of columns of the tables, by whose memory is meant."""
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """An integer for each of the links or units that a function is called for, and the column of a table that may hold it."""
-
-    column: str
-    values: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Address:
-    """Where a component lies.
-
-    Attributes
-    ----------
-    variable : str
-        A name for the row.
-    region : str
-        Region of memory, ``numbers``, ``constants`` or an argument or result.
-    row : Row or None
-        Number of the row, or, of arguments, where it begins; none where there is one row.
-    component : str or Row
-        Name of the component; of arguments, ``numbers`` and results an integer, which may differ.
-    form : int
-        Of constants: which components there are; see `Layout.forms`.
-    """
-
-    variable: str
-    region: str
-    row: Row | None
-    component: str | Row
-    form: int = -1
-
-    @property
-    def form_of_code(self) -> tuple[object, ...]:
-        """What functions that are to be one must agree in."""
-        component = "" if isinstance(self.component, Row) else self.component
-        return self.variable, self.region, self.row is None, component, self.form
-
-
-@dataclass(frozen=True, slots=True)
-class Placed:
-    """An address with expressions in i in the place of rows."""
-
-    variable: str
-    region: str
-    row: str
-    component: str
-    form: int = -1
-
-
-class Addresses:
+class SystemAddresses(Addresses):
     """Addresses of a program, and the tables that they need.
 
     Parameters
     ----------
     program : Program
-    layout : Layout
+    layout : SystemLayout
     numbered : bool
         Places in rows are numbers, and what only neighbours need shares memory; otherwise every row holds values by name.
     """
 
-    def __init__(self, program: Program, layout: Layout, numbered: bool):
+    def __init__(self, program: Program, layout: SystemLayout, numbered: bool):
+        super().__init__()
         self.system = program.system
         self.layout = layout
         self.numbered = numbered
@@ -137,36 +82,19 @@ class Addresses:
         self.elements = IndexTable("element", len(self.system.elements))
         self._parameter_places = {name: i for i, name in enumerate(model.parameter_names)}
         self._rows: dict[tuple[object, ...], Row] = {}
-        self._addresses: dict[tuple[UnitKind, str, Store, str], Address] = {}
-        self._expressions: dict[tuple[object, ...], tuple[Sequence[Row], str]] = {}
 
     @property
     def tables(self) -> list[IndexTable]:
-        """All tables, once each."""
         return [self.links, *([] if self.units is self.links else [self.units]), self.elements]
 
     # -- what a block's functions are called for ---------------------------------------------------------------------
 
     def table(self, sweep: str) -> IndexTable:
-        """The table of what a sweep goes over."""
         spec = SWEEP[sweep]
         return self.elements if spec.element else self.units if spec.units else self.links
 
-    def instances(self, kind: UnitKind, sweep: str) -> list[int]:
-        """The values that i takes in the functions of a kind."""
-        return kind.units if SWEEP[sweep].units else kind.members
-
-    def expression(self, kinds: Sequence[UnitKind], sweep: str, rows: Sequence[Row]) -> str:
-        """Expression of integers that belong to the instances of kinds, from those of each; each is looked for once."""
-        key = (self.table(sweep).name, SWEEP[sweep].units, *kinds, *map(id, rows))
-        if key not in self._expressions:  # which keeps the rows, so that no others get their identities
-            self._expressions[key] = rows, self._expression(kinds, sweep, rows)
-        return self._expressions[key][1]
-
-    def _expression(self, kinds: Sequence[UnitKind], sweep: str, rows: Sequence[Row]) -> str:
-        instances = [i for kind in kinds for i in self.instances(kind, sweep)]
-        pairs = sorted(zip(instances, (v for row in rows for v in row.values), strict=True))
-        return self.table(sweep).entry(rows[0].column, [i for i, _ in pairs], [v for _, v in pairs])
+    def of_units(self, sweep: str) -> bool:
+        return SWEEP[sweep].units
 
     def links_meant(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
         """For each instance of a kind, the link that a store is of; the ground has the number after the last."""
@@ -237,28 +165,12 @@ class Addresses:
 
     # -- addresses -------------------------------------------------------------------------------------------------
 
-    def placed(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Placed:
-        """Where a component of a store lies, in the function that kinds share."""
-        found = [self.address(kind, sweep, store, name) for kind in kinds]
-        first = found[0]
-        rows = [a.row for a in found if a.row is not None]
-        components = [a.component for a in found if isinstance(a.component, Row)]
-        return Placed(
-            first.variable,
-            first.region,
-            self.expression(kinds, sweep, rows) if rows else "",
-            first.component if isinstance(first.component, str) else self.expression(kinds, sweep, components),
-            first.form,
-        )
+    def number(self, kind: Kind, sweep: str) -> Row:
+        assert isinstance(kind, UnitKind)
+        return self.of_links(kind, sweep, ME, "NUMBER")
 
-    def address(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
-        """Where a component of a store lies, in the functions of a kind."""
-        key = kind, sweep, store, name
-        if key not in self._addresses:
-            self._addresses[key] = self._address(kind, sweep, store, name)
-        return self._addresses[key]
-
-    def _address(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
+    def find(self, kind: Kind, sweep: str, store: Store, name: str) -> Address:
+        assert isinstance(kind, UnitKind)
         memory, system = store.memory, self.system
         variable = store.label.replace("#", "_")
         if memory.region:
@@ -360,13 +272,9 @@ class Addresses:
     def _place_of_constants(self, index: int) -> int:
         return self.layout.constant_offsets[index] if self.numbered else index
 
-    # -- who is to blame -------------------------------------------------------------------------------------------
-
-    def culprit(self, kinds: Sequence[UnitKind], sweep: str) -> Callable[[str], str]:
-        """Number of the link to name when the j-th pivot is zero; loops count after the links, then force elements."""
-        return lambda name: self.expression(kinds, sweep, [self._culprit(kind, sweep, name) for kind in kinds])
-
-    def _culprit(self, kind: UnitKind, sweep: str, name: str) -> Row:
+    def stopped_at(self, kind: Kind, sweep: str, name: str) -> Row:
+        """The link to name when the j-th pivot is zero; loops count after the links, then force elements."""
+        assert isinstance(kind, UnitKind)
         regions, links = self.system.regions, len(self.system.links)
         if isinstance(kind, RegionKind):
             sources = (regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units)

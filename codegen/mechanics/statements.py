@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 from ..loops.partition import Partition
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
 from ..program.formula import Formula
+from ..program.plan import Plan
 from ..program.procedure import Formulas, Procedure, sweeps, walk
 from ..program.progress import Progress, silent
 from .ears.orthogonal import RankLossError
@@ -19,6 +19,7 @@ from .formulas import coefficient_formulas, force_formulas, initial_formulas, mo
 from .outputs.frames import SIZES, frame_formulas, place_formulas
 from .outputs.outputs import output_formulas, potential_formula
 from .outputs.switches import switch_formulas
+from .plan import plan_of
 from .procedures import SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
 from .stores import LAID_OUT, SLOT
 from .structure.kinds import RegionKind
@@ -32,22 +33,6 @@ UNROLLED_LINKS = 8
 DIFFERENT_LINKS, DIFFERENT = 12, 0.75
 """The same for models of at most so many links of which such a part are of kinds of their own: to write each out takes little
 more code."""
-
-
-@dataclass(slots=True)
-class Expanded:
-    """A model as statements, ready to be printed.
-
-    Attributes
-    ----------
-    asked : tuple of Procedure
-        The functions that the solver has.
-    """
-
-    system: System
-    program: Program
-    formulas: list[Formula]
-    asked: tuple[Procedure, ...]
 
 
 def laid_out(model: Model, layout: str, chosen: Partition | None, turning: bool) -> tuple[System, bool]:
@@ -72,8 +57,8 @@ def expanded(
     functions: Collection[str] | None = None,
     frames: bool = False,
     moves: bool = True,
-) -> Expanded:
-    """Expand and simplify; see `write_solver`."""
+) -> tuple[Program, Plan, tuple[Procedure, ...]]:
+    """Expand and simplify: the statements, what targets get of them, and the functions of the solver; see `write_solver`."""
     model = system.model
     asked = procedures(system, reactions, functions, frames, moves)
     read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
@@ -117,7 +102,7 @@ def expanded(
     for sweep in backwards:  # what was only there to be run backwards, or together with others
         for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
             program.blocks.pop(name, None)
-    return Expanded(system, program, formulas, asked)
+    return program, plan_of(program, formulas), asked
 
 
 def _read_by_formulas(system: System, records: list[Formula]) -> set[MemoryPlace]:

@@ -6,16 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from ...mechanics.expansion import Program
-from ...mechanics.stores import ME
-from ...mechanics.structure.kinds import UnitKind
-from ...mechanics.sweeps import SWEEP
+from ...model.model import Model
 from ...program import algebra
+from ...program.addresses import Kind
 from ...program.algebra import ZERO, Expr, Symbol
 from ...program.block import Block, symbols_of
 from ...program.field_table import identifier
-from ...program.formula import Formula
 from ...program.passes import by_results
+from ...program.plan import Plan
 from ...program.procedure import Procedure
 from ...program.store import MARGIN, MODES, Store
 from ..language import Located, Place
@@ -87,13 +85,13 @@ class CLanguage(Writer):
 
     def __init__(
         self,
-        program: Program,
-        formulas: list[Formula],
+        model: Model,
+        plan: Plan,
         asked: tuple[Procedure, ...],
         scalar: Scalar,
         reserved: frozenset[str],
     ):
-        super().__init__(program, formulas, asked, C, scalar, reserved)
+        super().__init__(model, plan, asked, C, scalar, reserved)
         self.printer = CPrinter(C, scalar)
         self.tables: list[tuple[str, list[str]]] = []
         self.has_parts = False
@@ -115,11 +113,11 @@ class CLanguage(Writer):
 
     # -- the language ----------------------------------------------------------------------------------------------
 
-    def each(self, kinds: Sequence[UnitKind], sweep: str) -> str:
-        groups = SWEEP[sweep].groups
+    def each(self, kinds: Sequence[Kind], sweep: str) -> str:
+        groups = self.plan.sweeps[sweep].groups
         if not groups:
             return "EACH_VECTOR {"
-        rows = [self.addresses.of_links(kind, sweep, ME, "NUMBER") for kind in kinds]
+        rows = [self.addresses.number(kind, sweep) for kind in kinds]
         link = self.addresses.expression(kinds, sweep, rows)
         if groups == "rest":
             return f"EACH_GROUP(a->all_groups & ~a->below_groups[{link}]) {{"
@@ -298,7 +296,7 @@ class CLanguage(Writer):
     def number_of_row(self, table: str, row: str, index: int) -> Located:
         return Located("k", f"{table}[{row}]", f"[{index}]", NUMBER_TYPE)
 
-    def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
+    def place(self, kinds: Sequence[Kind], sweep: str, store: Store, name: str) -> Located:
         at = self.addresses.placed(kinds, sweep, store, name)
         self.touched.setdefault(sweep, set()).add(at.region)
         if at.region in TYPES or at.region == "near":

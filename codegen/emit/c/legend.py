@@ -5,12 +5,11 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from ...mechanics.outputs.outputs import pivoted_outputs
 from ...model.model import Model
 from ..function import COMMENT
 
 
-def legend(model: Model, links: int, numbers: str) -> list[str]:
+def legend(model: Model, links: int, numbers: str, singular_outputs: bool) -> list[str]:
     """Lines that say what arguments and results are."""
 
     def some(names: Sequence[str]) -> str:
@@ -54,7 +53,7 @@ def legend(model: Model, links: int, numbers: str) -> list[str]:
         lines.append(f"Numbers above {links}, the number of links: a loop has lost rank.")
     if any(e.singular for e in model.loads):
         lines.append(f"Numbers above {links + len(model.loops)}: a force element has no direction.")
-    if pivoted_outputs(model):
+    if singular_outputs:
         above = links + len(model.loops) + len(model.loads)
         lines.append(f"Numbers above {above}: an output has a value there, but no derivative; in their order.")
     return lines

@@ -20,31 +20,33 @@ class CMemory(CSweeps):
 
     def regions(self) -> list[tuple[str, bool, int]]:
         """What sweeps keep in the workspace: name, whether per direction, number of entries."""
-        layout, model, regions = self.layout, self.model, self.system.regions
-        links, forced = len(self.system.links), model.nu if model.forces else 0
+        layout, forced = self.layout, self.model.nu if self.model.forces else 0
         # sweeps that only NumPy runs, column by column, have no slots here
-        slot_size = max((len(of) for sweep, of in layout.slots.items() if sweep in self.blocks), default=0)
+        sizes = {region: len(fields) for region, fields in layout.fields.items()} | {
+            "near": layout.near_size,
+            "slots": max((len(of) for sweep, of in layout.slots.items() if sweep in self.blocks), default=0),
+        }
+
+        def rows(*names: str) -> list[tuple[str, bool, int]]:
+            return [(name, name in LANE_REGIONS, sizes[name] * layout.rows[name]) for name in names]
+
         found = [
-            ("records", False, len(layout.record) * (links + 1)),
-            ("near", False, layout.near_size * self.system.slots),
-            ("ears", False, len(layout.ear) * len(regions.ears)),
-            ("couplings", False, len(layout.coupling) * regions.elimination.slots),
-            ("regions", False, len(layout.region) * len(regions.regions)),
-            ("kept", False, len(layout.kept) * (links + 1)),
-            ("kept_regions", False, len(layout.kept_region) * len(regions.regions)),
-            ("gravity", False, 3 if self.system.gravity is not None else 0),
+            *rows("records", "near", "ears", "couplings", "regions", "kept", "kept_regions"),
+            ("gravity", False, len(self.plan.ground.gravity)),
             ("constants", False, layout.constants_size),
             ("trig", False, 2 * layout.angles_padded),
             ("tau", False, forced),
-            *((name, False, n) for name, n in self.system.arrays.items()),
-            *self.columns.regions(len(layout.column), links),
-            ("slots", True, slot_size * self.system.slots),
-            ("lanes", True, len(layout.lane) * links),
-            ("region_lanes", True, len(layout.region_lane) * len(regions.regions)),
+            *((name, False, n) for name, n in self.plan.arrays.items()),
+            *self.column_regions(),
+            *rows("slots", "lanes", "region_lanes"),
             ("dtau", True, forced),
-            *((f"d{name}", True, n) for name, n in self.system.arrays.items()),
+            *((f"d{name}", True, n) for name, n in self.plan.arrays.items()),
         ]
         return [r for r in found if r[2]]
+
+    def column_regions(self) -> list[tuple[str, bool, int]]:
+        """Those of them that columns of matrices take."""
+        return self.columns.regions(len(self.layout.fields["columns"]), len(self.plan.links))
 
     def _type(self, region: str, lanes: bool) -> str:
         """What a region of memory consists of."""
@@ -72,12 +74,8 @@ class CMemory(CSweeps):
             if chosen:
                 lines = [f"{of_width(f'slot_{sweep}', lanes)} {sweep};" for sweep in chosen]
                 add(ABOUT["slots"], TYPES["slots"], lines, "union")
-        kept = {
-            "records": layout.record, "ears": layout.ear, "regions": layout.region, "couplings": layout.coupling,
-            "kept": layout.kept, "kept_regions": layout.kept_region, "lanes": layout.lane,
-            "region_lanes": layout.region_lane, "columns": layout.column,
-        }  # fmt: skip
-        for region, fields in kept.items():
+        for region in ABOUT:
+            fields = layout.fields.get(region)
             if fields and (region in LANE_REGIONS) == lanes:
                 add(ABOUT[region], TYPES[region], members(fields, number))
         return found

@@ -48,7 +48,7 @@ class CWriter(CPrepared):
             at += -(-count * (8 if lanes else 1) // 8) * 8
         kept = {name: lanes for name, lanes, _ in regions}
         self.workspace = at + self.scalar.per_line
-        columns = {r[0] for r in self.columns.regions(len(layout.column), len(self.system.links))}
+        columns = {r[0] for r in self.column_regions()}
         self.memory_of_sweeps = sum(n * (8 if lanes else 1) for name, lanes, n in of_sweeps if name not in columns)
         types = {name: self._type(name, lanes) for name, lanes in kept.items()}
         fields, lane_fields = memory.declarations({n: t for n, t in types.items() if not kept[n]},
@@ -67,9 +67,9 @@ class CWriter(CPrepared):
             "column_lanes": vectors.columns(self.scalar, self.columns.width, GROUP),
             "NAME": model.name.upper(),
             "about_names": about_names(bool(model.loops)),
-            "legend": legend(model, len(self.system.links), self.scalar.words),
+            "legend": legend(model, len(self.plan.links), self.scalar.words, self.singular_outputs),
             "sizes_in_c": [
-                ("LINKS", len(self.system.links)),
+                ("LINKS", len(self.plan.links)),
                 *([("NEAR_SIZE", layout.near_size)] if layout.near_size else []),
                 *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles_padded else ()),
                 *((name, i) for i, name in enumerate(ENERGIES) if "energy" in memory.fields),

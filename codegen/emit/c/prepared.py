@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from ...mechanics.sweeps import FALLING
 from ...program import procedure as procedures
 from ...program.field_table import identifier
 from ..function import Function
@@ -39,42 +38,35 @@ class CPrepared(CMemory):
         """Lines that set what is read of the ground: at rest, accelerating by -g. For a sweep, or for all of them."""
         lines = []
         near = self.layout.near.get(sweep, {}) if sweep else {}
-        kept = self.layout.kept if sweep in self.keeping else {}
-        for name in sorted(self.program.ground_fields):
+        kept = self.layout.fields["kept"] if sweep in self.keeping else {}
+        for name, value in self.plan.ground.fields.items():
             if sweep and name in near:
                 region, place = "near", f"a->near[{near_name(self.layout.near_forms[sweep], name)}]"
             elif name in kept:
                 region, place = "kept", f"a->kept[LINKS].{identifier(name)}"
-            elif not sweep and name in self.layout.record:
+            elif not sweep and name in self.layout.fields["records"]:
                 region, place = "records", f"a->records[LINKS].{identifier(name)}"
             else:
                 continue
-            self.touched.setdefault(sweep or "", set()).add(region)
-            value = in_all(self.zero)
-            if name.endswith(("W.xx", "W.yy", "W.zz")):
-                value = in_all(self.scalar.literal("1.0"))
-            elif name in self.system.fields_of_gravity:
-                value = f"a->gravity[{'xyz'.index(name[-1])}]"
-                self.touched[sweep or ""].add("gravity")
-            lines.append(f"{place} = {value};")
+            touched = self.touched.setdefault(sweep or "", set())
+            touched.add(region)
+            if isinstance(value, str):
+                touched.add("gravity")
+                lines.append(f"{place} = a->gravity[{list(self.plan.ground.gravity).index(value)}];")
+            else:
+                lines.append(f"{place} = {in_all(self.text(value))};")
         return lines
 
     def gravity(self) -> list[str]:
         """Lines that set the acceleration of the ground, -g."""
-        g = self.system.gravity
-        if g is None:
-            return []
-        lines = []
-        for i, name in enumerate(("a.x", "a.y", "a.z")):
-            value = self._gravity(g.shape.varying.get(name) or g.values.get(name, 0.0))
-            lines.append(f"a->gravity[{i}] = {value if value.startswith('a->') else in_all(value)};")
-        return lines
+        found = map(self._gravity, self.plan.ground.gravity.values())
+        return [f"a->gravity[{i}] = {v if v.startswith('a->') else in_all(v)};" for i, v in enumerate(found)]
 
     def _gravity(self, value: float | str) -> str:
         """A number, or a constant of gravity's."""
         if not isinstance(value, str):
             return self.text(value)
-        g = self.system.gravity
+        g = self.plan.ground.constants
         assert g is not None
         index = self.layout.constant_offsets[g.index] + self.layout.constant_fields[g.shape.index][value]
         return f"a->constants[{index}]"
@@ -83,7 +75,7 @@ class CPrepared(CMemory):
         """Lines that set the ground's tangent where gravity depends on parameters, and that set it to zero."""
         lines: list[str] = []
         zero: list[str] = []
-        for name, terms in self.ground_tangents():
+        for name, terms in self.plan.ground.tangents:
             place = f"{self._ground_slot()}.{identifier(name)}"
             text = " + ".join(f"{self._gravity(factor)}*a->dp[{p}].at[h]" for factor, p in terms) or "(VECTOR){0}"
             lines.append(f"EACH_VECTOR {place}.at[h] = {text};")
@@ -92,13 +84,13 @@ class CPrepared(CMemory):
 
     def _ground_slot(self) -> str:
         forms = self.layout.slot_forms  # those of all these sweeps are alike
-        return f"a->slots[0].{next(forms[s] for s in FALLING if s in forms)}"
+        return f"a->slots[0].{next(forms[s] for s in self.plan.ground.sweeps if s in forms)}"
 
     def ground_transposed(self) -> list[str]:
         """Lines that add to adjoints of parameters what those of the ground's tangent give."""
         return [
             f"EACH_VECTOR a->dp[{p}].at[h] += {self._gravity(factor)}*{self._ground_slot()}.{identifier(name)}.at[h];"
-            for name, terms in self.ground_tangents()
+            for name, terms in self.plan.ground.tangents
             for factor, p in terms
         ]
 
@@ -150,7 +142,7 @@ class CPrepared(CMemory):
                     f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = {in_all(self.zero)};",
                     f"sines_and_cosines({n}, a->trig);",
                 ]
-            case procedures.GROUND_AT_REST if self.system.gravity is not None:
+            case procedures.GROUND_AT_REST if self.plan.ground.gravity:
                 record = [line for line in self.ground() if "gravity" in line]
                 return [f"for (int i = 0; i < 3; ++i) a->gravity[i] = {in_all(self.zero)};", *record]
             case procedures.GROUND_TANGENT:

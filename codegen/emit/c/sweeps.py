@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from functools import cache, cached_property, partial
 from itertools import groupby
 
-from ...mechanics.structure.kinds import UnitKind
-from ...mechanics.sweeps import SWEEP
+from ...program.addresses import Kind
 from ...program.parts import in_parts
 from ..function import COMMENT, Function
 from ..notes import notes
@@ -22,14 +21,14 @@ from .types import SHARES, of_width
 class CSweeps(CLanguage):
     """Writes functions of links, and when they are compiled."""
 
-    def link_functions(self, sweep: str, kinds: tuple[UnitKind, ...]) -> list[Function]:
-        block = self.program.blocks[sweep][kinds[0].index]
+    def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:
+        block = self.blocks[sweep][kinds[0].index]
         place = cache(partial(self.place, kinds, sweep))
         parts, places = in_parts(block, handed_on, is_overwritten(block, place))
         if len(parts) == 1:
             return [self.link_function(sweep, kinds)]
         self.has_parts = True
-        lanes, indexed = SWEEP[sweep].lanes, len(self.instances(kinds, sweep)) != 1
+        lanes, indexed = self.plan.sweeps[sweep].lanes, len(self.instances(kinds, sweep)) != 1
         name, real = f"{sweep}_{kinds[0].index}", self.scalar.word
         whole = Function(
             f"{block.title}; {self.called(kinds)}",

@@ -6,18 +6,17 @@ Memory is named instead of numbered: every link has a record, slots and lanes, a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import Any
 
 from ...elementary import ELEMENTWISE
-from ...mechanics.expansion import Program
-from ...mechanics.structure.kinds import UnitKind
+from ...model.model import Model
 from ...program import procedure as procedures
+from ...program.addresses import Kind
 from ...program.algebra import ZERO
 from ...program.block import Block
 from ...program.digits import text_of
 from ...program.field_table import identifier
-from ...program.formula import Formula
+from ...program.plan import Plan
 from ...program.procedure import Procedure, routines
 from ...program.store import MARGIN, MODES, Store
 from ..function import in_lines
@@ -38,12 +37,12 @@ class NumpyWriter(Writer):
 
     def __init__(
         self,
-        program: Program,
-        formulas: list[Formula],
+        model: Model,
+        plan: Plan,
         asked: tuple[Procedure, ...],
         reserved: frozenset[str],
     ):
-        super().__init__(program, formulas, asked, NUMPY, FLOAT64, reserved)
+        super().__init__(model, plan, asked, NUMPY, FLOAT64, reserved)
         self.printer = NumpyPrinter(NUMPY, FLOAT64)
         self.tables: dict[str, list[str]] = {}
 
@@ -112,7 +111,7 @@ class NumpyWriter(Writer):
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
         self.tables[name] = [", ".join(map(repr, row)) for row in rows]
 
-    def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
+    def place(self, kinds: Sequence[Kind], sweep: str, store: Store, name: str) -> Located:
         at = self.addresses.placed(kinds, sweep, store, name)
         if store.memory.region or at.region == "constants":
             return Located(at.variable, f"a.{at.region}[{at.row}]", _key(at.component))
@@ -145,16 +144,18 @@ class NumpyWriter(Writer):
         """A number, or a constant of gravity's."""
         if not isinstance(value, str):
             return text_of(value)
-        assert self.system.gravity is not None
-        return f"a.constants[{self.system.gravity.index}]{_key(value)}"
+        assert self.plan.ground.constants is not None
+        return f"a.constants[{self.plan.ground.constants.index}]{_key(value)}"
 
     def ground(self) -> list[str]:
         """Lines that set the ground's record."""
         lines = []
-        for name, value in self.ground_values():
+        ground = self.plan.ground
+        for name, of in ground.fields.items():
+            value = ground.gravity[of] if isinstance(of, str) else of
             text = "ZERO" if value == 0 else self._gravity(value)
             lines.append(f"a.records[GROUND]{_key(name)} = {text}")
-        return [*lines, "a.kept[GROUND] = a.records[GROUND]"] if self.layout.kept else lines
+        return [*lines, "a.kept[GROUND] = a.records[GROUND]"] if self.layout.fields["kept"] else lines
 
     def prepared(self, what: str) -> list[str]:
         match what:
@@ -165,15 +166,21 @@ class NumpyWriter(Writer):
             case procedures.ANGLES:
                 return self.angles()
             case procedures.GROUND_AT_REST:
-                return [f"a.records[GROUND]{_key(name)} = ZERO" for name in self.ground_accelerations()]
+                return [
+                    f"a.records[GROUND]{_key(n)} = ZERO"
+                    for n, of in self.plan.ground.fields.items()
+                    if isinstance(of, str)
+                ]
             case procedures.GROUND_TANGENT:
-                return [f"a.slots[GROUND]{_key(name)} = {self._along(terms)}" for name, terms in self.ground_tangents()]
+                return [
+                    f"a.slots[GROUND]{_key(name)} = {self._along(terms)}" for name, terms in self.plan.ground.tangents
+                ]
             case procedures.GROUND_TANGENT_AT_REST:
-                return [f"a.slots[GROUND]{_key(name)} = 0.0" for name, _ in self.ground_tangents()]
+                return [f"a.slots[GROUND]{_key(name)} = 0.0" for name, _ in self.plan.ground.tangents]
             case procedures.GROUND_TANGENT_TRANSPOSED:
                 return [
                     f"a.dp[{p}] = a.dp[{p}] + {self._gravity(factor)}*a.slots[GROUND]{_key(name)}"
-                    for name, terms in self.ground_tangents()
+                    for name, terms in self.plan.ground.tangents
                     for factor, p in terms
                 ]
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
@@ -201,11 +208,11 @@ class NumpyWriter(Writer):
     def adjoints(self) -> list[str]:
         """Lines that empty the memory of the directions: what is not there is zero."""
         lines = [f"a.{name} = [Adjoints() for _ in a.{name}]" for name in ("slots", "lanes")]
-        if self.system.regions.regions:
+        if self.layout.rows["regions"]:
             lines.append("a.region_lanes = [Adjoints() for _ in a.region_lanes]")
         model = self.model
         lines += ["a.dtau = [0.0] * NU"] if model.forces else []
-        return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.system.arrays.items()]
+        return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.plan.arrays.items()]
 
     def _along(self, terms: list[tuple[float | str, int]]) -> str:
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
@@ -218,26 +225,19 @@ class NumpyWriter(Writer):
             s.lanes and s.called == sweep and "outputs" in s.targets for s in self.groups
         )
 
-    @cached_property
-    def singular_outputs(self) -> bool:
-        """Whether there are outputs without a derivative in some states."""
-        return any(store.memory is MARGIN for f in self.formulas for store, _, _ in f.tangent.stores)
-
     def memory(self) -> list[str]:
         """Lines that give a call its memory."""
-        system, model = self.system, self.model
-        regions = system.regions
-        kept = {
-            "records": "GROUND + 1", "slots": "GROUND + 1", "lanes": "GROUND + 1", "constants": len(system.constants),
-            "ears": len(regions.ears), "couplings": regions.elimination.slots, "regions": len(regions.regions),
-            "region_lanes": len(regions.regions),
-            "kept": "GROUND + 1" if self.layout.kept else 0,
-            "kept_regions": len(regions.regions) if self.layout.kept_region else 0,
+        model, layout, rows = self.model, self.layout, self.layout.rows
+        kept: dict[str, int | str] = {
+            "records": "GROUND + 1", "slots": "GROUND + 1", "lanes": "GROUND + 1", "constants": len(self.plan.constants),
+            "ears": rows["ears"], "couplings": rows["couplings"], "regions": rows["regions"],
+            "region_lanes": rows["region_lanes"], "kept": "GROUND + 1" if layout.fields["kept"] else 0,
+            "kept_regions": rows["kept_regions"] if layout.fields["kept_regions"] else 0,
         }  # fmt: skip
         lines = [f"self.{name} = [{{}} for _ in range({n})]" for name, n in kept.items() if n]
         arrays = {a.name: numpy_functions.count(a) for a in numpy_functions.made(self.procedures)}
         arrays |= {n: "NU" for n in ("tau", "dtau") if model.forces}
-        arrays |= {d + name: str(n) for name, n in system.arrays.items() for d in ("", "d")}
+        arrays |= {d + name: str(n) for name, n in self.plan.arrays.items() for d in ("", "d")}
         return [*lines, *(f"self.{name} = [0.0] * {n}" for name, n in arrays.items())]
 
     def flat_tables(self) -> list[tuple[str, list[str], str]]:
@@ -262,7 +262,7 @@ class NumpyWriter(Writer):
         context = self.shared_context()
         lines = NumpyFunctions(self.prepared, self.pivots)
         model = self.model
-        names = {"LINKS": [link.name for link in self.system.links]}
+        names = {"LINKS": self.plan.links}
         singular: list[tuple[str, str, str]] = []
         errors = []
         if model.loops:
@@ -324,8 +324,8 @@ def _index(entry: str, offset: int) -> str:
 
 
 def write_numpy(
-    program: Program,
-    formulas: list[Formula],
+    model: Model,
+    plan: Plan,
     asked: tuple[Procedure, ...],
     reserved: frozenset[str] = frozenset(),
 ) -> str:
@@ -333,10 +333,10 @@ def write_numpy(
 
     Parameters
     ----------
-    program, formulas, asked, reserved
+    model, plan, asked, reserved
         See `language.Language`.
     """
-    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, asked, reserved).context())
+    return render("numpy/module.py.jinja", NumpyWriter(model, plan, asked, reserved).context())
 
 
 __all__ = ["NumpyWriter", "write_numpy"]

@@ -1,0 +1,100 @@
+"""What targets get to print of a system: the plan of its solver."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ..program.addresses import Kind
+from ..program.digits import value_of
+from ..program.formula import Formula
+from ..program.plan import Ground, Plan, Swept
+from .address import SystemAddresses
+from .expansion import Program
+from .fields import remainder
+from .memory import SystemLayout
+from .procedures import arrays
+from .structure.element_kinds import ElementKind
+from .structure.kinds import EarKind, RegionKind, UnitKind
+from .structure.system import System
+from .sweeps import FALLING, INWARD, SWEEP
+
+
+def plan_of(program: Program, formulas: list[Formula]) -> Plan:
+    """The plan of an expanded system."""
+    system = program.system
+    model, layout = system.model, SystemLayout(program)
+    owners = [
+        *((link.name, c) for link, c in zip(system.links, system.constants_of, strict=True)),
+        *((loop.name, c) for loop, c in zip(model.loops, system.closure_constants, strict=True)),
+        *((e.element.name, e.constants) for e in system.elements),
+    ]
+    called: dict[Kind, tuple[str, str]] = {
+        kind: _called(system, kind) for kind in (*system.kinds, *system.unit_kinds, *system.element_kinds)
+    }
+    return Plan(
+        {name: _swept(program, name) for name in program.blocks},
+        formulas,
+        [link.name for link in system.links],
+        called,
+        system.constants,
+        system.shapes,
+        owners,
+        _ground(program),
+        arrays(system),
+        system.arrays,
+        layout,
+        partial(SystemAddresses, program, layout),
+    )
+
+
+def _swept(program: Program, name: str) -> Swept:
+    sweep, system = SWEEP[name], program.system
+    order: list[UnitKind] = [*(system.unit_kind_of if sweep.units else system.kind_of)]
+    if sweep.element:
+        of = {n: kind for kind in system.element_kinds for n in kind.members}
+        order = [of[n] for n in range(len(of))]
+    kinds, blocks = sweep.kinds(system), program.blocks[name]
+    return Swept(sweep.title, sweep.lanes, sweep.direction == INWARD, sweep.groups, sweep.then, kinds, order, blocks)
+
+
+def _called(system: System, kind: UnitKind) -> tuple[str, str]:
+    """What members of a kind are called, and the first of them."""
+    if isinstance(kind, RegionKind):
+        return "regions", f"region of {kind.sources} sources"
+    if isinstance(kind, ElementKind):
+        return f"{kind.first.type}s", kind.first.name
+    if not isinstance(kind, EarKind):
+        return "links", system.links[kind.members[0]].name
+    ear = system.regions.ears[kind.members[0]]
+    names = ", ".join(system.links[i].name for i in ear.links)
+    loops = ", ".join(system.model.loops[c.loop].name for c in ear.closures)
+    return "ears", f"{names} closed by {loops}" if loops else names
+
+
+def _ground(program: Program) -> Ground:
+    """The ground, at rest and accelerating by -g, and its tangent where gravity depends on parameters."""
+    g, of_gravity = program.system.gravity, program.system.fields_of_gravity
+    fields: dict[str, float | str] = {
+        name: of_gravity.get(name, float(name.endswith(("W.xx", "W.yy", "W.zz"))))
+        for name in sorted(program.ground_fields)
+    }
+    if g is None:
+        return Ground(fields, {}, None, [], FALLING)
+    shape = g.shape
+    components = {name: shape.varying.get(name) or g.values.get(name, 0.0) for name in remainder.a.components}
+    places = {n: k for k, n in enumerate(program.system.model.parameter_names)}
+    tangents = []
+    for name in dict.fromkeys(n for s in FALLING for n in program.slots.get(s, ())):
+        if name in shape.varying:
+            terms: list[tuple[float | str, int]] = []
+            for j, p in enumerate(g.parameters):
+                key = f"{name}/{j}"
+                if key in shape.fixed and value_of(shape.fixed[key]) != 0:
+                    terms.append((value_of(shape.fixed[key]), places[p]))
+                elif key in shape.varying:
+                    terms.append((shape.varying[key], places[p]))
+            tangents.append((name, terms))
+    return Ground(fields, components, g, tangents, FALLING)
+
+
+__all__ = ["plan_of"]
