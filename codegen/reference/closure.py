@@ -95,7 +95,7 @@ class Cut:
 
     def remainder(self, pairs: Pairs, start: Terms, end: Terms) -> Pair:
         """The kept conditions of the accelerations at udot = 0, (m, 1): Eq. 31's A_t, and what the moving axes add."""
-        V_s, V_e = start.pair("V"), end.pair("V")
+        V_s, V_e = start.V, end.V
         w_s, w_e = V_s[:3], self.C @ V_e[:3]
         wx_s, wx_e = pairs.skew(w_s), pairs.skew(w_e)
         w = w_e - w_s  # of the end face against the start face, and v its origin's
@@ -111,7 +111,7 @@ class Cut:
             turned.append(rate)
         if self.surfaces:
             turned = [v.mT @ hessian @ v for _, hessian, _ in self.surfaces]
-        total = self.K_end @ end.pair("A_t") - self.K_start @ start.pair("A_t") + moving_axes
+        total = self.K_end @ end.A_t - self.K_start @ start.A_t + moving_axes
         return (total + pairs.block([[x] for x in turned]))[self.kept]
 
     def position_residual(self, pairs: Pairs, loop: Loop) -> Pair:
@@ -151,7 +151,7 @@ class Cut:
             R = placed_rotation(face, pairs)
             if axis is not None:
                 R = R @ condition_frame(pairs, axis, defaults)[1]
-            moved.append((rotation_only(R), shift_only(pairs.vector(face.at) - body.pair("com"))))
+            moved.append((rotation_only(R), shift_only(pairs.vector(face.at) - body.com)))
         (turn_s, shift_s), (turn_e, shift_e) = moved
         angular = self.C @ turn_e - turn_s
         linear = self.C @ shift_e - shift_s + pairs.skew(self.offset) @ turn_s
@@ -172,10 +172,10 @@ def cut(
 ) -> Cut:
     """The loop joint between two bodies; `dropped` are those of its conditions that do not count."""
     U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 3), int))
-    C = start.pair("N_C").mT @ end.pair("N_C")
-    arm_end = C @ (pairs.vector(loop.end.at) - end.pair("com"))
-    arm_start = start.pair("N_C").mT @ (end.pair("x") - start.pair("x")) + arm_end
-    offset = arm_start - (pairs.vector(loop.start.at) - start.pair("com"))
+    C = start.N_C.mT @ end.N_C
+    arm_end = C @ (pairs.vector(loop.end.at) - end.com)
+    arm_start = start.N_C.mT @ (end.x - start.x) + arm_end
+    offset = arm_start - (pairs.vector(loop.start.at) - start.com)
 
     # The directions of the conditions, column i that of the joint's axis: fixed in the start face, and in the end face.
     i, end_i, frame, end_frame = 2, 2, U, U
@@ -272,9 +272,9 @@ class EarClosure:
         """Of the members' mass centres for some of the members' speeds, (6, len(speeds)) each."""
         G: dict[int, Pair] = {}
         for j in self._group.members:
-            own = self._bodies[j].pair("P") @ selection(self.pairs, self._model, j, speeds)
+            own = self._bodies[j].P @ selection(self.pairs, self._model, j, speeds)
             carried = G.get(self._model.bodies[j].parent)
-            G[j] = own if carried is None else self._bodies[j].pair("S").mT @ carried + own
+            G[j] = own if carried is None else self._bodies[j].S.mT @ carried + own
         return G
 
     def conditions(self, motion: Mapping[int, Pair]) -> Pair:
@@ -346,7 +346,7 @@ def closed_motion(
         ear = EarClosure(model, group, pairs, bodies, cuts)
         for j in group.members:
             parent = model.bodies[j].parent
-            motion[j] = own[j] if parent == GROUND else bodies[j].pair("S").mT @ motion[parent] + own[j]  # Eq. 18
+            motion[j] = own[j] if parent == GROUND else bodies[j].S.mT @ motion[parent] + own[j]  # Eq. 18
         if group.dependent:
             x = ear.solve(ear.conditions(motion) + pairs.block([[of_faces[i]] for i in group.loops]))
             index = np.array(group.dependent)

@@ -35,10 +35,11 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import Coupling, Face, Loop, PointCondition, Vector, coordinate_axis, least_along
+from ..model.model import Coupling, Face, Loop, PointCondition
 from .arithmetic import Array
 from .ground_frame import Frame, Freedoms, cross, placement
 from .pairs import Pair, Pairs
+from .primitives import condition_frame
 from .surfaces import surface_at
 
 HALF_TURN = 1e-12
@@ -149,7 +150,7 @@ def directions(
 ) -> tuple[list[Pair], list[Turning]]:
     """The directions n, and the terms of c . d, of a loop joint's conditions, each (1, 3) in the ground frame."""
     U = pairs.constant(np.eye(3, dtype=int))
-    i, frame = axes_of_conditions(pairs, loop.axes[0], defaults) if loop.axes else (2, U)
+    i, frame = condition_frame(pairs, loop.axes[0], defaults) if loop.axes else (2, U)
     start, end = ([(R @ frame)[:, j : j + 1].mT for j in range(3)] for R in (R_s, R_e))
     j, k = (i + 1) % 3, (i + 2) % 3
     across = [start[j], start[k]]
@@ -188,18 +189,6 @@ def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: lis
     if not squared.value > HALF_TURN:
         return [pairs.constant([[2]]), *(pairs.constant([[0]]) for _ in sines[1:])]
     return [x * (one / pairs.call("sqrt", squared)) for x in sines]
-
-
-def axes_of_conditions(pairs: Pairs, axis: Vector, defaults: dict[str, float]) -> tuple[int, Pair]:
-    """The frame of `closure_row_names`: which column is the joint's axis, and (3, 3)."""
-    along = coordinate_axis(axis)
-    if along is not None:
-        i, sign = along
-        return i, pairs.constant(np.diag([sign if j in (i, (i + 2) % 3) else 1 for j in range(3)]))
-    a = pairs.unit(pairs.vector(axis))
-    e = np.eye(3, dtype=int)[:, [least_along(axis, defaults)]]
-    first = pairs.unit(pairs.skew(pairs.constant(e)) @ a)
-    return 2, pairs.block([[first, pairs.skew(a) @ first, a]])
 
 
 def _coupled(pairs: Pairs, loop: Coupling, places: Sequence[tuple[slice, slice]], q: Pair, u: Pair) -> Row:

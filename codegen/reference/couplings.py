@@ -60,12 +60,12 @@ class CoupledCut:
         self.terms: list[CoupledTerm] = []
         for term in loop.terms:
             q, u = (place.start for place in model.coordinate_slices[term.body])
-            P, factor = bodies[term.body].pair("P"), pairs.expression(term.factor)
+            P, factor = bodies[term.body].P, pairs.expression(term.factor)
             row = coordinate_row(pairs, P, term.index)
             self.terms.append(
                 CoupledTerm(
                     term.body, model.bodies[term.body].parent, q + term.index, u + term.index, factor, row * factor,
-                    bodies[term.body].pair("S"),
+                    bodies[term.body].S,
                 )
             )  # fmt: skip
 

@@ -93,9 +93,9 @@ class _Inward:
     def __init__(self, model: Model, bodies: Sequence[Terms], rotors: Pair, pairs: Pairs) -> None:
         n = len(model.bodies)
         self.model, self.bodies, self.rotors, self.pairs = model, bodies, rotors, pairs
-        self.I_hat = [bodies[k].pair("I") for k in range(n)]
-        self.F_hat = [bodies[k].pair("F") for k in range(n)]
-        self.I_locked = [bodies[k].I for k in range(n)]  # I_hat as if no joint ever gave way: the scale of D
+        self.I_hat = [bodies[k].I for k in range(n)]
+        self.F_hat = [bodies[k].F for k in range(n)]
+        self.I_locked = [bodies[k].I.value for k in range(n)]  # I_hat as if no joint ever gave way: the scale of D
         self.Q: dict[int, dict[int, Pair]] = {k: {} for k in range(n)}  # Q[i][j] = Q[j][i]^T, the couplings
 
     def eliminate(self, group: Group, ear: EarClosure, remainders: Sequence[Pair]) -> Eliminated:
@@ -141,7 +141,7 @@ class _Inward:
                     Z = Z + H[j].mT @ Q_ji @ H[i]
                 else:
                     outside[i] = outside.get(i, zero(pairs, 6, z.size)) + Q_ji.mT @ H[j]
-            tau = self.bodies[j].pair("tau")
+            tau = self.bodies[j].tau
             f = f + Y.mT @ selection(pairs, self.model, j, group.dependent).mT @ tau
             _add(f, z.y, slice(0, 1), selection(pairs, self.model, j, group.independent).mT @ tau)
         # rotors resist the speeds of their joints: Y^T a Y of the dependent ones, remainders too, and a of the others
@@ -203,8 +203,8 @@ def motion_of_members(
     for j in group.members:
         parent = model.bodies[j].parent
         own = zero(pairs, 6, z.size)
-        _add(own, slice(None), z.y, bodies[j].pair("P") @ selection(pairs, model, j, group.independent))
-        motion[j] = bodies[j].pair("S").mT @ motion[parent] + own if parent in motion else own  # Eq. 19
+        _add(own, slice(None), z.y, bodies[j].P @ selection(pairs, model, j, group.independent))
+        motion[j] = bodies[j].S.mT @ motion[parent] + own if parent in motion else own  # Eq. 19
     Y = zero(pairs, len(group.dependent), z.size)
     if group.dependent:
         b = ear.conditions(motion)

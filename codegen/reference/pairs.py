@@ -150,7 +150,8 @@ class Pairs:
         rows = slice(start, start + len(part.value))
         column.value[rows], column.tangent[:, rows] = part.value, part.tangent
 
-    def skew(self, v: Pair) -> Pair:
+    @staticmethod
+    def skew(v: Pair) -> Pair:
         """The cross product matrix of a column, (3, 3)."""
         return Pair(skew(v.value), skew(v.tangent))
 

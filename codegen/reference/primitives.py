@@ -12,8 +12,7 @@ import numpy as np
 from ..model.model import Body, Face, Joint, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement, Slide, Turn
 from ..model.quarter_turns import cosine_and_sine, quarter_turns
-from .arithmetic import Array
-from .pairs import Pair, Pairs, skew
+from .pairs import Pair, Pairs
 
 
 @dataclass(slots=True)
@@ -31,21 +30,19 @@ class JointTerms:
     Pdot_u: Pair
 
 
-def shift(C: Array, dC: Array, gamma: Array, dgamma: Array) -> tuple[Array, Array]:
-    """S^k and its total derivative, (6, 6) and (k, 6, 6); gamma in components of k, as C gamma x asks."""
-    S = np.block([[C, C @ skew(gamma)], [0 * C, C]])  # Eq. 22
-    dS = np.block([[dC, dC @ skew(gamma) + C @ skew(dgamma)], [0 * dC, dC]])  # Eq. 28
-    return S, dS
+def shift(pairs: Pairs, C: Pair, gamma: Pair) -> Pair:
+    """S^k, (6, 6); gamma in components of k, as C gamma x asks."""
+    zero = pairs.constant(np.zeros((3, 3), int))
+    return pairs.block([[C, C @ pairs.skew(gamma)], [zero, C]])  # Eqs. 22 and 28
 
 
-def generalised_inertia(body: Body, pairs: Pairs) -> tuple[Array, Array]:
-    """I^k about the mass centre in body axes, and its total derivative, (6, 6) and (k, 6, 6)."""
+def generalised_inertia(body: Body, pairs: Pairs) -> Pair:
+    """I^k about the mass centre in body axes, (6, 6)."""
     xx, yy, zz, xy, xz, yz = (pairs.expression(e) for e in body.inertia)
     central = pairs.matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     mass = pairs.constant(np.eye(3, dtype=int)) * pairs.expression(body.mass)
     zero = pairs.constant(np.zeros((3, 3), int))
-    I = pairs.block([[central, zero], [zero, mass]])
-    return I.value, I.tangent
+    return pairs.block([[central, zero], [zero, mass]])
 
 
 def axis_rotation(pairs: Pairs, axis: Pair, angle: Pair) -> Pair:

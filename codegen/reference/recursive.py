@@ -1,13 +1,12 @@
 """The generic recursive engine: Anderson and Hsu's algorithm on 6x6 matrices, equation by equation.
 
-Nothing is generated here and nothing is clever. Every statement of the four sweeps stands with its equation number and
-is followed by its total derivative, the product rule written out; a name with a leading d is the total derivative
-d/dp_j of Eq. 10, with the k directions as first axis. This engine is the witness the generated code is tested
-against; it shares nothing with `codegen.mechanics`.
+Nothing is generated here and nothing is clever. Every statement of the four sweeps stands with its equation number. Quantities
+are pairs of a value and its total derivatives, d/dp_j of Eq. 10, whose product rule makes of each equation its derivative
+too: Eqs. 26 to 28, 49 to 52 and 55. This engine is the witness the generated code is tested against; it shares nothing with
+`codegen.mechanics`.
 
-The sweeps of a tree stand in this file. Closed loops have files of their own, where the product rule is that of pairs:
-`ears` (which bodies are resolved together), `closure` (Eqs. 30 to 38: dependent speeds, and the completion of
-dependent seeds) and `embedding` (Eqs. 39 to 60 with loops).
+The sweeps of a tree stand in this file. Closed loops have files of their own: `ears` (which bodies are resolved together),
+`closure` (Eqs. 30 to 38: dependent speeds, and the completion of dependent seeds) and `embedding` (Eqs. 39 to 60 with loops).
 
 The notation is that of `terms`.
 
@@ -48,7 +47,7 @@ from .embedding import embed
 from .engine import Engine
 from .forces import Wrench
 from .outputs import Moving
-from .pairs import Pair, Pairs, skew
+from .pairs import Pair, Pairs
 from .primitives import (
     generalised_inertia,
     joint_terms,
@@ -61,19 +60,16 @@ from .terms import Terms
 
 @dataclass(slots=True)
 class Articulated:
-    """The articulated quantities of one body, named as in the table of `terms`, each with its total derivatives.
+    """The articulated quantities of one body, named as in the table of `terms`.
 
     ``I_locked (6, 6)`` is what I_hat would be with the children's joints locked: the measure of what is left in M_k
     where nearly all has cancelled.
     """
 
-    I_hat: Array
-    dI_hat: Array
-    F_hat: Array
-    dF_hat: Array
+    I_hat: Pair
+    F_hat: Pair
     I_locked: Array
-    M_inverse: Array = field(init=False)
-    dM_inverse: Array = field(init=False)
+    M_inverse: Pair = field(init=False)
 
 
 class RecursiveEngine(Engine):
@@ -112,8 +108,7 @@ class RecursiveEngine(Engine):
         """M^-1 b, (nu, 1): the same sweeps with b for the joint forces and nothing else acting."""
         bodies = self._motion(state)
         for body, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False):
-            body.F, body.dF = 0 * body.F, 0 * body.dF
-            body.tau, body.dtau = b.value[rows], b.tangent[:, rows]
+            body.F, body.tau = state.pairs.constant(np.zeros((6, 1), int)), b[rows]
         return self._back_substitution(bodies, self._triangularization(bodies, self._armature(state.pairs)))
 
     def _triangularization(self, bodies: list[Terms], rotors: Pair) -> list[Articulated]:
@@ -122,141 +117,93 @@ class RecursiveEngine(Engine):
         What the rotors of a joint resist with is in its M_k and nowhere else: T_k leaves their part of the inertia along P.
         """
         # Every body starts as its own and collects its children: the sums over Dist[k] of Eqs. 48 to 50.
-        articulated = [Articulated(b.I, b.dI, b.F, b.dF, b.I) for b in bodies]
-        U = self.arithmetic.eye(6)
+        articulated = [Articulated(b.I, b.F, b.I.value) for b in bodies]
         for k in reversed(self.model.outward):
             b, art, pr = bodies[k], articulated[k], articulated[self.model.bodies[k].parent]
-            S, dS, P, dP, tau, dtau = b.S, b.dS, *self._freedoms(k, b)
-            I_hat, dI_hat, F_hat, dF_hat = art.I_hat, art.dI_hat, art.F_hat, art.dF_hat
+            S, I_hat = b.S, art.I_hat
+            P, tau = self._freedoms(k, b)
 
             own = rotors[self._free_places(k)]
             turn = self.arithmetic.eye(len(own.value))
-            M = P.mT @ I_hat @ P + turn * own.value  # Eq. 47, and the rotors
-            dM = (  # Eq. 51, its first P transposed
-                dP.mT @ I_hat @ P + P.mT @ dI_hat @ P + P.mT @ I_hat @ dP + turn * own.tangent
-            )
-            M_inverse = self._inverse(k, M, P.mT @ art.I_locked @ P + turn * own.value)
-            dM_inverse = -M_inverse @ dM @ M_inverse  # Eq. 52 with its minus
+            resisting = Pair(turn * own.value, turn * own.tangent)
+            M = P.mT @ I_hat @ P + resisting  # Eq. 47, and the rotors; Eq. 51, its first P transposed
+            M_inverse = self._inverse(k, M.value, P.value.mT @ art.I_locked @ P.value + resisting.value)
+            art.M_inverse = Pair(M_inverse, -M_inverse @ M.tangent @ M_inverse)  # Eq. 52 with its minus
 
             # H = I_hat P M^-1, (6, f), stands in Eq. 46 and in what the joint force hands on.
-            H = I_hat @ P @ M_inverse
-            dH = dI_hat @ P @ M_inverse + I_hat @ dP @ M_inverse + I_hat @ P @ dM_inverse
-            T = S @ (U - H @ P.mT)  # Eq. 46
-            dT = dS @ (U - H @ P.mT) - S @ (dH @ P.mT + H @ dP.mT)
+            H = I_hat @ P @ art.M_inverse
+            T = S - S @ H @ P.mT  # Eq. 46
 
-            pr.I_locked = pr.I_locked + S @ I_hat @ S.mT
-            pr.I_hat = pr.I_hat + T @ I_hat @ S.mT  # Eq. 44
-            pr.dI_hat = pr.dI_hat + dT @ I_hat @ S.mT + T @ dI_hat @ S.mT + T @ I_hat @ dS.mT  # Eq. 49
-            pr.F_hat = pr.F_hat + T @ F_hat - S @ H @ tau  # Eq. 45, and the joint force
-            pr.dF_hat = (  # Eq. 50 with its d/dp_j, and the joint force
-                pr.dF_hat + dT @ F_hat + T @ dF_hat - dS @ H @ tau - S @ dH @ tau - S @ H @ dtau
-            )
-            art.M_inverse, art.dM_inverse = M_inverse, dM_inverse
+            pr.I_locked = pr.I_locked + S.value @ I_hat.value @ S.value.mT
+            pr.I_hat = pr.I_hat + T @ I_hat @ S.mT  # Eqs. 44 and 49
+            pr.F_hat = pr.F_hat + T @ art.F_hat - S @ H @ tau  # Eqs. 45 and 50 with its d/dp_j, and the joint force
         return articulated
 
     def _back_substitution(self, bodies: list[Terms], articulated: list[Articulated]) -> Pair:
         """udot, (nu, 1), outward, Eqs. 53 to 56."""
-        model, zeros, k_directions = self.model, self.arithmetic.zeros, len(bodies[GROUND].dV)
-        udot, dudot = zeros(model.nu, 1), zeros(k_directions, model.nu, 1)
-        A_bar = [zeros(6, 1) for _ in bodies]  # Eq. 56: the ground's stays zero
-        dA_bar = [zeros(k_directions, 6, 1) for _ in bodies]
+        model, pairs = self.model, self._constants(bodies)
+        udot = pairs.constant(np.zeros((model.nu, 1), int))
+        A_bar = [pairs.constant(np.zeros((6, 1), int))] * len(bodies)  # Eq. 56: the ground's stays zero
         for k in model.outward:
-            b, art, pr = bodies[k], articulated[k], model.bodies[k].parent
-            S, dS, P, dP, tau, dtau = b.S, b.dS, *self._freedoms(k, b)
-            rows = self._free_places(k)
+            b, art, rows = bodies[k], articulated[k], self._free_places(k)
+            P, tau = self._freedoms(k, b)
+            A = b.S.mT @ A_bar[model.bodies[k].parent]
+            udot_k = art.M_inverse @ (P.mT @ (art.F_hat - art.I_hat @ A) + tau)  # Eq. 53, and the joint force; Eq. 55
+            A_bar[k] = A + P @ udot_k  # Eqs. 54 and 55 with S^T
+            udot.value[rows], udot.tangent[:, rows] = udot_k.value, udot_k.tangent
+        return udot
 
-            A = S.mT @ A_bar[pr]
-            dA = dS.mT @ A_bar[pr] + S.mT @ dA_bar[pr]
-            f = art.F_hat - art.I_hat @ A
-            df = art.dF_hat - art.dI_hat @ A - art.I_hat @ dA
-            r = P.mT @ f + tau
-            dr = dP.mT @ f + P.mT @ df + dtau
-            udot_k = art.M_inverse @ r  # Eq. 53, and the joint force
-            dudot_k = art.dM_inverse @ r + art.M_inverse @ dr  # Eq. 55, first line
-            A_bar[k] = A + P @ udot_k  # Eq. 54 with S^T
-            dA_bar[k] = dA + dP @ udot_k + P @ dudot_k  # Eq. 55, second line, with S^T
-            udot[rows], dudot[:, rows] = udot_k, dudot_k
-        return Pair(udot, dudot)
+    def _constants(self, bodies: list[Terms]) -> Pairs:
+        return Pairs(self.arithmetic, len(bodies[GROUND].V.tangent), {})
 
     def _free_places(self, k: int) -> list[int]:
         """Where the speeds of a joint that are not prescribed stand in u."""
         return [self.model.coordinate_slices[k][1].start + j for j in self.free[k]]
 
-    def _freedoms(self, k: int, b: Terms) -> tuple[Array, Array, Array, Array]:
-        """P, dP, tau and dtau of what of a joint is not prescribed."""
+    def _freedoms(self, k: int, b: Terms) -> tuple[Pair, Pair]:
+        """P and tau of what of a joint is not prescribed."""
         free = self.free[k]
-        if len(free) == len(b.tau):
-            return b.P, b.dP, b.tau, b.dtau
-        return b.P[:, free], b.dP[:, :, free], b.tau[free], b.dtau[:, free]
+        return (b.P, b.tau) if len(free) == len(b.tau.value) else (b.P[:, free], b.tau[free])
 
     def _motion(self, state: State) -> list[Terms]:
         """The kinematic sweep (outward), Eqs. 12 to 29: one `Terms` a body, the ground's last (index -1)."""
         model, pairs = self.model, state.pairs
         bodies = [self._ground(pairs)] * (len(model.bodies) + 1)
-        gravity = self._gravity(pairs)
-        g, dg = gravity.value, gravity.tangent
-        on_speeds = self._forces_on_speeds(pairs)
-        given = pairs.constant(np.zeros((model.nu, 1), int))
-        given = self._with_accelerations(given, pairs)
+        gravity, on_speeds, given = (
+            self._gravity(pairs),
+            self._forces_on_speeds(pairs),
+            self._given_accelerations(pairs),
+        )
         for k in model.outward:
-            body = model.bodies[k]
-            q_rows, u_rows = model.coordinate_slices[k]
-            u, du = state.u[u_rows].value, state.u[u_rows].tangent
-            pr = bodies[body.parent]
+            body, (q_rows, u_rows) = model.bodies[k], model.coordinate_slices[k]
+            pr, u = bodies[body.parent], state.u[u_rows]
 
-            # Geometry and inertia: local to the body, by pairs (the derivative primitives).
-            joint = joint_terms(body, pairs, state.q[q_rows], state.u[u_rows])
+            # Geometry and inertia: local to the body (the derivative primitives).
+            joint = joint_terms(body, pairs, state.q[q_rows], u)
             r = pairs.vector(body.com)  # from the joint's outboard side to k*
-            s = pairs.vector(body.joint.at) - Pair(pr.com, pr.dcom)  # from Pr[k]* to the joint, in Pr[k]
+            s = pairs.vector(body.joint.at) - pr.com  # from Pr[k]* to the joint, in Pr[k]
             C_fixed = placed_rotation(body.joint, pairs)
-            C_pair = C_fixed @ joint.R
-            gamma_pair = C_pair.mT @ (s + C_fixed @ joint.d) + r
+            C = C_fixed @ joint.R
+            gamma = C.mT @ (s + C_fixed @ joint.d) + r
             lever = pairs.block([[pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 3), int))],
                                  [-pairs.skew(r), pairs.constant(np.eye(3, dtype=int))]])  # fmt: skip
-            P_pair, Pdot_u = lever @ joint.P, lever @ joint.Pdot_u  # from the child's origin to its mass centre
-            C, dC, gamma, dgamma = C_pair.value, C_pair.tangent, gamma_pair.value, gamma_pair.tangent
-            P, dP = P_pair.value, P_pair.tangent
-            S, dS = shift(C, dC, gamma, dgamma)
-            I, dI = generalised_inertia(body, pairs)
+            P, Pdot_u = lever @ joint.P, lever @ joint.Pdot_u  # from the child's origin to its mass centre
+            S, I = shift(pairs, C, gamma), generalised_inertia(body, pairs)
 
             # Velocity: V_t (Eqs. 20, 25) is what prescribed speeds, which are among the u here, add to V_bar.
-            v, dv = P @ u, dP @ u + P @ du  # relative to the parent
-            V = S.mT @ pr.V + v  # Eq. 18
-            dV = dS.mT @ pr.V + S.mT @ pr.dV + dv
-            omega, domega = V[:3], dV[:, :3]  # Eq. 12
+            v = P @ u  # relative to the parent
+            V = S.mT @ pr.V + v  # Eq. 18, and Eq. 12
 
             # Acceleration remainder: what the moving parent and the changing partial velocities add.
-            Omega = C.mT @ pr.V[:3]  # angular velocity of the parent, in k
-            dOmega = dC.mT @ pr.V[:3] + C.mT @ pr.dV[:, :3]
-            w, dw, l, dl = v[:3], dv[:, :3], v[3:], dv[:, 3:]
-            Ox, dOx, wx, dwx = skew(Omega), skew(dOmega), skew(w), skew(dw)
-            remainder = np.concatenate([Ox @ w, Ox @ Ox @ gamma + 2 * Ox @ l + wx @ l]) + Pdot_u.value
-            dangular = dOx @ w + Ox @ dw
-            dlinear = (dOx @ Ox @ gamma + Ox @ dOx @ gamma + Ox @ Ox @ dgamma
-                       + 2 * dOx @ l + 2 * Ox @ dl + dwx @ l + wx @ dl)  # fmt: skip
-            a, da = given[u_rows].value, given[u_rows].tangent  # of what is prescribed; all others are zero
-            A_t = S.mT @ pr.A_t + remainder + P @ a  # Eq. 21
-            dA_t = (  # Eq. 26
-                dS.mT @ pr.A_t + S.mT @ pr.dA_t + np.concatenate([dangular, dlinear], axis=1) + Pdot_u.tangent
-                + dP @ a + P @ da
-            )  # fmt: skip
+            Ox, wx = pairs.skew(C.mT @ pr.V[:3]), pairs.skew(v[:3])  # of the parent, in k, and against it
+            remainder = pairs.block([[Ox @ v[:3]], [Ox @ Ox @ gamma + Ox @ (v[3:] + v[3:]) + wx @ v[3:]]]) + Pdot_u
+            A_t = S.mT @ pr.A_t + remainder + P @ given[u_rows]  # Eqs. 21 and 26; `given`: of what is prescribed
 
-            # Generalised force.
+            # Generalised force: Eq. 24 with the gyroscopic minus, Eq. 27 the same.
             N_C = pr.N_C @ C
-            dN_C = pr.dN_C @ C + pr.N_C @ dC
-            weight = I[3:, 3:] @ N_C.mT @ g
-            dweight = dI[:, 3:, 3:] @ N_C.mT @ g + I[3:, 3:] @ (dN_C.mT @ g + N_C.mT @ dg)
-            J, dJ, ox, dox = I[:3, :3], dI[:, :3, :3], skew(omega), skew(domega)
-            gyroscopic = ox @ J @ omega
-            dgyroscopic = dox @ J @ omega + ox @ dJ @ omega + ox @ J @ domega
-            F = np.concatenate([-gyroscopic, weight]) - I @ A_t  # Eq. 24 with the gyroscopic minus
-            dF = np.concatenate([-dgyroscopic, dweight], axis=1) - dI @ A_t - I @ dA_t  # Eq. 27, the same
-
-            x = pr.x + N_C @ gamma
-            dx = pr.dx + dN_C @ gamma + N_C @ dgamma
-            tau = on_speeds[u_rows]
-            bodies[k] = Terms(S, dS, P, dP, V, dV, A_t, dA_t, I, dI, F, dF, tau.value, tau.tangent,
-                              N_C, dN_C, x, dx, r.value, r.tangent)  # fmt: skip
+            gyroscopic = pairs.skew(V[:3]) @ I[:3, :3] @ V[:3]
+            F = pairs.block([[-gyroscopic], [I[3:, 3:] @ N_C.mT @ gravity]]) - I @ A_t
+            bodies[k] = Terms(S, P, V, A_t, I, F, on_speeds[u_rows], N_C, pr.x + N_C @ gamma, r)
         for point, _, wrench in self._wrenches(pairs, bodies):
             if point.body != GROUND:
                 self._apply(pairs, bodies[point.body], pairs.vector(point.at), wrench)
@@ -265,13 +212,12 @@ class RecursiveEngine(Engine):
     @staticmethod
     def _apply(pairs: Pairs, b: Terms, at: Pair, wrench: Wrench) -> None:
         """Add what acts at the point ``at`` (3, 1) of a body to its generalised force."""
-        inward, F = b.pair("N_C").mT, b.pair("F")
+        inward = b.N_C.mT
         if wrench.force is not None:
             force = inward @ wrench.force
-            F = F + pairs.block([[pairs.skew(at - b.pair("com")) @ force], [force]])
+            b.F = b.F + pairs.block([[pairs.skew(at - b.com) @ force], [force]])
         if wrench.torque is not None:
-            F = F + pairs.block([[inward @ wrench.torque], [pairs.constant(np.zeros((3, 1), int))]])
-        b.F, b.dF = F.value, F.tangent
+            b.F = b.F + pairs.block([[inward @ wrench.torque], [pairs.constant(np.zeros((3, 1), int))]])
 
     # --- loops: completion of dependent speeds and seeds ------------------------------------------------------------
 
@@ -292,7 +238,7 @@ class RecursiveEngine(Engine):
         """Eq. 30, outward: the dependent speeds of a group from the velocities of its ends."""
         pairs, bodies = state.pairs, self._motion(state)
         cuts = self._cuts(pairs, bodies)
-        own = [b.pair("P") @ state.u[rows] for b, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False)]
+        own = [b.P @ state.u[rows] for b, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False)]
         still = [pairs.constant(np.zeros((len(joint.kept), 1), int)) for joint in cuts]
         return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, still)[self.dependent]
 
@@ -304,8 +250,8 @@ class RecursiveEngine(Engine):
         """
         pairs, bodies = state.pairs, self._motion(state)
         cuts = self._cuts(pairs, bodies)
-        moved = [displacement(pairs, b.pair("N_C"), b.pair("x")) for b in bodies]
-        own = [moved[k] - bodies[k].pair("S").mT @ moved[body.parent] for k, body in enumerate(self.model.bodies)]
+        moved = [displacement(pairs, b.N_C, b.x) for b in bodies]
+        own = [moved[k] - bodies[k].S.mT @ moved[body.parent] for k, body in enumerate(self.model.bodies)]
         of_faces = [
             joint.besides(pairs, state.q, own)
             if isinstance(joint, CoupledCut)
@@ -326,34 +272,28 @@ class RecursiveEngine(Engine):
                 continue
             positions.append([joint.position_residual(pairs, loop)])
             start, end = bodies[loop.start.body], bodies[loop.end.body]
-            velocities.append([joint.K_end @ end.pair("V") - joint.K_start @ start.pair("V")])
+            velocities.append([joint.K_end @ end.V - joint.K_start @ start.V])
         return pairs.block(positions), pairs.block(velocities)
 
     # --- other quantities of the same sweeps ----------------------------------------------------------------------
 
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
         """M udot - K, (nu, 1): Eqs. 19 outward, the balance of every body inward."""
-        model, zeros, whole, udot = self.model, self.arithmetic.zeros, udot, self._explicit(udot)
+        model, pairs, explicit = self.model, state.pairs, self._explicit(udot)
         bodies = self._motion(state)
-        A_bar = [zeros(6, 1) for _ in bodies]
-        dA_bar = [zeros(state.pairs.k, 6, 1) for _ in bodies]
+        A_bar = [pairs.constant(np.zeros((6, 1), int))] * len(bodies)
         for k in model.outward:
-            b, pr, rows = bodies[k], model.bodies[k].parent, model.coordinate_slices[k][1]
-            udot_k, dudot_k = udot.value[rows], udot.tangent[:, rows]
-            A_bar[k] = b.S.mT @ A_bar[pr] + b.P @ udot_k  # Eq. 54
-            dA_bar[k] = b.dS.mT @ A_bar[pr] + b.S.mT @ dA_bar[pr] + b.dP @ udot_k + b.P @ dudot_k
+            b, rows = bodies[k], model.coordinate_slices[k][1]
+            A_bar[k] = b.S.mT @ A_bar[model.bodies[k].parent] + b.P @ explicit[rows]  # Eq. 54
 
         # Phi: what joint k has to transmit, the body's own need first, then its children's.
         Phi = [b.I @ A - b.F for b, A in zip(bodies, A_bar, strict=True)]
-        dPhi = [b.dI @ A + b.I @ dA - b.dF for b, A, dA in zip(bodies, A_bar, dA_bar, strict=True)]
-        result, dresult = zeros(model.nu, 1), zeros(state.pairs.k, model.nu, 1)
+        result = pairs.constant(np.zeros((model.nu, 1), int))
         for k in reversed(model.outward):
             b, pr, rows = bodies[k], model.bodies[k].parent, model.coordinate_slices[k][1]
-            result[rows] = b.P.mT @ Phi[k] - b.tau
-            dresult[:, rows] = b.dP.mT @ Phi[k] + b.P.mT @ dPhi[k] - b.dtau
+            pairs.put(result, rows.start, b.P.mT @ Phi[k] - b.tau)
             Phi[pr] = Phi[pr] + b.S @ Phi[k]
-            dPhi[pr] = dPhi[pr] + b.dS @ Phi[k] + b.S @ dPhi[k]
-        return Pair(result, dresult) + state.pairs.diagonal(self._armature(state.pairs)) @ whole
+        return result + pairs.diagonal(self._armature(pairs)) @ udot
 
     def _explicit(self, udot: Pair) -> Pair:
         """Without what is prescribed, which the remainders have."""
@@ -364,55 +304,44 @@ class RecursiveEngine(Engine):
 
     def _mass_matrix(self, state: State) -> Pair:
         """M, (nu, nu), by composite inertias: M_jk = (P_j^j)^T jS^k I_composite^k P_k^k for j inboard of k."""
-        model, zeros = self.model, self.arithmetic.zeros
+        model, pairs = self.model, state.pairs
         bodies = self._motion(state)
-        M, dM = zeros(model.nu, model.nu), zeros(state.pairs.k, model.nu, model.nu)
-        I_c, dI_c = [b.I for b in bodies], [b.dI for b in bodies]
+        M = pairs.constant(np.zeros((model.nu, model.nu), int))
+        composite = [b.I for b in bodies]
         for k in reversed(model.outward):
             b, pr, columns = bodies[k], model.bodies[k].parent, model.coordinate_slices[k][1]
-            X, dX = I_c[k] @ b.P, dI_c[k] @ b.P + I_c[k] @ b.dP
-            I_c[pr] = I_c[pr] + b.S @ I_c[k] @ b.S.mT
-            dI_c[pr] = dI_c[pr] + b.dS @ I_c[k] @ b.S.mT + b.S @ dI_c[k] @ b.S.mT + b.S @ I_c[k] @ b.dS.mT
+            X = composite[k] @ b.P
+            composite[pr] = composite[pr] + b.S @ composite[k] @ b.S.mT
             j = k
             while j >= 0:
                 b, rows = bodies[j], model.coordinate_slices[j][1]
-                M[rows, columns] = b.P.mT @ X
-                dM[:, rows, columns] = b.dP.mT @ X + b.P.mT @ dX
-                M[columns, rows] = M[rows, columns].mT
-                dM[:, columns, rows] = dM[:, rows, columns].mT
-                X, dX = b.S @ X, b.dS @ X + b.S @ dX
+                block = b.P.mT @ X
+                M.value[rows, columns], M.tangent[:, rows, columns] = block.value, block.tangent
+                M.value[columns, rows], M.tangent[:, columns, rows] = block.value.mT, block.tangent.mT
+                X = b.S @ X
                 j = model.bodies[j].parent
-        return Pair(M, dM) + state.pairs.diagonal(self._armature(state.pairs))
+        return M + pairs.diagonal(self._armature(pairs))
 
     def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:
         """Kinetic energy, the sum of V^T I V / 2 and that of rotors, and potential energy, the sum of -m g^T x; (1, 1)."""
-        gravity = self._gravity(state.pairs)
-        g, dg = gravity.value, gravity.tangent
-        T, dT, W, dW = 0 * (g.mT @ g), 0 * (dg.mT @ g), 0 * (g.mT @ g), 0 * (dg.mT @ g)
+        pairs, g = state.pairs, self._gravity(state.pairs)
+        half = pairs.number(pairs.arithmetic.number(1) / 2)
+        T = state.u.mT @ pairs.diagonal(self._armature(pairs)) @ state.u * half
+        W = pairs.matrix([[self._potential(pairs, motion)]])
         for b in motion[:GROUND]:
-            T = T + b.V.mT @ b.I @ b.V / 2
-            dT = dT + b.V.mT @ b.dI @ b.V / 2 + b.V.mT @ b.I @ b.dV  # I is symmetric
-            m, dm = b.I[5:, 5:], b.dI[:, 5:, 5:]
-            W = W - m * (g.mT @ b.x)
-            dW = dW - dm * (g.mT @ b.x) - m * (dg.mT @ b.x + g.mT @ b.dx)
-        rotors = state.u.mT @ state.pairs.diagonal(self._armature(state.pairs)) @ state.u
-        T, dT = T + rotors.value / 2, dT + rotors.tangent / 2
-        energy = self._potential(state.pairs, motion)
-        W, dW = W + energy.value, dW + energy.tangent[:, None, None]
-        return Pair(T, dT), Pair(W, dW)
+            T = T + b.V.mT @ b.I @ b.V * half
+            W = W - g.mT @ b.x * b.I[5, 5]
+        return T, W
 
     def _point(self, motion: list[Terms], body: int, at: Pair) -> tuple[Pair, Pair]:
         """Position x + N_C r and velocity N_C (v + omega x r), r from the mass centre; (3, 1) in the ground frame."""
         b = motion[body]
-        r, dr = at.value - b.com, at.tangent - b.dcom
-        position, dposition = b.x + b.N_C @ r, b.dx + b.dN_C @ r + b.N_C @ dr
-        v = b.V[3:] + skew(b.V[:3]) @ r
-        dv = b.dV[:, 3:] + skew(b.dV[:, :3]) @ r + skew(b.V[:3]) @ dr
-        return Pair(position, dposition), Pair(b.N_C @ v, b.dN_C @ v + b.N_C @ dv)
+        r = at - b.com
+        return b.x + b.N_C @ r, b.N_C @ (b.V[3:] + Pairs.skew(b.V[:3]) @ r)
 
     def _attitude(self, motion: list[Terms], body: int) -> tuple[Pair, Pair]:
         b = motion[body]
-        return b.pair("N_C"), b.pair("N_C") @ b.pair("V")[:3]
+        return b.N_C, b.N_C @ b.V[:3]
 
     def _accelerating(self, state: State, motion: list[Terms], udot: Pair) -> Callable[[int, Pair], Pair]:
         """Outward, Eqs. 19 and 54: the part of all accelerations that is explicit in udot.
@@ -423,20 +352,20 @@ class RecursiveEngine(Engine):
         explicit = [zero for _ in motion]
         for k in self.model.outward:
             b, rows = motion[k], self.model.coordinate_slices[k][1]
-            explicit[k] = b.pair("S").mT @ explicit[self.model.bodies[k].parent] + b.pair("P") @ udot[rows]
+            explicit[k] = b.S.mT @ explicit[self.model.bodies[k].parent] + b.P @ udot[rows]
 
         def acceleration(body: int, at: Pair) -> Pair:
-            b, r = motion[body], at - motion[body].pair("com")
-            A, turning = b.pair("A_t") + explicit[body], pairs.skew(b.pair("V")[:3])
-            return b.pair("N_C") @ (A[3:] + pairs.skew(A[:3]) @ r + turning @ turning @ r)
+            b, r = motion[body], at - motion[body].com
+            A, turning = b.A_t + explicit[body], pairs.skew(b.V[:3])
+            return b.N_C @ (A[3:] + pairs.skew(A[:3]) @ r + turning @ turning @ r)
 
         return acceleration
 
     def _moving(self, state: State, motion: list[Terms]) -> list[Moving]:
         found = []
         for b in motion[:GROUND]:
-            I, V, N = b.pair("I"), b.pair("V"), b.pair("N_C")
-            found.append(Moving(I[5, 5], b.pair("x"), N @ V[3:], N @ I[:3, :3] @ V[:3]))
+            I, V, N = b.I, b.V, b.N_C
+            found.append(Moving(I[5, 5], b.x, N @ V[3:], N @ I[:3, :3] @ V[:3]))
         return found
 
     def _coordinate_rates(self, state: State) -> Pair:
@@ -463,8 +392,7 @@ class RecursiveEngine(Engine):
         zero[3, 3] = pairs.constant(np.eye(3, dtype=int))
         shapes = {"S": (6, 6), "P": (6, 0), "V": (6, 1), "A_t": (6, 1), "I": (6, 6), "F": (6, 1), "tau": (0, 1)}
         shapes |= {"N_C": (3, 3), "x": (3, 1), "com": (3, 1)}
-        values = {name: zero[shape].value for name, shape in shapes.items()}
-        return Terms(**values, **{f"d{name}": zero[shape].tangent for name, shape in shapes.items()})
+        return Terms(**{name: zero[shape] for name, shape in shapes.items()})
 
     def _gravity(self, pairs: Pairs) -> Pair:
         """The acceleration of gravity in the ground frame, (3, 1), m/s^2."""

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .arithmetic import Array
 from .pairs import Pair
 
 
@@ -37,27 +36,13 @@ class Terms:
     frame, m, ``com (3, 1)`` the mass centre in the body frame.
     """
 
-    S: Array
-    dS: Array
-    P: Array
-    dP: Array
-    V: Array
-    dV: Array
-    A_t: Array
-    dA_t: Array
-    I: Array
-    dI: Array
-    F: Array
-    dF: Array
-    tau: Array
-    dtau: Array
-    N_C: Array
-    dN_C: Array
-    x: Array
-    dx: Array
-    com: Array
-    dcom: Array
-
-    def pair(self, name: str) -> Pair:
-        """One of the quantities together with its derivatives."""
-        return Pair(getattr(self, name), getattr(self, f"d{name}"))
+    S: Pair
+    P: Pair
+    V: Pair
+    A_t: Pair
+    I: Pair
+    F: Pair
+    tau: Pair
+    N_C: Pair
+    x: Pair
+    com: Pair
