@@ -34,8 +34,7 @@ from .entries import (
 from .errors import with_article
 from .expressions import Expression
 from .forces import FORCES, ForceEntry
-from .joints import JOINTS, JointType
-from .joints.fixed import Fixed
+from .joints import JOINTS, Fixed, JointType
 from .outputs import MEASURES, Measure
 from .tables import KINDS, OUTSIDE
 

@@ -12,7 +12,7 @@ from random_models import random_state
 import codegen
 from codegen.model import parse_model
 from codegen.model.model import GROUND, Model, Output
-from codegen.model.outputs.rotation import MATRIX, QUATERNION
+from codegen.model.outputs import MATRIX, QUATERNION
 from codegen.reference import DenseEngine
 
 BALL = """

@@ -11,15 +11,14 @@ from typing import Final, get_args
 
 from .along_line import ALONG_LINES, ENTRIES, AlongLine
 from .bushing import Bushing, BushingEntry
-from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .in_joint import FrictionEntry, InJointEntry, LimitEntry
 from .joint_force import JointForce, JointForceEntry
 from .joint_load import JointLoad
 from .line_law import LineLaw, LineLawError
 from .line_laws import LINE_LAWS
+from .on_body import Force, ForceOnBodyEntry, Torque, TorqueEntry
 from .spring import Spring, SpringEntry
-from .torque import Torque, TorqueEntry
 from .torsion import Torsion, TorsionEntry
 
 __all__ = [

@@ -1,9 +1,10 @@
-"""What acts on one body: components along axes of the ground or of the body."""
+"""Forces and torques on one body: components along axes of the ground or of the body."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from ..entries import PointOrName, Vector
 from ..entry_reader import EntryReader
@@ -55,3 +56,33 @@ class OnBodyEntry(ForceEntry):
         if on is None or not x.is_whole(self) or x.unmoved(f"{self.element.type} {x.name!r}", on, "on"):
             return None
         return self.element(x.name, on, (a, b, c), self.axes, measured=x.measured(a, b, c))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Force(OnBody):
+    """A force through a point of a body, N."""
+
+    type: ClassVar[str] = "force"
+
+
+class ForceOnBodyEntry(OnBodyEntry):
+    misspelt: ClassVar[dict[str, str]] = {"at": "on", "point": "on", "body": "on", "force": "value"}
+    units: ClassVar[Mapping[str, str]] = {"value": "N"}
+    element: ClassVar[type[OnBody]] = Force
+
+    type: Literal["force"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Torque(OnBody):
+    """A torque on a body, N m; where on the body makes no difference."""
+
+    type: ClassVar[str] = "torque"
+
+
+class TorqueEntry(OnBodyEntry):
+    misspelt: ClassVar[dict[str, str]] = {"body": "on", "torque": "value", "moment": "value"}
+    units: ClassVar[Mapping[str, str]] = {"value": "N*m"}
+    element: ClassVar[type[OnBody]] = Torque
+
+    type: Literal["torque"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..entries import ZERO
-from ..forces.force import Force
+from ..forces import Force
 from ..model import Vector
 from ..places import GROUND, Point
 from ..reading import Reader

@@ -1,14 +1,18 @@
-"""What a type of joint is: the keys of a model file, and the facts that all engines work from."""
+"""The types of joints: what one is, the keys of a model file and the facts that all engines work from; then one class a type.
+
+A new one is a class that is listed at the end.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple, get_args
+from typing import Any, ClassVar, Final, NamedTuple, get_args
 
-from ..axes import Vector
-from ..entries import Entry
-from ..expressions import Expression
-from ..motions import Ball, Displacement, Motion, Turn, names, units
+from .axes import Vector, coordinate_axis, cross, least_along, signed_base
+from .entries import Axis, Entry, Expr
+from .expressions import Expression
+from .motions import Ball, Displacement, Motion, Slide, Turn, names, units
 
 
 class Closure(NamedTuple):
@@ -127,3 +131,141 @@ def _axes(key: str, annotation: Any) -> list[tuple[str | int, ...]]:
     """Paths of the axes in a field: of the one it is, or of those it is a tuple of."""
     parts = get_args(annotation)
     return [(key,)] if get_args(parts[0])[0] is Expression else [(key, i) for i in range(len(parts))]
+
+
+class Fixed(JointType):
+    """Holds the child's frame on the joint's frame; of a loop, both faces on each other."""
+
+    name = "fixed"
+    closure = Closure(linear=3, angular=3)
+
+
+class Revolute(JointType):
+    """Turns about an axis. Of a loop: origins coincide, the axes are parallel."""
+
+    name = "revolute"
+    motion = (Turn(axis=0, index=0),)
+    closure = Closure(linear=3, angular=2)
+
+    axis: Axis
+
+
+class Prismatic(JointType):
+    """Slides along an axis. Of a loop: the faces are parallel, the origins differ along the axis only."""
+
+    name = "prismatic"
+    motion = (Slide(axis=0, index=0),)
+    closure = Closure(linear=2, angular=3)
+
+    axis: Axis
+
+
+class Universal(JointType):
+    """Turns about an axis fixed in the parent and one fixed in the child, which are perpendicular.
+
+    Of a loop: origins coincide, the axes, the first fixed in the start face, the second in the end face, are perpendicular.
+    """
+
+    name = "universal"
+    motion = (Turn(axis=0, index=0), Turn(axis=1, index=1))
+    closure = Closure(linear=3, angular=1)
+
+    axes: tuple[Axis, Axis]
+
+    @classmethod
+    def wrong_axes(cls, axes: Sequence[Sequence[float]]) -> tuple[str, str] | None:
+        a, b = axes
+        lengths = math.hypot(*a), math.hypot(*b)
+        cosine = sum(x / lengths[0] * (y / lengths[1]) for x, y in zip(a, b, strict=True)) if all(lengths) else 0.0
+        if abs(cosine) <= 1e-9:
+            return None
+        return (
+            "axes",
+            f"the two axes have cosine {cosine:.3g}; those of a universal joint are perpendicular (to 1e-9)",
+        )
+
+
+class Spherical(JointType):
+    """Turns about its origin. Of a loop, where it is called ``point`` too: origins coincide."""
+
+    name = "spherical"
+    synonyms = ("point",)
+    motion = (Ball(coordinate=0, speed=0),)
+    closure = Closure(linear=3, angular=0)
+
+
+class Free(JointType):
+    """Moves freely: position in the joint's frame, attitude by a quaternion; both velocities are in child components."""
+
+    name = "free"
+    motion = (Displacement(coordinate=0, speed=3), Ball(coordinate=3, speed=0))
+
+
+class Screw(JointType):
+    """Turns about an axis and slides along it by the pitch, m/rad, times the angle."""
+
+    name = "screw"
+    motion = (Turn(axis=0, index=0), Slide(axis=0, index=0, factor=0))
+    closes_none = (
+        "closes no loop, since its faces do not show how many turns it has made; let it carry a body without mass, and "
+        "close the loop with a fixed joint at that body"
+    )
+
+    axis: Axis
+    pitch: Expr
+
+
+class Cylindrical(JointType):
+    """Slides along an axis and turns about it. Of a loop: the axes lie on one line."""
+
+    name = "cylindrical"
+    motion = (Slide(axis=0, index=0), Turn(axis=0, index=1))
+    closure = Closure(linear=2, angular=2)
+
+    axis: Axis
+
+
+class Planar(JointType):
+    """Slides along two axes across a normal, x and y if that is z, and turns about the normal.
+
+    Of a loop: the normals are parallel, the origin of `end` lies in the plane through that of `start`.
+    """
+
+    name = "planar"
+    motion = (Slide(axis=1, index=0), Slide(axis=2, index=1), Turn(axis=0, index=2))
+    closure = Closure(linear=1, angular=2)
+    triad = True
+    misspelt: ClassVar[dict[str, str]] = {"axis": "normal"}
+
+    normal: Axis
+
+    @classmethod
+    def axes_of_motion(cls, given: tuple[Vector, ...], defaults: dict[str, float]) -> tuple[Vector, ...]:
+        """The normal and two axes across it, right-handed: the frame of a loop's conditions, see `closure_row_names`."""
+        (normal,) = given
+        along = coordinate_axis(normal)
+        if along is None:
+            first = cross(signed_base(least_along(normal, defaults)), normal)
+            return normal, first, cross(normal, first)
+        i, sign = along
+        return normal, signed_base((i + 1) % 3), signed_base((i + 2) % 3, sign)
+
+
+class Inline(JointType):
+    """Of a loop: the origin of `end` lies on the axis through that of `start`."""
+
+    name = "inline"
+    motion = (Slide(axis=0, index=0), Ball(coordinate=1, speed=1))
+    closure = Closure(linear=2, angular=0)
+    carries = False
+
+    axis: Axis
+
+
+_TYPES: Final[tuple[type[JointType], ...]] = (
+    *(Fixed, Revolute, Prismatic, Universal, Spherical, Free),
+    *(Screw, Cylindrical, Planar, Inline),
+)
+
+JOINTS: Final[dict[str, type[JointType]]] = {kind.name: kind for kind in _TYPES}
+"""By name, in the order in which messages list them."""

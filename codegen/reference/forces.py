@@ -1,0 +1,329 @@
+"""What force elements do, for both engines: forces and torques at their ends, on speeds, and their potential energy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Generic, TypeVar
+
+from ..model.expressions import Expression
+from ..model.forces import (
+    ALONG_LINES,
+    AlongLine,
+    Bushing,
+    Force,
+    ForceElement,
+    JointForce,
+    JointLoad,
+    Spring,
+    Torque,
+    Torsion,
+)
+from .pairs import Pair, Pairs
+
+E = TypeVar("E", bound=ForceElement)
+
+
+@dataclass(slots=True)
+class End:
+    """A point of a body, or a face, at a state, in the ground frame.
+
+    Attributes
+    ----------
+    x, v : Pair
+        Position, m, and velocity, (3, 1).
+    R : Pair
+        Components of the body, or of the face, into ground components, (3, 3).
+    omega : Pair
+        Angular velocity of the body, (3, 1).
+    line : Pair or None
+        Of the first end: the direction of the line to the second one where that is always the same, but for its sign.
+    """
+
+    x: Pair
+    v: Pair
+    R: Pair
+    omega: Pair
+    line: Pair | None = None
+
+
+@dataclass(slots=True)
+class Wrench:
+    """What acts on a body at an end, in the ground frame: a force through the point, N, and a torque, N m; (3, 1)."""
+
+    force: Pair | None = None
+    torque: Pair | None = None
+
+
+def line(element: ForceElement, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, Pair]:
+    """The unit vector from the first end to the second, (3, 1), and the distance.
+
+    Raises
+    ------
+    ValueError
+        The ends coincide.
+    """
+    start, end = ends
+    r = end.x - start.x
+    length = pairs.dot(r if start.line is None else start.line, r)  # what is across a line that stays is rounding
+    if length.value == 0:
+        raise ValueError(f"{element.type} {element.name}: its two points coincide, so its force has no direction")
+    if start.line is None:
+        return pairs.unit(r), pairs.call("sqrt", length)
+    return start.line * pairs.call("sign", length), pairs.call("abs", length)
+
+
+class Law(Generic[E]):
+    """The law of a type of force elements; every result with its derivatives.
+
+    Parameters of all methods are the element, what evaluates its expressions at the state, and its ends.
+    """
+
+    def wrenches(self, element: E, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        """What acts on the bodies, end by end."""
+        return [Wrench() for _ in ends]
+
+    def on_speeds(self, element: E, pairs: Pairs) -> dict[int, Pair]:
+        """Generalised forces on the speeds of joints, (f, 1) by body."""
+        return {}
+
+    def energy(self, element: E, pairs: Pairs, ends: Sequence[End]) -> Pair | None:
+        """Potential energy, a number, J; None where there is none."""
+        return None
+
+
+class JointForceLaw(Law[JointForce]):
+    """The values as they are."""
+
+    def on_speeds(self, element: JointForce, pairs: Pairs) -> dict[int, Pair]:
+        return {element.body: pairs.vector(element.values)}
+
+
+class JointLoadLaw(Law[JointLoad]):
+    """A force through the origin of the body and a torque; the opposite wrench, about the same place, on the parent."""
+
+    def wrenches(self, element: JointLoad, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        body, joint = ends
+        torque, force, own_torque, own_force = (pairs.vector(element.values[i : i + 3]) for i in range(0, 12, 3))
+        torque = joint.R @ torque + body.R @ own_torque
+        force = joint.R @ force + body.R @ own_force
+        back = torque + pairs.skew(body.x - joint.x) @ force
+        return Wrench(force, torque), Wrench(-force, -back)
+
+
+class SpringLaw(Law[Spring]):
+    """A tension k (d - d_0) + c d' along r, which leads from the start to the end and is d long; energy k (d - d_0)^2 / 2.
+
+    Where the points coincide the force has no direction; without damping and free length it is k r all the same.
+    """
+
+    def wrenches(self, element: Spring, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        start, end = ends
+        k, c, free = (pairs.expression(e) for e in element.coefficients)
+        r = end.x - start.x
+        if self._is_linear(element, pairs, r):
+            pull = r * k
+        else:
+            along, d = line(element, pairs, ends)
+            pull = along * (k * (d - free) + c * pairs.dot(along, end.v - start.v))
+        return Wrench(pull), Wrench(-pull)
+
+    def energy(self, element: Spring, pairs: Pairs, ends: Sequence[End]) -> Pair:
+        start, end = ends
+        k, _, free = (pairs.expression(e) for e in element.coefficients)
+        r, two = end.x - start.x, pairs.number(2)
+        if self._is_linear(element, pairs, r):
+            return pairs.dot(r, r) * k / two
+        stretch = line(element, pairs, ends)[1] - free
+        return k * stretch * stretch / two
+
+    @staticmethod
+    def _is_linear(element: Spring, pairs: Pairs, r: Pair) -> bool:
+        """Whether the points coincide and the force is k r."""
+        zero = all(not e.names and e.value == 0 for e in (element.damping, element.free_length))
+        return zero and bool(pairs.dot(r, r).value == 0)
+
+
+class AlongLineLaw(Law[AlongLine]):
+    """The force f of the law along the unit vector from the start to the end acts on the end, the opposite on the start."""
+
+    def wrenches(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        start, end = ends
+        along, distance = line(element, pairs, ends)
+        rate = pairs.dot(along, end.v - start.v)
+        push = along * self._value(element.law.formula, element, pairs, {"distance": distance, "rate": rate})
+        return Wrench(-push), Wrench(push)
+
+    def energy(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Pair | None:
+        if element.law.potential is None:
+            return None
+        _, distance = line(element, pairs, ends)
+        return self._value(element.law.potential, element, pairs, {"distance": distance})
+
+    @staticmethod
+    def _value(formula: Expression, element: AlongLine, pairs: Pairs, measures: dict[str, Pair]) -> Pair:
+        """Of a formula, whose names are those of measures and coefficients."""
+        of = {key: pairs.expression(e) for key, e in zip(element.keys, element.coefficients, strict=True)}
+        return Pairs(pairs.arithmetic, pairs.k, measures | of).expression(formula)
+
+
+class ForceLaw(Law[Force]):
+    """The components as they are; those along axes of the body are turned into the ground frame."""
+
+    def wrenches(self, element: Force, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        f = pairs.vector(element.value)
+        return (Wrench(ends[0].R @ f if element.axes == "body" else f),)
+
+
+class TorqueLaw(Law[Torque]):
+    """The components as they are; those along axes of the body are turned into the ground frame."""
+
+    def wrenches(self, element: Torque, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        n = pairs.vector(element.value)
+        return (Wrench(torque=ends[0].R @ n if element.axes == "body" else n),)
+
+
+class TorsionLaw(Law[Torsion]):
+    """A torque -(k (a - a_0) + c a') g on the end, a the angle, g its derivative with respect to rotations of the end.
+
+    Of the relative rotation's quaternion (w, v), w = cos(h) cos(a/2) and v . axis = cos(h) sin(a/2), where 2h is the swing. Here
+    everything is written with the rotation matrix C and the axis itself; the generated code works in a face with the axis as base
+    vector.
+    """
+
+    def wrenches(self, element: Torsion, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        start, end = ends
+        k, c, free = (pairs.expression(e) for e in element.coefficients)
+        angle, gradient = self._angle(element, pairs, ends)
+        rate = pairs.dot(gradient, end.omega - start.omega)
+        torque = gradient * (k * (angle - free) + c * rate)
+        return Wrench(torque=torque), Wrench(torque=-torque)
+
+    def energy(self, element: Torsion, pairs: Pairs, ends: Sequence[End]) -> Pair:
+        k, _, free = (pairs.expression(e) for e in element.coefficients)
+        more = self._angle(element, pairs, ends)[0] - free
+        return k * more * more / pairs.number(2)
+
+    @staticmethod
+    def _angle(element: Torsion, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, Pair]:
+        """The angle, and its derivative with respect to rotations of the end, (3, 1), ground frame."""
+        start, end = ends
+        a = pairs.unit(pairs.vector(element.about))
+        C = start.R.mT @ end.R
+        K = pairs.skew(a)
+        # d tr(C X) = tr([d] C X), a sine with X = -[a] and a cosine with X = 1 - a a^T, both times two
+        sine, sine_slope = _trace(pairs, C, -K)
+        cosine, cosine_slope = _trace(pairs, C, -(K @ K))
+        square = sine * sine + cosine * cosine
+        if square.value == 0:
+            raise ValueError(
+                f"torsion {element.name}: one end is turned over across its axis, so its angle is not determined"
+            )
+        slope = sine_slope * (cosine / square) - cosine_slope * (sine / square)
+        return pairs.call("atan2", sine, cosine), start.R @ slope
+
+
+def _trace(pairs: Pairs, C: Pair, X: Pair) -> tuple[Pair, Pair]:
+    """tr(C X), and its derivative with respect to rotations d that come after C, [d] C: (3, 1)."""
+    Y = C @ X
+    trace = Y[0, 0] + Y[1, 1] + Y[2, 2]
+    return trace, pairs.column([Y[i, j] - Y[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
+
+
+NEARLY_HALF = 1e-12
+"""Of 1 + cos(angle) where the rotation vector is not determined any more."""
+
+
+class BushingLaw(Law[Bushing]):
+    """Along the axes of the start: force f - k d - c v, torque -dV/d(rotation) - c' w with V = r . (k' r/2 - f').
+
+    By the unit quaternion (w, e), w > 0, of the end in the axes of the start: the rotation vector is r = F e with
+    F = 2 atan2(|e|, w)/|e|, and a rotation d that comes after it changes w by -(d . e)/2 and e by (w d + d x e)/2.
+    The generated code has no quaternion.
+    """
+
+    def wrenches(self, element: Bushing, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
+        start, end = ends
+        _, c, f, _, turning_c, _ = self._values(element, pairs)
+        A = start.R
+        way, stretch, k = self._stretch(element, pairs, ends)
+        across = pairs.skew(start.omega) @ way
+        force = f - _times(pairs, k, stretch) - _times(pairs, c, A.mT @ (end.v - start.v - across))
+        torque = -_times(pairs, turning_c, A.mT @ (end.omega - start.omega))
+        if element.turns:
+            turn, (w, e, F, slope) = self._turn(element, pairs, ends)
+            m = self._moment(element, pairs, turn)
+            half = pairs.number(0.5)
+            torque = torque - (m * w + pairs.skew(e) @ m) * (half * F) + e * (half * slope * pairs.dot(m, e))
+        force, torque = A @ force, A @ torque
+        return Wrench(-force, -torque - pairs.skew(way) @ force), Wrench(force, torque)
+
+    def energy(self, element: Bushing, pairs: Pairs, ends: Sequence[End]) -> Pair:
+        f = self._values(element, pairs)[2]
+        _, stretch, k = self._stretch(element, pairs, ends)
+        half = pairs.number(0.5)
+        found = pairs.dot(stretch, _times(pairs, k, stretch)) * half - pairs.dot(f, stretch)
+        if element.turns:
+            turn, _ = self._turn(element, pairs, ends)
+            _, _, _, k, _, f = self._values(element, pairs)
+            found = found + pairs.dot(turn, _times(pairs, k, turn)) * half - pairs.dot(f, turn)
+        return found
+
+    @staticmethod
+    def _values(element: Bushing, pairs: Pairs) -> list[Pair]:
+        return [pairs.vector(components) for components in element.values]
+
+    def _stretch(self, element: Bushing, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, Pair, Pair]:
+        """The way from start to end, the same in the axes of the start, and the stiffness."""
+        start, end = ends
+        way = end.x - start.x
+        return way, start.R.mT @ way, self._values(element, pairs)[0]
+
+    def _moment(self, element: Bushing, pairs: Pairs, turn: Pair) -> Pair:
+        """Derivative of the energy by the rotation vector."""
+        _, _, _, k, _, f = self._values(element, pairs)
+        return _times(pairs, k, turn) - f
+
+    @staticmethod
+    def _turn(element: Bushing, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, tuple[Pair, Pair, Pair, Pair]]:
+        """The rotation vector; w, e, F and the derivative of F by w.
+
+        Raises
+        ------
+        ValueError
+            Half a turn.
+        """
+        start, end = ends
+        C = start.R.mT @ end.R
+        one, two = pairs.number(1), pairs.number(2)
+        square = (one + C[0, 0] + C[1, 1] + C[2, 2]) / pairs.number(4)
+        if 2 * square.value < NEARLY_HALF:
+            raise ValueError(f"bushing {element.name}: {element.singular}")
+        w = pairs.call("sqrt", square)
+        e = pairs.column([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]]) * (one / (pairs.number(4) * w))
+        squared = pairs.dot(e, e)
+        if squared.value == 0:  # the limits; what multiplies the slope vanishes to second order
+            F, slope = two, pairs.number(-4) / pairs.number(3)
+        else:
+            length = pairs.call("sqrt", squared)
+            F = two * pairs.call("atan2", length, w) / length
+            slope = (F * w - two) / squared
+        return e * F, (w, e, F, slope)
+
+
+def _times(pairs: Pairs, a: Pair, b: Pair) -> Pair:
+    """Component by component."""
+    return pairs.column([a[i, 0] * b[i, 0] for i in range(3)])
+
+
+LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
+    JointForce: JointForceLaw(),
+    JointLoad: JointLoadLaw(),
+    Spring: SpringLaw(),
+    Force: ForceLaw(),
+    Torque: TorqueLaw(),
+    Torsion: TorsionLaw(),
+    Bushing: BushingLaw(),
+    **dict.fromkeys(ALONG_LINES.values(), AlongLineLaw()),
+}
+"""By the class of the element."""

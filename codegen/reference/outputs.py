@@ -1,0 +1,213 @@
+"""The values of outputs, for both engines, and what they see of a model; their derivatives are those of pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from typing import Final, Protocol
+
+from ..model.outputs import QUATERNION, Output
+from ..model.places import Point
+from .pairs import Pair, Pairs
+
+
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """A body with its mass, in the ground frame.
+
+    Attributes
+    ----------
+    mass : Pair
+        A number, kg.
+    x, v : Pair
+        Position, m, and velocity of the mass centre, (3, 1).
+    spin : Pair
+        Angular momentum about the mass centre, (3, 1).
+    """
+
+    mass: Pair
+    x: Pair
+    v: Pair
+    spin: Pair
+
+
+class Seen(Protocol):
+    """A model at a state, as an engine sees it."""
+
+    @property
+    def pairs(self) -> Pairs:
+        """Evaluates expressions at the state."""
+
+    def point(self, point: Point) -> tuple[Pair, Pair]:
+        """Position, m, and velocity of a point in the ground frame, (3, 1)."""
+
+    def acceleration(self, point: Point) -> Pair:
+        """Acceleration of a point against the ground, (3, 1)."""
+
+    def attitude(self, body: int) -> tuple[Pair, Pair]:
+        """Body components into ground components, (3, 3), and angular velocity in the ground frame, (3, 1)."""
+
+    def energies(self) -> tuple[Pair, Pair]:
+        """Kinetic and potential energy, J, numbers."""
+
+    def driving_force(self, name: str) -> Pair:
+        """The generalised force that a prescribed coordinate takes, a number, N m or N."""
+
+    def bodies(self) -> Sequence[Moving]:
+        """All bodies, in the order of the model."""
+
+
+def along(output: Output, seen: Seen, v: Pair) -> Pair:
+    """The component of a vector along the output's axis."""
+    assert output.axis is not None
+    return seen.pairs.dot(seen.pairs.unit(seen.pairs.vector(output.axis)), v)
+
+
+def position(output: Output, seen: Seen) -> Pair:
+    """n . x"""
+    (point,) = output.points
+    return along(output, seen, seen.point(point)[0])
+
+
+def velocity(output: Output, seen: Seen) -> Pair:
+    """n . v"""
+    (point,) = output.points
+    return along(output, seen, seen.point(point)[1])
+
+
+def rotation(output: Output, seen: Seen) -> Pair:
+    """An entry of ``R = R_other^T R_body``, or a component of its quaternion, qw >= 0.
+
+    The largest component is a square root, the others follow from products of two components. At qw = 0 the largest is positive.
+    """
+    body, other = output.bodies
+    (entry,) = output.choice
+    R = seen.attitude(other)[0].mT @ seen.attitude(body)[0]
+    if entry not in QUATERNION:
+        return R["xyz".index(entry[0]), "xyz".index(entry[1])]
+    one, two, four = (seen.pairs.number(x) for x in (1, 2, 4))
+    xx, yy, zz = (R[i, i] for i in range(3))
+    squares = [one + xx + yy + zz, one + xx - yy - zz, one - xx + yy - zz, one - xx - yy + zz]
+    largest = max(range(4), key=lambda i: squares[i].value)
+    e = seen.pairs.call("sqrt", squares[largest]) / two
+    antisymmetric = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+    component = QUATERNION.index(entry)
+
+    def product(i: int, j: int) -> Pair:
+        """Four times the product of two different components."""
+        i, j = sorted((i, j))
+        return antisymmetric[j - 1] if i == 0 else R[i - 1, j - 1] + R[j - 1, i - 1]
+
+    def of(i: int) -> Pair:
+        return e if i == largest else product(i, largest) / (four * e)
+
+    return of(component) if of(0).value >= 0 else -of(component)
+
+
+def angular_velocity(output: Output, seen: Seen) -> Pair:
+    """n . omega, the axis n in the ground or, turned into it, in the body."""
+    (body,) = output.bodies
+    R, omega = seen.attitude(body)
+    return along(output, seen, omega if output.choice[0] == "ground" else R.mT @ omega)
+
+
+def acceleration(output: Output, seen: Seen) -> Pair:
+    """n . a"""
+    (point,) = output.points
+    return along(output, seen, seen.acceleration(point))
+
+
+def center(bodies: list[Moving], seen: Seen) -> Pair:
+    """sum m x / sum m, (3, 1)."""
+    one = seen.pairs.number(1)
+    return reduce(add, (b.x * b.mass for b in bodies)) * (one / reduce(add, (b.mass for b in bodies)))
+
+
+def center_of_mass(output: Output, seen: Seen) -> Pair:
+    """n . c"""
+    known = seen.bodies()
+    return along(output, seen, center([known[k] for k in output.bodies or range(len(known))], seen))
+
+
+def momentum(output: Output, seen: Seen) -> Pair:
+    """n . sum m v, or n . sum (spin + (x - o) x m v), o the ground's origin or the centre of mass."""
+    kind, about = output.choice
+    bodies = list(seen.bodies())
+    if kind == "linear":
+        return along(output, seen, reduce(add, (b.v * b.mass for b in bodies)))
+    arms = [b.x for b in bodies]
+    if about == "center_of_mass":
+        o = center(bodies, seen)
+        arms = [x - o for x in arms]
+    moments = (b.spin + seen.pairs.skew(r) @ b.v * b.mass for b, r in zip(bodies, arms, strict=True))
+    return along(output, seen, reduce(add, moments))
+
+
+def distance(output: Output, seen: Seen) -> Pair:
+    """|x_2 - x_1|
+
+    Raises
+    ------
+    ValueError
+        The points coincide, and a derivative is asked for.
+    """
+    first, second = (seen.point(p)[0] for p in output.points)
+    line = second - first
+    square = seen.pairs.dot(line, line)
+    if square.value == 0 and seen.pairs.k:
+        raise ValueError(f"output {output.name}: its two points coincide, so their distance has no derivative")
+    return seen.pairs.call("sqrt", square)
+
+
+def relative_position(output: Output, seen: Seen) -> Pair:
+    """n . (x_2 - x_1)"""
+    first, second = (seen.point(p)[0] for p in output.points)
+    return along(output, seen, second - first)
+
+
+def relative_velocity(output: Output, seen: Seen) -> Pair:
+    """n . (v_2 - v_1)"""
+    first, second = (seen.point(p)[1] for p in output.points)
+    return along(output, seen, second - first)
+
+
+def driving_force(output: Output, seen: Seen) -> Pair:
+    """Of the coordinate that the output names."""
+    return seen.driving_force(output.choice[0])
+
+
+def value(output: Output, seen: Seen) -> Pair:
+    assert output.expression is not None
+    return seen.pairs.expression(output.expression)
+
+
+def kinetic_energy(output: Output, seen: Seen) -> Pair:
+    return seen.energies()[0]
+
+
+def potential_energy(output: Output, seen: Seen) -> Pair:
+    return seen.energies()[1]
+
+
+VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
+    function.__name__: function
+    for function in (
+        position,
+        velocity,
+        rotation,
+        angular_velocity,
+        acceleration,
+        center_of_mass,
+        momentum,
+        distance,
+        relative_position,
+        relative_velocity,
+        driving_force,
+        value,
+        kinetic_energy,
+        potential_energy,
+    )
+}
+"""By the name of the measure."""
