@@ -260,27 +260,46 @@ class Reader(Problems):
 
     def key_name(self, at: Instance, what: str, space: str) -> str | None:
         """Name of an entry from its key, registered."""
-        try:
-            name = at.part.name(self.local_name(at))
-        except PydanticCustomError as error:
-            self.report(at, (), str(error.message()), key=True)
-        except ExpressionError as error:
-            self.report(at, (), error.message, key=True)
-        else:
-            if self.new_name(at, name, space, what):
-                self.places.setdefault(str(at.section[0]), {})[name] = self.key_place(at)
-                return name
-        return None
+        local = self.name_at(at, (), at.key, key=True)
+        if local is None or not self.new_name(at, at.part.name(local), space, what):
+            return None
+        name = at.part.name(local)
+        self.places.setdefault(str(at.section[0]), {})[name] = self.key_place(at)
+        return name
 
     def local_name(self, at: Instance) -> str:
-        """Name of an entry from its key, as the entry's file has it.
-
-        Raises
-        ------
-        PydanticCustomError, ExpressionError
-            If it is none.
-        """
+        """The name of an entry whose key has been read, as the file has it."""
         return name_of(parse_name(at.key), self.numbers(at))
+
+    def name_at(
+        self, at: Instance, sub: Path_, written: Any, key: bool = False, prefix: str = "", quiet: bool = False
+    ) -> str | None:
+        """The name that is written at a path, or as the key there, with its indices in place, as the file has it.
+
+        Parameters
+        ----------
+        written : Any
+            A text, or the expression of one that has been parsed.
+        prefix : str
+            What is put before a text: ``q.`` or ``u.``.
+        quiet : bool
+            Whether no problem is reported.
+
+        Returns
+        -------
+        str or None
+            None after a problem.
+        """
+        try:
+            tree = written.tree if isinstance(written, Expression) else parse_name(written, prefix=prefix)
+            return name_of(tree, self.numbers(at))
+        except PydanticCustomError as error:
+            message = str(error.message())
+        except ExpressionError as error:
+            message = error.message
+        if not quiet:
+            self.report(at, sub, message, key=key)
+        return None
 
     def key_place(self, at: Instance) -> tuple[str, int | None, int | None]:
         """File and place of an entry's key; one object for all its repetitions."""
@@ -328,29 +347,21 @@ class Reader(Problems):
         """The same of an entry, by its key."""
         if not at.part.given:
             return None
-        try:
-            return self.given(at, self.local_name(at), scope)
-        except (PydanticCustomError, ExpressionError):
-            return None  # reported where the name is read
+        name = self.name_at(at, (), at.key, quiet=True)  # reported where the name is read
+        return None if name is None else self.given(at, name, scope)
 
     def numbers(self, at: Instance) -> Numbers:
         """The constants and repeat indices that an entry may use."""
         return Scope(at.indices, at.part.constants) if at.indices else at.part.constants
 
     def reference(self, expression: Expression, at: Instance, sub: Path_) -> str | None:
-        try:
-            return at.part.referred(name_of(expression.tree, self.numbers(at)))
-        except ExpressionError as error:
-            self.report(at, sub, error.message)
-            return None
+        name = self.name_at(at, sub, expression)
+        return None if name is None else at.part.referred(name)
 
-    def coordinate(self, expression: Expression, at: Instance, sub: Path_) -> str | None:
-        """The coordinate that ``q.NAME`` names, without its ``q.``; None after a problem."""
-        try:
-            return at.part.name(name_of(expression.tree, self.numbers(at))[2:])
-        except ExpressionError as error:
-            self.report(at, sub, error.message)
-            return None
+    def coordinate(self, written: Any, at: Instance, sub: Path_, key: bool = False, of: str = "q") -> str | None:
+        """The coordinate, or speed ``of="u"``, that ``q.NAME`` or a text names, without its ``q.``; None after a problem."""
+        name = self.name_at(at, sub, written, key, f"{of}.")
+        return None if name is None else at.part.name(name[2:])
 
     # --- entries ------------------------------------------------------------------------------------------------
 

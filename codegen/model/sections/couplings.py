@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-from pydantic_core import PydanticCustomError
-
-from ..entries import parse_name
-from ..errors import nearest
 from ..expressions import Expression
-from ..joints import JointType
-from ..model import Coupling, Term, coupling, joint_coordinates
+from ..model import Coupling, Term, coupling
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader
 from ..schema import CouplingEntry
 from ..unknown_names import some
 from .bodies import BodySection
-
-Joints = dict[str, tuple[type[JointType], tuple[str, ...], int]]
-"""Of every joint the type, the coordinates and the body's number."""
+from .coordinates import Joints
 
 
 def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
     """Read the couplings; each determines a coordinate of its own."""
-    joints: Joints = {
-        name: (type(spec.joint), joint_coordinates(name, spec.joint.type)[0], i)
-        for i, (spec, name) in enumerate(zip(bodies.specs, bodies.names, strict=True))
-        if spec is not None
-    }
+    joints = Joints(bodies)
     owner: dict[str, str] = {}
     found = []
     for at, name, spec in reader.entries("couplings", CouplingEntry, "coupling", "body"):
@@ -68,12 +57,7 @@ def _read_followed(
     for key, ratio in spec.follows.items():
         # a name alone stands for a ratio of 1
         sub: Path_ = ("follows", key) if isinstance(at.value.get("follows"), dict) else ("follows",)
-        try:
-            reference = Expression(parse_name(key, prefix="q."))
-        except PydanticCustomError as error:
-            reader.report(at, sub, str(error.message()))
-            continue
-        other = _coordinate(reader, at, sub, reference, joints)
+        other = _coordinate(reader, at, sub, key, joints)
         errors = reader.errors
         value = reader.bound(ratio, at, sub, "parameters")
         if other is None or reader.errors > errors:
@@ -93,43 +77,20 @@ def _read_followed(
 
 
 def _term(name: str, joints: Joints, factor: Expression) -> Term:
-    joint = name if name in joints else name.rpartition(".")[0]
-    _, coordinates, body = joints[joint]
-    return Term(body, coordinates.index(name), factor)
+    joint = joints[joints.owner(name)]
+    return Term(joint.body, joint.coordinates.index(name), factor)
 
 
-def _coordinate(reader: Reader, at: Instance, sub: Path_, reference: Expression, joints: Joints) -> str | None:
+def _coordinate(reader: Reader, at: Instance, sub: Path_, written: Expression | str, joints: Joints) -> str | None:
     """The single coordinate that a name means, or None after a problem."""
-    name = reader.coordinate(reference, at, sub)
-    if name is None:
-        return None
-    if name.partition(".")[0] in reader.broken:
-        return None
-    joint = name if name in joints else name.rpartition(".")[0]
-    if joint not in joints or (name != joint and name not in joints[joint][1]):
-
-        def unknown() -> str:
-            known = [n for kind, of, _ in joints.values() if not kind.quaternions for n in of]
-            hint = reader.loop_hint(name) or nearest(name, known)
-            return f"unknown joint or coordinate {name!r}; allowed are {some(known)}{hint}"
-
-        reader.report(at, sub, unknown)
-        return None
-    kind, coordinates, _ = joints[joint]
-    if not coordinates:
-        reader.report(at, sub, f"joint {joint!r} is {kind.name} and has no coordinate that could be coupled")
-    elif kind.quaternions:
-        message = (
-            f"the {kind.name} joint {joint!r} has a quaternion, whose speeds are no rates of coordinates, so it cannot be "
-            f"coupled; give the body joints of single coordinates, one after the other with bodies without mass between them"
-        )
-        reader.report(at, sub, message)
-    elif name not in coordinates:
-        message = (
-            f"joint {joint!r} is {kind.name} and has several coordinates; a coupling relates single ones: write one of "
-            f"{some(coordinates)}"
-        )
-        reader.report(at, sub, message)
-    else:
-        return name
+    name = reader.coordinate(written, at, sub)
+    named = None if name is None else joints.named(reader, at, sub, name, "coupled")
+    if named is None or name in named[1].coordinates:
+        return name if named is not None else None
+    joint, of = named
+    message = (
+        f"joint {joint!r} is {of.kind.name} and has several coordinates; a coupling relates single ones: write one of "
+        f"{some(of.coordinates)}"
+    )
+    reader.report(at, sub, message)
     return None

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 
-from pydantic_core import PydanticCustomError
-
-from ..entries import parse_name, seen
+from ..entries import seen
 from ..errors import nearest
-from ..grammar import ExpressionError
 from ..parts import MAX_PARTS, Given, Instance, Part
 from ..positions import Document
 from ..reading import Reader
-from ..repetition import CannotGoOn, name_of
+from ..repetition import CannotGoOn
 from ..schema import SECTIONS, SubmodelEntry
 from ..unknown_names import some
 from .quantities import read_constants
@@ -110,19 +107,15 @@ def _submodel(reader: Reader, at: Instance) -> Part | None:
     document = _opened(reader, at, ("use",), spec.use)
     if document is None:
         return None
-    try:
-        name = at.part.name(reader.local_name(at))
-    except (PydanticCustomError, ExpressionError) as error:
-        message = error.message() if isinstance(error, PydanticCustomError) else error.message
-        reader.report(at, (), str(message), key=True)
+    local = reader.name_at(at, (), at.key, key=True)
+    if local is None:
         return None
+    name = at.part.name(local)
     given = {}
     for key, value in spec.given.items():
-        try:
-            given[name_of(parse_name(key), reader.numbers(at))] = Given(value, at, key)
-        except (PydanticCustomError, ExpressionError) as error:
-            message = error.message() if isinstance(error, PydanticCustomError) else error.message
-            reader.report(at, ("with", key), str(message), key=True)
+        its_name = reader.name_at(at, ("with", key), key, key=True)
+        if its_name is not None:
+            given[its_name] = Given(value, at, key)
     return Part(document, at.part, f"{name}_", _frame(at), name, given=given)
 
 

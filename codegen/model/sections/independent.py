@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
-from pydantic_core import PydanticCustomError
-
-from ..entries import parse_name
-from ..errors import nearest
-from ..grammar import ExpressionError
 from ..joints import JointType
-from ..model import joint_coordinates
-from ..parts import Instance
-from ..positions import Path_
 from ..reading import Reader
-from ..repetition import name_of
 from ..unknown_names import some
 from .bodies import BodySection
+from .coordinates import Joints, unknown_name
 
 
 def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
     """Names of coordinates, those of a joint for its own name."""
-    joints = {
-        name: (type(spec.joint), joint_coordinates(name, spec.joint.type)[0])
-        for spec, name in zip(bodies.specs, bodies.names, strict=True)
-        if spec is not None
-    }
+    joints = Joints(bodies)
     result: dict[str, None] = {}
     for at, sub, item in reader.listed("independent", "[crank]"):
-        name = _name(reader, at, sub, item)
+        name = reader.coordinate(item, at, sub)
         if name is None or name.partition(".")[0] in reader.broken:
             continue
-        joint = name if name in joints else name.rpartition(".")[0]
-        kind, coordinates = joints.get(joint, (JointType, ()))
+        joint = joints.owner(name)
+        kind, coordinates = joints[joint][:2] if joint in joints else (JointType, ())
         if name == joint:
             if not coordinates:
                 reader.report(at, sub, f"joint {name!r} is {kind.name} and has no coordinates; leave it out")
@@ -63,19 +49,6 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
     return tuple(result)
 
 
-def _unknown(reader: Reader, name: str, joints: Mapping[str, tuple[type[JointType], tuple[str, ...]]]) -> str:
-    groups = [(j, *(() if kind.quaternions else group)) for j, (kind, group) in joints.items() if group]
-    known = list(dict.fromkeys(n for group in groups for n in group))
-    hint = reader.loop_hint(name) or nearest(name, known)
-    return f"unknown coordinate or joint {name!r}; allowed are {some(known)}{hint}"
-
-
-def _name(reader: Reader, at: Instance, sub: Path_, item: Any) -> str | None:
-    """The name that an item means, with its indices in place."""
-    try:
-        return at.part.name(name_of(parse_name(item, prefix="q."), reader.numbers(at))[2:])
-    except PydanticCustomError as error:
-        reader.report(at, sub, str(error.message()))
-    except ExpressionError as error:
-        reader.report(at, sub, error.message)
-    return None
+def _unknown(reader: Reader, name: str, joints: Joints) -> str:
+    groups = [(j, *(() if x.kind.quaternions else x.coordinates)) for j, x in joints.items() if x.coordinates]
+    return unknown_name(reader, "coordinate or joint", name, (n for group in groups for n in group))

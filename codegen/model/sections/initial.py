@@ -5,19 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pydantic_core import PydanticCustomError
-
-from ..entries import parse_name, seen
-from ..errors import count_of_values, nearest
+from ..entries import seen
+from ..errors import count_of_values
 from ..expressions import Expression, made
-from ..grammar import ExpressionError
 from ..model import joint_coordinates
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader
-from ..repetition import name_of
-from ..unknown_names import some
 from .bodies import BodySection
+from .coordinates import unknown_name, values_of
 
 
 def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Expression]]:
@@ -79,13 +75,8 @@ def _initial_value(
     places: dict[str, tuple[Instance, Path_]],
 ) -> None:
     what = "coordinate" if part == "q" else "speed"
-    try:
-        name = at.part.name(name_of(parse_name(at.key, prefix=f"{part}."), reader.numbers(at))[2:])
-    except PydanticCustomError as error:
-        reader.report(at, (), str(error.message()), key=True)
-        return
-    except ExpressionError as error:
-        reader.report(at, (), error.message, key=True)
+    name = reader.coordinate(at.key, at, (), key=True, of=part)
+    if name is None:
         return
     entries = groups.get(name)
     if entries is None:
@@ -95,9 +86,7 @@ def _initial_value(
         if name not in owner:
 
             def unknown() -> str:
-                known = list(dict.fromkeys([n for g in groups.values() for n in g] + list(groups)))
-                hint = reader.loop_hint(name) or nearest(name, known)
-                return f"unknown {what} {name!r}; allowed are {some(known)}{hint}"
+                return unknown_name(reader, what, name, (*(n for g in groups.values() for n in g), *groups))
 
             reader.report(at, (), unknown, key=True)
             return
@@ -107,10 +96,7 @@ def _initial_value(
         message = f"{what} {held[0]!r} is prescribed under `motion`, which says where it begins; leave it out here"
         reader.report(at, (), message, key=True)
         return
-    if isinstance(at.value, (list, tuple)):
-        values = [((i,), v) for i, v in enumerate(at.value)]
-    else:
-        values = [((), at.value)]  # type: ignore[list-item]
+    values = list(values_of(at.value))
     if len(values) != len(entries) and name in reader.broken:
         return
     if len(values) != len(entries):

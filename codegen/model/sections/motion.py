@@ -5,87 +5,34 @@ from __future__ import annotations
 import math
 import re
 
-from pydantic_core import PydanticCustomError
-
-from ..entries import parse_name
-from ..errors import count_of_values, nearest
+from ..errors import count_of_values
 from ..expressions import Expression
-from ..grammar import ExpressionError
-from ..joints import JointType
 from ..kinks import Kink, find_kink
-from ..model import joint_coordinates
 from ..parts import Instance
 from ..rates import rate, rates_of
 from ..reading import Reader
-from ..repetition import name_of
-from ..unknown_names import some
 from .bodies import BodySection
-
-Groups = dict[str, tuple[type[JointType], tuple[str, ...]]]
-"""The type and the coordinates of every joint."""
+from .coordinates import Joints, values_of
 
 
 def read_motion(reader: Reader, bodies: BodySection) -> dict[str, Expression]:
     """What is prescribed, by coordinate; ``q.NAME`` and ``u.NAME`` of it stand for these functions from now on."""
-    groups: Groups = {
-        name: (type(spec.joint), joint_coordinates(name, spec.joint.type)[0])
-        for spec, name in zip(bodies.specs, bodies.names, strict=True)
-        if spec is not None
-    }
+    joints = Joints(bodies)
     found: dict[str, Expression] = {}
     for at in reader.section("motion"):
-        try:
-            name = at.part.name(name_of(parse_name(at.key, prefix="q."), reader.numbers(at))[2:])
-        except PydanticCustomError as error:
-            reader.report(at, (), str(error.message()), key=True)
-            continue
-        except ExpressionError as error:
-            reader.report(at, (), error.message, key=True)
-            continue
-        coordinates = _coordinates(reader, at, name, groups)
-        if coordinates:
-            _read_values(reader, at, name, coordinates, found)
+        name = reader.coordinate(at.key, at, (), key=True)
+        if name is not None and (named := joints.named(reader, at, (), name, "prescribed", key=True)) is not None:
+            joint, of = named
+            _read_values(reader, at, name, of.coordinates if name == joint else (name,), found)
     for name, value in found.items():
         reader.prescribed |= {f"q.{name}": value.tree, f"u.{name}": rate(value, moving=frozenset(reader.inputs)).tree}
     return found
 
 
-def _coordinates(reader: Reader, at: Instance, name: str, groups: Groups) -> tuple[str, ...]:
-    """The coordinates that a name stands for: those of a joint, or one; nothing after a problem."""
-    joint = name if name in groups else name.rpartition(".")[0]
-    if name.partition(".")[0] in reader.broken:
-        return ()
-    if joint not in groups or (name != joint and name not in groups[joint][1]):
-
-        def unknown() -> str:
-            known = [
-                n for j, (kind, of) in groups.items() if of and not kind.quaternions for n in dict.fromkeys((j, *of))
-            ]
-            hint = reader.loop_hint(name) or nearest(name, known)
-            return f"unknown joint or coordinate {name!r}; allowed are {some(known)}{hint}"
-
-        reader.report(at, (), unknown, key=True)
-        return ()
-    kind, coordinates = groups[joint]
-    if not coordinates:
-        reader.report(at, (), f"joint {joint!r} is {kind.name} and has no coordinates; leave it out", key=True)
-    elif kind.quaternions:
-        message = (
-            f"the {kind.name} joint {joint!r} has a quaternion, which cannot be prescribed; give the body joints of single "
-            f"coordinates, one after the other with bodies without mass between them: prismatic, revolute, universal or "
-            f"planar ones"
-        )
-        reader.report(at, (), message, key=True)
-    else:
-        return coordinates if name == joint else (name,)
-    return ()
-
-
 def _read_values(
     reader: Reader, at: Instance, name: str, coordinates: tuple[str, ...], found: dict[str, Expression]
 ) -> None:
-    listed = isinstance(at.value, (list, tuple))
-    values = [((i,), v) for i, v in enumerate(at.value)] if listed else [((), at.value)]
+    values = list(values_of(at.value))
     if len(values) != len(coordinates):
         message = (
             f"{count_of_values(len(values))}; joint {name!r} has {len(coordinates)}: {', '.join(coordinates)}; give a list, or "

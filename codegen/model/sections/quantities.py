@@ -8,10 +8,8 @@ import sys
 from collections.abc import Iterable
 from typing import Final
 
-from pydantic_core import PydanticCustomError
-
 from ..binding import vector_key
-from ..entries import RESERVED, parse_name, seen
+from ..entries import RESERVED, seen
 from ..errors import with_article
 from ..expressions import Expression
 from ..grammar import ExpressionError
@@ -20,7 +18,6 @@ from ..parsing import parse
 from ..parts import Instance, Part
 from ..positions import Path_
 from ..reading import Reader
-from ..repetition import name_of
 from ..schema import ParameterEntry
 from ..units import in_units, in_words, unit_of
 
@@ -164,15 +161,8 @@ def _note_dimension(reader: Reader, at: Instance, local: str, value: object) -> 
 
 def read_inputs(reader: Reader) -> None:
     for at, sub, item in reader.listed("inputs", "[motor, brake]"):
-        try:
-            local = name_of(parse_name(item), reader.numbers(at))
-        except PydanticCustomError as error:
-            reader.report(at, sub, str(error.message()))
-            continue
-        except ExpressionError as error:
-            reader.report(at, sub, error.message)
-            continue
-        if reader.given(at, local, "inputs") is not None:
+        local = reader.name_at(at, sub, item)
+        if local is None or reader.given(at, local, "inputs") is not None:
             continue
         name = at.part.name(local)
         if name in RESERVED:
