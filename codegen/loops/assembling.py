@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -140,23 +141,12 @@ def first_assembly(
             groups.found(ring.joints, q)
             continue
         movable = ~np.isin(ring.joints.speeds, list(held))
-        near = _near_cut(ring, (start, end), q, movable)
-        outcome, tries = close(ring, q, near), 0
-        if not outcome.closed and open_ is not None:
-            nearly = _nearly_closed(ring, q, near, movable)
-            if nearly is not None:
-                if not nearly.closed:
-                    open_.add(loop)
-                groups.found(ring.joints, nearly.q)
-                q = nearly.q
-                continue
-        if not outcome.closed:
-            outcome, tries = _tried(ring, q, movable, random)
+        outcome, tries = _closed_alone(ring, (start, end), q, movable, random, open_)
         if outcome.closed:
             groups.found(ring.joints, outcome.q)
         else:
             outcome, tries = _with_neighbours(geometry, order[: place + 1], q, held, random, ring, outcome, open_)
-            groups = PoseGroups(geometry, outcome.q, _passed(geometry, order[: place + 1]))
+            groups = PoseGroups(geometry, outcome.q, geometry.passed(order[: place + 1]))
         q = outcome.q
         if tries:
             warnings.append(
@@ -164,6 +154,22 @@ def first_assembly(
                 f"from others, perhaps not in the way that is meant: give better values under `initial`"
             )
     return q, warnings
+
+
+def _closed_alone(
+    ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array, random: np.random.Generator,
+    open_: set[int] | None,
+) -> tuple[Outcome, int]:  # fmt: skip
+    """A loop closed by itself, nearly where it may stay open, which counts as closed; and how many other guesses were tried."""
+    near = _near_cut(ring, sides, q, movable)
+    outcome = close(ring, q, near)
+    if outcome.closed:
+        return outcome, 0
+    nearly = None if open_ is None else _nearly_closed(ring, q, near, movable)
+    if nearly is None or open_ is None:
+        return _tried(ring, q, movable, random)
+    open_.update(() if nearly.closed else ring.cuts.loops)
+    return replace(nearly, closed=True), 0
 
 
 def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
@@ -215,18 +221,13 @@ def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]
     free = Vt[int(np.sum(s > geometry.tolerance * max(s[0], geometry.tolerance))) :]
     moving = np.abs(free).max(axis=0, initial=0.0) > LEAST_MOTION
     bodies = {int(k) for k in geometry.speed_body[speeds[moving]]}
-    return [i for i in loops if _passed(geometry, [i]) & bodies]
+    return [i for i in loops if geometry.passed([i]) & bodies]
 
 
 def _whole_ring(geometry: Geometry, q: Array, loops: Sequence[int]) -> Ring:
     """All joints of loops that share joints with no others."""
-    bodies = {k for k in _passed(geometry, loops) if geometry.speeds[k]}
+    bodies = {k for k in geometry.passed(loops) if geometry.speeds[k]}
     return Ring(PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in bodies]), loops, bodies)
-
-
-def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:
-    """Bodies whose joints are on the cycles of some loops."""
-    return {k for i in loops for side in geometry.cycle(i) for k in side}
 
 
 def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array) -> Array:
@@ -276,7 +277,7 @@ def _with_neighbours(
     `first_assembly`.
     """
     *others, last = loops
-    cycles = {i: _passed(geometry, [i]) for i in loops}
+    cycles = {i: geometry.passed([i]) for i in loops}
     movable = ~np.isin(ring.joints.speeds, list(held))
     for hold in (held, set[int]()) if held else (held,):
         together: set[int] = set()

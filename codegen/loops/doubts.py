@@ -59,9 +59,7 @@ def doubts_of(model: Model, geometry: Geometry, draft: Draft, held: set[int]) ->
             + (", or give a larger loop_tolerance where loops should not hold these speeds" if spare else "")
         )
     if len(draft.loops) > LARGE_CLUSTER:
-        asked = any(
-            s in held for i in draft.loops for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]
-        )
+        asked = bool(held & geometry.passed_speeds(draft.loops))
         yield (
             f"{loops} close only all together, in one dense system of rank {len(draft.dependent)}; other coordinates "
             f"under `independent`{', or none,' * asked} may do better"

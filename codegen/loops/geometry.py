@@ -331,6 +331,14 @@ class Geometry:
             known = self._cycles[loop] = (start, end)
         return known
 
+    def passed(self, loops: Iterable[int]) -> set[int]:
+        """Bodies whose joints are on the cycles of some loops."""
+        return {k for i in loops for side in self.cycle(i) for k in side}
+
+    def passed_speeds(self, loops: Iterable[int]) -> set[int]:
+        """The speeds of these joints."""
+        return {s for k in self.passed(loops) for s in self.speeds[k]}
+
 
 class Joints:
     """The joints of some bodies, for repeated evaluation.

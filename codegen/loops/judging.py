@@ -218,5 +218,4 @@ def is_compared(geometry: Geometry, loops: Sequence[int], drafts: Sequence[Draft
         return False
     if len(geometry.starts) > EVERY and max(d.condition for d in drafts) < DOUBTFUL:
         return False
-    bodies = {k for i in loops for side in geometry.cycle(i) for k in side}
-    return sum(len(geometry.speeds[k]) for k in bodies) <= MOST_SPEEDS
+    return len(geometry.passed_speeds(loops)) <= MOST_SPEEDS

@@ -251,8 +251,8 @@ def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
 def _mended(sweep: Sweep, order: Order, stuck: Stuck) -> Order:
     """An order that comes further, or has fewer ears."""
     i, ear = stuck.place, order[stuck.place]
-    passed = _passed(sweep.geometry, ear)
-    near = [j for j in reversed(range(i)) if _passed(sweep.geometry, order[j]) & passed]
+    passed = sweep.geometry.passed_speeds(ear)
+    near = [j for j in reversed(range(i)) if sweep.geometry.passed_speeds(order[j]) & passed]
     if not near:
         model = sweep.geometry.model
         names = [model.loops[k].name for k in ear]
@@ -275,8 +275,3 @@ def _others(order: Order, i: int, near: list[int]) -> Iterator[tuple[Order, int]
         cluster = tuple(sorted((*ear, *before[j])))
         yield before[:j] + [cluster] + before[j + 1 :] + after, i
         yield before[:j] + before[j + 1 :] + [cluster] + after, i
-
-
-def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:
-    """Bodies whose joints move and are on the cycles of some loops."""
-    return {k for i in loops for side in geometry.cycle(i) for k in side if geometry.speeds[k]}

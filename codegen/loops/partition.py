@@ -108,13 +108,13 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
     order = loop_order(geometry, held)
     open_ = set[int]()
     try:
-        q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, open_)
+        q, chosen, warnings, redundancy = _Choice(geometry, order, held, random, open_).of(guess)
     except (AssemblyError, PartitionError) as of_open:
         if not open_:
             raise
         geometry, random = Geometry(model), np.random.default_rng(SEED)
         try:
-            q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, None)
+            q, chosen, warnings, redundancy = _Choice(geometry, order, held, random, None).of(guess)
         except AssemblyError:
             if isinstance(of_open, PartitionError) and not isinstance(of_open, _NotNearlyClosed):
                 raise of_open from None
@@ -133,52 +133,137 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
     return replace(found, warnings=(*found.warnings, *ignored)) if ignored else found
 
 
-def _chosen(
-    geometry: Geometry,
-    order: list[int],
-    guess: Array,
-    held: set[int],
-    random: np.random.Generator,
-    open_: set[int] | None,
-) -> tuple[Array, Weighed, list[str], Redundancy]:
-    """An assembled configuration, the ears, doubts, and what is known of redundant conditions.
+class _Choice:
+    """Finds an assembled configuration and the ears.
 
-    With `open_` loops may stay open by the tolerance of the model in conditions that are then dropped.
+    Parameters
+    ----------
+    geometry : Geometry
+    order : list of int
+        Loops.
+    held : set of int
+        Speeds that must stay independent.
+    random : np.random.Generator
+    open_ : set of int or None
+        Takes loops that stay open by the tolerance of the model in conditions that are then dropped. None if none may.
     """
-    shared = components(geometry)
-    warnings: list[str] = []
 
-    stuck: list[int] = []
+    def __init__(
+        self, geometry: Geometry, order: list[int], held: set[int], random: np.random.Generator, open_: set[int] | None
+    ) -> None:
+        self.geometry, self.order, self.held, self.random, self.open_ = geometry, order, held, random, open_
+        self.shared = components(geometry)
+        """Loops that share joints."""
+        self.warnings: list[str] = []
+        self.stuck: list[int] = []
 
-    def choose(q: Array) -> Weighed:
-        drafts, growth, stuck[:] = _choose(geometry, order, q, held, random, warnings, shared, open_)
-        return weighed(geometry, drafts, growth, q, held, shared)
+    def of(self, guess: Array) -> tuple[Array, Weighed, list[str], Redundancy]:
+        """An assembled configuration, the ears, doubts, and what is known of redundant conditions."""
+        geometry, random = self.geometry, self.random
+        if is_closed(geometry, guess):
+            q, chosen = guess, self._weighed(guess)
+            return q, chosen, self.warnings, _redundancy(geometry, chosen, q, random, self.stuck)
+        q, self.warnings = first_assembly(geometry, self.order, guess, self.held, random, self.open_)
+        settled = self._settled(q, self.open_, self.held)
+        if settled is None:
+            raise _NotNearlyClosed("loops are open in conditions that joints change")
+        q = settled
+        chosen = self._weighed(q)
+        redundancy = _redundancy(geometry, chosen, q, random, self.stuck)
+        if redundancy.dropped or self.open_:
+            q = assembled(geometry, _partition(geometry, chosen.drafts, q, []), q)
+        moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, self.warnings)
+        if q is not moved:
+            drafts = _judged(geometry, chosen.drafts, q)
+            kept, geometry.kept = geometry.kept, [list(rows) for rows in geometry.rows]
+            if max(d.condition for d in drafts) > POOR_CONDITION:
+                chosen = self._weighed(q)
+            else:
+                chosen = weighed(geometry, drafts, chosen.growth, q, self.held, self.shared)
+            if chosen.drafts == drafts:
+                geometry.kept = kept
+            else:
+                redundancy = _redundancy(geometry, chosen, q, random, self.stuck)
+        return q, chosen, self.warnings, redundancy
 
-    if is_closed(geometry, guess):
-        q, chosen = guess, choose(guess)
-        return q, chosen, warnings, _redundancy(geometry, chosen, q, random, stuck)
-    q, warnings = first_assembly(geometry, order, guess, held, random, open_)
-    settled = _settled(geometry, q, shared, open_, held)
-    if settled is None:
-        raise _NotNearlyClosed("loops are open in conditions that joints change")
-    q = settled
-    chosen = choose(q)
-    redundancy = _redundancy(geometry, chosen, q, random, stuck)
-    if redundancy.dropped or open_:
-        q = assembled(geometry, _partition(geometry, chosen.drafts, q, []), q)
-    moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, warnings)
-    if q is not moved:
-        drafts = _judged(geometry, chosen.drafts, q)
-        kept, geometry.kept = geometry.kept, [list(rows) for rows in geometry.rows]
-        if max(d.condition for d in drafts) > POOR_CONDITION:
-            chosen = choose(q)
-        else:
-            chosen = weighed(geometry, drafts, chosen.growth, q, held, shared)
-        if chosen.drafts == drafts:
-            geometry.kept = kept
-        else:
-            redundancy = _redundancy(geometry, chosen, q, random, stuck)
-    return q, chosen, warnings, redundancy
+    def _weighed(self, q: Array) -> Weighed:
+        """The ears at an assembled configuration."""
+        sweep, drafts = self._chosen(q)
+        return weighed(self.geometry, drafts, sweep.growth(), q, self.held, self.shared)
+
+    def _chosen(self, q: Array) -> tuple[Sweep, list[Draft]]:
+        """Ears at an assembled configuration, and at some near it unless that one is enough; keeps which loops are stuck."""
+        geometry, order, self.stuck = self.geometry, self.order, []
+        doubtful = list(range(len(order)))
+        try:
+            sweep = Sweep(geometry, q, self.held, self.random)
+            drafts = arrange(sweep, order)
+            if all(d.certain for d in drafts):
+                return sweep, drafts
+            doubtful = [i for d in drafts if not d.certain for i in d.loops]
+        except PartitionError:
+            pass  # the pose may be a special one
+        configurations = [q, *self._nearby(q)]
+        still = {i for i in doubtful if not _moves(geometry, i, configurations)}
+        together = [loops for loops in self.shared if still.intersection(loops)]
+        self.stuck = stuck = [i for loops in together for i in loose_loops(geometry, q, loops) if i in still]
+        if self.open_ and self.open_.intersection(stuck):
+            raise _NotNearlyClosed("loops that are open and move nowhere are not nearly closed")
+        advice = (
+            f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which "
+            f"seems to be singular, so that the rank there says nothing: start from another configuration, or check whether "
+            f"lengths are just long enough"
+        )
+        if len(configurations) > 1:  # these are the same again; where none was found, more may be possible
+            self._refuse_hints(stuck, advice)
+        others = [x for x in configurations[1:] if any(_moves(geometry, i, [q, x]) for i in doubtful)]
+        try:
+            sweep = Sweep(geometry, np.concatenate([q, *others]), self.held, self.random)
+            drafts = arrange(sweep, order)
+        except PartitionError as error:
+            message = f"{error}; {advice}" if stuck else str(error)
+            raise PartitionError(message, error.loops, error.names) from None
+        if stuck:
+            ranks = [f"{len(d.dependent)} of {d.rows} conditions" for d in drafts if {*d.loops} & {*stuck}]
+            self.warnings.append(f"{advice} (rank {listed(ranks)})")
+        return sweep, drafts
+
+    def _refuse_hints(self, stuck: list[int], advice: str) -> None:
+        """Refuse hinted speeds of loops that are stuck."""
+        geometry, model = self.geometry, self.geometry.model
+        wrong = sorted(self.held & geometry.passed_speeds(stuck))
+        if wrong:
+            refused = [model.speed_names[s] for s in wrong]
+            raise PartitionError(
+                f"{loops_named(model, stuck)}: {listed(refused)} cannot be independent; remove "
+                f"{'them' if len(wrong) > 1 else 'it'} from `independent`; {advice}",
+                [model.loops[i].name for i in stuck],
+                refused,
+            )
+
+    def _nearby(self, q: Array) -> Iterator[Array]:
+        """Assembled configurations near one, wherever that leads."""
+        geometry = self.geometry
+        size = np.where(geometry.turning, 1.0, np.median(geometry.lengths))
+        for _ in range(NEARBY):
+            step = self.random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size
+            start = advance(geometry, q, np.arange(geometry.nu), step)
+            still_open = None if self.open_ is None else set[int]()
+            with suppress(AssemblyError):
+                found = first_assembly(geometry, self.order, start, set(), self.random, still_open)[0]
+                settled = self._settled(found, still_open, set())
+                if settled is not None:
+                    yield settled
+
+    def _settled(self, q: Array, open_: set[int] | None, held: set[int]) -> Array | None:
+        """Coordinates at which open loops are nearly closed together with those that share joints with them; None without."""
+        for loops in self.shared:
+            if open_ and open_.intersection(loops):
+                settled = settled_together(self.geometry, q, loops, held)
+                if settled is None:
+                    return None
+                q = settled
+        return q
 
 
 def _redundancy(
@@ -248,107 +333,9 @@ def _others(
     return found
 
 
-def _choose(
-    geometry: Geometry,
-    order: list[int],
-    q: Array,
-    held: set[int],
-    random: np.random.Generator,
-    warnings: list[str],
-    shared: list[list[int]],
-    open_: set[int] | None,
-) -> tuple[list[Draft], Array, list[int]]:
-    """Ears at an assembled configuration, and at some near it unless that one is enough; `Sweep.growth`; loops that are stuck.
-
-    Parameters
-    ----------
-    shared : list of list of int
-        Loops that share joints.
-    open_ : set of int or None
-        Loops that `first_assembly` has left open there; others may be open in the same way near it. None if none may.
-    """
-    doubtful = list(range(len(order)))
-    try:
-        sweep = Sweep(geometry, q, held, random)
-        drafts = arrange(sweep, order)
-        if all(d.certain for d in drafts):
-            return drafts, sweep.growth(), []
-        doubtful = [i for d in drafts if not d.certain for i in d.loops]
-    except PartitionError:
-        pass  # the pose may be a special one
-    configurations = [q, *_nearby(geometry, order, q, random, shared, open_ is not None)]
-    still = {i for i in doubtful if not _moves(geometry, i, configurations)}
-    stuck = [i for loops in shared if still.intersection(loops) for i in loose_loops(geometry, q, loops) if i in still]
-    if open_ and open_.intersection(stuck):
-        raise _NotNearlyClosed("loops that are open and move nowhere are not nearly closed")
-    names = [geometry.model.loops[i].name for i in stuck]
-    advice = (
-        f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which "
-        f"seems to be singular, so that the rank there says nothing: start from another configuration, or check whether "
-        f"lengths are just long enough"
-    )
-    speeds_of_stuck = {s for i in stuck for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]}
-    # configurations were found that are the same again; where none was found, more may be possible
-    wrong = sorted(held & speeds_of_stuck) if len(configurations) > 1 else []
-    if wrong:
-        refused = [geometry.model.speed_names[s] for s in wrong]
-        raise PartitionError(
-            f"{loops_named(geometry.model, stuck)}: {listed(refused)} cannot be independent; remove "
-            f"{'them' if len(wrong) > 1 else 'it'} from `independent`; {advice}",
-            names,
-            refused,
-        )
-    others = [x for x in configurations[1:] if any(_moves(geometry, i, [q, x]) for i in doubtful)]
-    try:
-        sweep = Sweep(geometry, np.concatenate([q, *others]), held, random)
-        drafts = arrange(sweep, order)
-    except PartitionError as error:
-        message = f"{error}; {advice}" if stuck else str(error)
-        raise PartitionError(message, error.loops, error.names) from None
-    if stuck:
-        ranks = [f"{len(d.dependent)} of {d.rows} conditions" for d in drafts if {*d.loops} & {*stuck}]
-        warnings.append(f"{advice} (rank {listed(ranks)})")
-    return drafts, sweep.growth(), stuck
-
-
-def _nearby(
-    geometry: Geometry,
-    order: list[int],
-    q: Array,
-    random: np.random.Generator,
-    shared: list[list[int]],
-    may_be_open: bool,
-) -> Iterator[Array]:
-    """Assembled configurations near one, wherever that leads."""
-    speeds = np.arange(geometry.nu)
-    size = np.where(geometry.turning, 1.0, np.median(geometry.lengths))
-    for _ in range(NEARBY):
-        start = advance(geometry, q, speeds, random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size)
-        still_open = set[int]() if may_be_open else None
-        with suppress(AssemblyError):
-            found = first_assembly(geometry, order, start, set(), random, still_open)[0]
-            settled = _settled(geometry, found, shared, still_open, set())
-            if settled is not None:
-                yield settled
-
-
-def _settled(
-    geometry: Geometry, q: Array, shared: list[list[int]], open_: set[int] | None, held: set[int]
-) -> Array | None:
-    """Coordinates at which open loops are nearly closed together with those that share joints with them, if there are any."""
-    for loops in shared:
-        if open_ and open_.intersection(loops):
-            settled = settled_together(geometry, q, loops, held)
-            if settled is None:
-                return None
-            q = settled
-    return q
-
-
 def _moves(geometry: Geometry, loop: int, configurations: list[Array]) -> bool:
     """Whether the joints of a loop stand otherwise in some of the configurations than in the first."""
-    speeds = [s for side in geometry.cycle(loop) for k in side for s in geometry.speeds[k]]
-    where = sorted({i for s in speeds for i in _places(geometry, s)})
+    where = sorted({i for s in geometry.passed_speeds([loop]) for i in _places(geometry, s)})
     first, *others = (q[0, where] for q in configurations)
     return any(np.max(np.abs(q - first), initial=0.0) > DISTANCE / 20 for q in others)
 

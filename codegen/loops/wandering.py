@@ -62,7 +62,7 @@ class Surroundings:
     def __init__(self, groups: PoseGroups, loops: Sequence[int], q: Array, random: np.random.Generator) -> None:
         g = groups.geometry
         g.lengths[list(loops)] = g.own_lengths[list(loops)]
-        ring = Ring(groups, loops, {k for i in loops for side in g.cycle(i) for k in side if g.speeds[k]})
+        ring = Ring(groups, loops, {k for k in g.passed(loops) if g.speeds[k]})
         self.geometry, self.ring, self.speeds = g, ring, ring.joints.speeds
         self.scale = np.where(g.turning[self.speeds], 1.0, ring.length)
         self.draws = random.uniform(-RANGE, RANGE, (DRAWS, len(self.speeds)))
@@ -162,5 +162,5 @@ def _least(E: Array, right: Array) -> Array:
 
 def rigid_parts(geometry: Geometry, q: Array, components: Iterable[Sequence[int]]) -> PoseGroups:
     """Bodies that no joint of these loops parts, in groups."""
-    moving = {k for loops in components for i in loops for side in geometry.cycle(i) for k in side}
+    moving = geometry.passed(i for loops in components for i in loops)
     return PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving or not geometry.speeds[k]])

@@ -274,21 +274,10 @@ class Reader(Problems):
     def name_at(
         self, at: Instance, sub: Path_, written: Any, key: bool = False, prefix: str = "", quiet: bool = False
     ) -> str | None:
-        """The name that is written at a path, or as the key there, with its indices in place, as the file has it.
+        """The name that a text, or the expression of one, means with its indices in place, as the file has it.
 
-        Parameters
-        ----------
-        written : Any
-            A text, or the expression of one that has been parsed.
-        prefix : str
-            What is put before a text: ``q.`` or ``u.``.
-        quiet : bool
-            Whether no problem is reported.
-
-        Returns
-        -------
-        str or None
-            None after a problem.
+        It is written at a path, or is the `key` there; `prefix`, such as ``q.``, is put before a text. None after a problem,
+        which is not reported if `quiet`.
         """
         try:
             tree = written.tree if isinstance(written, Expression) else parse_name(written, prefix=prefix)
