@@ -15,7 +15,6 @@ import numpy as np
 from ..model.positions import shortened
 from .files import Files
 from .robot import Effect, Inertia, Link, Robot, as_three, symmetric
-from .robot_reader import RobotReader
 from .sdf_choice import Choice
 from .sdf_frames import Frames
 from .sdf_joints import JointReader, SdfJoint
@@ -23,7 +22,7 @@ from .sdf_scopes import NAMED, Item, Scope, Scopes
 from .sdf_shapes import ShapeReader
 from .sdf_tree import TreeMaker
 from .xml_reading import Element
-from .xml_values import is_true, is_version, place_of, version_of
+from .xml_values import RobotReader, is_true, is_version, place_of, version_of
 
 _LINK: Final = {"pose", "inertial", "visual", "collision", "gravity"}
 _MODEL: Final = {"pose", "static", "model", "include", *NAMED}
@@ -92,6 +91,8 @@ def read_sdf(root: Element, files: Files, exact_angles: bool = False, chosen: st
 
 
 class _Reader(RobotReader):
+    meant = _MEANT
+
     def __init__(self, root: Element, files: Files, exact_angles: bool, chosen: str | None) -> None:
         super().__init__(root, files, exact_angles)
         self.chosen = chosen
@@ -160,17 +161,14 @@ class _Reader(RobotReader):
         self.robot.gravity = as_three(self.content(gravity, 3, _GRAVITY))
         return self.scopes.world(chosen, version)
 
-    def leave_out(self, element: Element) -> None:
-        what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
-        effect = Effect.NONE if element.tag in _SWITCHES and _is_off(element) else effect
-        self.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
+    def what_of(self, element: Element) -> tuple[str, Effect]:
+        what, effect = super().what_of(element)
+        return what, Effect.NONE if element.tag in _SWITCHES and _is_off(element) else effect
 
     def leave_out_rest(self, scope: Scope, read: set[Scope], choice: Choice) -> None:
         """List what is not read of a world, or of a model that is read in part, and of what it holds."""
         known = (*_MODEL, "gravity", "world") if scope.is_world else _MODEL
-        for child in scope.element.children:
-            if child.tag not in known:
-                self.leave_out(child)
+        self.leave_out_children(scope.element, known)
         for model in scope.models.values():
             if any(inner in read for _, inner in model.all()):
                 self.leave_out_rest(model, read, choice)
@@ -189,9 +187,7 @@ class _Reader(RobotReader):
     def link(self, scope: Scope, item: Item, name: str) -> Link:
         element = item.element
         link = Link(name, place_of(element))
-        for child in element.children:
-            if child.tag not in _LINK:
-                self.leave_out(child)
+        self.leave_out_children(element, _LINK)
         solids = [(e, self.shapes.solid(scope, item, e)) for e in element.all("visual", "collision")]
         link.solids += [solid for _, solid in solids if solid is not None]
         inertial = self.one(element, "inertial")
@@ -209,9 +205,7 @@ class _Reader(RobotReader):
         return link
 
     def inertia(self, element: Element) -> Inertia:
-        for child in element.children:
-            if child.tag not in ("pose", "mass", "inertia", "density", "auto_inertia_params"):
-                self.leave_out(child)
+        self.leave_out_children(element, ("pose", "mass", "inertia", "density", "auto_inertia_params"))
         pose = self.one(element, "pose")
         if pose is not None and "relative_to" in pose.attributes:
             self.robot.leave_out(

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ..model.errors import nearest
 from ..model.positions import shortened
-from .robot_reader import RobotReader
 from .sdf_frames import Frames
 from .sdf_scopes import Item, Scope
+from .xml_values import RobotReader
 
 _SHOWN = 12
 """Names of models that a message lists."""

@@ -11,10 +11,9 @@ import math
 from ..model.positions import shortened
 from .placement import Placement
 from .robot import WORLD
-from .robot_reader import RobotReader
 from .sdf_scopes import Item, Scope
 from .xml_reading import Element
-from .xml_values import Values, is_true
+from .xml_values import RobotReader, Values, is_true
 
 _ROOTS = ("world", "__root__")
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from ..model.errors import nearest
 from ..model.positions import shortened
 from .robot import WORLD, Coupling, Effect, Law
 from .sdf_frames import PartReader
@@ -91,15 +90,11 @@ class JointReader(PartReader):
             What names begin with there, and not in the robot.
         """
         reader, element = self.reader, item.element
-        for child in element.children:
-            if child.tag not in _JOINT:
-                self.leave_out(child)
-        known, type_ = [*TYPES, GEARBOX], reader.name(element, "type")
+        reader.leave_out_children(element, _JOINT, _MEANT)
         what = f"joint {shortened(item.name)}"
-        if type_ is not None and type_ not in known:
-            reader.wrong(element, f"{what} is {shortened(type_)}; {', '.join(known)} are joints{nearest(type_, known)}")
+        type_ = reader.type_of(element, what, [*TYPES, GEARBOX])
         ends = self.ends(scope, item, path, cut, what)
-        if len(ends) < 2 or type_ not in known:
+        if len(ends) < 2 or type_ is None:
             return None
         first, last = ends
         if first == last:
@@ -111,25 +106,10 @@ class JointReader(PartReader):
         laws = tuple(map(self.law, axes))
         pitch = self.pitch(element) if type_ == "screw" else 0.0
         joint = SdfJoint(
-            path + item.name,
-            scope,
-            item,
-            path,
-            TYPES[type_],
-            first,
-            last,
-            axes,
-            pitch,
-            laws,
-            self.rotor(element),
-            cut,
+            path + item.name, scope, item, path, TYPES[type_], first, last, axes, pitch, laws, self.rotor(element), cut
         )
         self.mimic(joint)
         return joint
-
-    def leave_out(self, element: Element) -> None:
-        what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
-        self.reader.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
 
     def ends(self, scope: Scope, item: Item, path: str, cut: str, what: str) -> list[str]:
         """The links of <parent> and <child>, of which frames may be named; fewer than two after a problem."""
@@ -157,9 +137,7 @@ class JointReader(PartReader):
                 needed = "<axis><xyz>0 0 1</xyz></axis>" + (" and <axis2>" if type_ == "universal" else "")
                 reader.wrong(element, f"{what}, {type_}, has not all its axes; {needed} is needed")
                 continue
-            for child in axis.children:
-                if child.tag not in ("xyz", "use_parent_model_frame", "dynamics", "mimic"):
-                    self.leave_out(child)
+            reader.leave_out_children(axis, ("xyz", "use_parent_model_frame", "dynamics", "mimic"), _MEANT)
             if not any(reader.content(axis.first("xyz"), 3, (0, 0, 1))):
                 reader.wrong(axis, "the axis is 0 0 0, which is no direction; such as <xyz>0 0 1</xyz> is needed")
         return tuple(axis for axis in found if axis is not None)
@@ -181,7 +159,7 @@ class JointReader(PartReader):
             if child.tag in ("damping", "friction", "spring_reference", "spring_stiffness"):
                 values[child.tag] = self.reader.content(child, 1, (0,))[0]
             else:
-                self.leave_out(child)
+                self.reader.leave_out(child, _MEANT)
         if values.get("friction") and element is not None:
             where, what = place_of(element), "dry friction of joints"
             self.reader.robot.leave_out("<friction> of <dynamics>", where, Effect.DIFFERS, what)

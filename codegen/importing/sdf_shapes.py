@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from ..model.positions import shortened
 from .placement import Placement
-from .robot import Inertia, Place, Solid
-from .robot_reader import RobotReader
+from .robot import Inertia, Solid
 from .sdf_frames import PartReader
 from .sdf_scopes import Item, Scope
 from .solids import of_density
 from .xml_reading import Element
-from .xml_values import place_of, shown_effect
+from .xml_values import Sizes
 
 _WATER: Final = 1000.0
 """The density that SDF takes where none is said, kg/m^3."""
@@ -24,31 +23,9 @@ class ShapeReader(PartReader):
 
     def solid(self, scope: Scope, item: Item, element: Element) -> Solid | None:
         """The primitive of an element, in the frame of its link; what is none is listed."""
-        reader = self.reader
-        effect = shown_effect(element)
-        for child in element.children:
-            if child.tag not in ("pose", "geometry", "density", "auto_inertia_params"):
-                reader.leave_out(child)
-        geometry = reader.one(element, "geometry")
-        if geometry is None:
-            return None
-        frame = self.frame(scope, item, reader.one(element, "pose"))
-        for child in geometry.children:
-            where = place_of(child)
-            if child.tag in _SIZES:
-                reader.robot.leave_out(f"<{element.tag}> of a {child.tag}", where, effect)
-                return Solid(child.tag, _SIZES[child.tag](reader, child), frame)
-            if child.tag == "mesh":
-                self.mesh(child, where, element)
-            else:
-                reader.robot.leave_out(f"<{element.tag}> of a {child.tag}", where, effect)
-        return None
-
-    def mesh(self, element: Element, where: Place, shown: Element) -> None:
-        uri = element.first("uri")
-        missing = self.reader.files.missing(uri.text.strip() if uri is not None else "")
-        what = "<mesh>" if missing is None else f"<mesh>, {missing}"
-        self.reader.robot.leave_out(what, where, shown_effect(shown))
+        self.reader.leave_out_children(element, ("pose", "geometry", "density", "auto_inertia_params"))
+        frame = self.frame(scope, item, self.reader.one(element, "pose"))
+        return self.reader.primitive(element, frame, _SIZES, "uri")
 
     def frame(self, scope: Scope, item: Item, pose: Element | None) -> Placement:
         """A pose in the frame of a link; only one with ``relative_to`` is in another."""
@@ -95,11 +72,11 @@ class ShapeReader(PartReader):
         return value
 
 
-def _texts(*tags: str) -> Callable[[RobotReader, Element], tuple[float, ...]]:
+def _texts(*tags: str) -> Sizes:
     return lambda reader, element: tuple(reader.content(element.first(tag), 1, (1.0,))[0] for tag in tags)
 
 
-_SIZES: Final[dict[str, Callable[[RobotReader, Element], tuple[float, ...]]]] = {
+_SIZES: Final[dict[str, Sizes]] = {
     "box": lambda reader, element: reader.content(element.first("size"), 3, (1, 1, 1)),
     "cylinder": _texts("radius", "length"),
     "capsule": _texts("radius", "length"),

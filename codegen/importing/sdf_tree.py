@@ -11,13 +11,12 @@ from ..model.positions import shortened
 from .naming import free_name, made_name
 from .placement import Placement, Three, to_quaternion, without_dirt
 from .robot import WORLD, Closing, Coupling, Effect, RobotJoint, as_three
-from .robot_reader import RobotReader
 from .sdf_frames import Frames
 from .sdf_joints import GEARBOX, SdfJoint
 from .sdf_scopes import Scope
 from .spanning import Edge, spanning_tree
 from .xml_reading import Element
-from .xml_values import is_true, place_of
+from .xml_values import RobotReader, is_true, place_of
 
 PARALLEL: Final = 1e-6
 """rad: axes of a gear and of a hinge that differ by less are the same."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -30,9 +30,8 @@ from .robot import (
     as_three,
     symmetric,
 )
-from .robot_reader import RobotReader
 from .xml_reading import Element
-from .xml_values import is_version, place_of, shown_effect, version_of
+from .xml_values import RobotReader, Sizes, is_version, place_of, version_of
 
 TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
@@ -89,6 +88,18 @@ _QUATERNIONS_SINCE: Final = (1, 1)
 """The version of URDF that has quat_xyzw."""
 
 
+def _radius_and_length(reader: RobotReader, element: Element) -> tuple[float, ...]:
+    return reader.number(element, "radius", None), reader.number(element, "length", None)
+
+
+_SIZES: Final[dict[str, Sizes]] = {
+    "box": lambda reader, element: reader.attribute(element, "size", 3, (0, 0, 0)),
+    "cylinder": _radius_and_length,
+    "capsule": _radius_and_length,
+    "sphere": lambda reader, element: (reader.number(element, "radius", None),),
+}
+
+
 def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
     """The robot of a URDF; with `exact_angles`, 1.5708 means pi/2.
 
@@ -101,6 +112,8 @@ def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
 
 
 class _Reader(RobotReader):
+    meant = _MEANT
+
     def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
         super().__init__(root, files, exact_angles)
         self.robot.name = root.attributes.get("name", "").strip() or Path(root.file).stem
@@ -155,17 +168,14 @@ class _Reader(RobotReader):
             stack.extend(reversed(element.children))
         return None
 
-    def leave_out(self, element: Element) -> None:
-        what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
+    def what_of(self, element: Element) -> tuple[str, Effect]:
         if element.tag == "gazebo" and any(child.tag in _ACTING for child in element.children):
-            what, effect = "what Gazebo alone reads", Effect.DIFFERS
-        self.robot.leave_out(f"<{element.tag}>", element.line, effect, what)
+            return "what Gazebo alone reads", Effect.DIFFERS
+        return super().what_of(element)
 
     def leave_out_rest(self, element: Element, known: set[str]) -> None:
         """List the children that are not known, and attributes."""
-        for child in element.children:
-            if child.tag not in known:
-                self.leave_out(child)
+        self.leave_out_children(element, known)
         allowed = _ATTRIBUTES.get(element.tag)
         if allowed is not None:
             for key in element.attributes:
@@ -230,46 +240,15 @@ class _Reader(RobotReader):
 
     def solid(self, element: Element) -> Solid | None:
         """A primitive of <visual> or <collision>; what else there is is listed."""
-        for child in element.children:
-            if child.tag not in ("origin", "geometry"):
-                self.leave_out(child)
-        geometry = self.one(element, "geometry")
-        frame = self.origin(element)
-        if geometry is None:
-            return None
-        read: dict[str, Callable[[Element], tuple[float, ...]]] = {
-            "box": lambda e: self.attribute(e, "size", 3, (0, 0, 0)),
-            "cylinder": lambda e: (self.number(e, "radius", None), self.number(e, "length", None)),
-            "capsule": lambda e: (self.number(e, "radius", None), self.number(e, "length", None)),
-            "sphere": lambda e: (self.number(e, "radius", None),),
-        }
-        found = None
-        for child in geometry.children:
-            if child.tag == "mesh":
-                self.mesh(child, shown_effect(element))
-            elif child.tag in read:
-                self.robot.leave_out(f"<{element.tag}> of a {child.tag}", child.line, shown_effect(element))
-                found = Solid(child.tag, read[child.tag](child), frame)
-            else:
-                self.leave_out(child)
-        return found
-
-    def mesh(self, element: Element, effect: Effect) -> None:
-        name = element.attributes.get("filename", "")
-        missing = self.files.missing(name)
-        self.robot.leave_out("<mesh>" if missing is None else f"<mesh>, {missing}", element.line, effect)
+        self.leave_out_children(element, ("origin", "geometry"))
+        return self.primitive(element, self.origin(element), _SIZES, "filename")
 
     def joint(self, element: Element, name: str, types: Mapping[str, str] = TYPES) -> None:
         self.leave_out_rest(element, _JOINT | set(_MEANT))
         for child in element.children:
             if child.tag in _MEANT:
                 self.leave_out(child)
-        type_ = self.name(element, "type")
-        if type_ is not None and type_ not in types:
-            known = ", ".join(types)
-            self.wrong(
-                element, f"joint {shortened(name)} is {shortened(type_)}; {known} are joints{nearest(type_, types)}"
-            )
+        type_ = self.type_of(element, f"joint {shortened(name)}", types)
         ends = self.ends(element, f"joint {shortened(name)}")
         frame = self.origin(element)
         axis = self.axis(element) if type_ not in ("fixed", "floating") else None
@@ -277,7 +256,7 @@ class _Reader(RobotReader):
         for limit in element.all("limit"):
             self.leave_out_rest(limit, set())
             self.robot.leave_out("<limit>", limit.line, Effect.STOPS, "of position, speed and force")
-        if type_ is None or type_ not in types or len(ends) < 2:
+        if type_ is None or len(ends) < 2:
             return
         joint = RobotJoint(name, place_of(element), types[type_], ends[0], ends[1], frame, laws=(Law(damping),))
         joint.axes = () if axis is None else (axis,)
@@ -314,10 +293,7 @@ class _Reader(RobotReader):
         """A <constraint>: a joint that closes a loop, with a face and an axis in each of its links."""
         self.leave_out_rest(element, _CONSTRAINT)
         what = f"constraint {shortened(name)}"
-        type_ = self.name(element, "type")
-        if type_ is not None and type_ not in LOOP_TYPES:
-            known = ", ".join(LOOP_TYPES)
-            self.wrong(element, f"{what} is {shortened(type_)}; {known} are allowed{nearest(type_, LOOP_TYPES)}")
+        type_ = self.type_of(element, what, LOOP_TYPES, "are allowed")
         ends = self.ends(element, what)
         start, end = (self.origin(element, f"{tag}_origin") for tag in ("parent", "child"))
         closing = LOOP_TYPES.get(type_ or "", "")

@@ -1,17 +1,20 @@
-"""Numbers and names in attributes and text of XML, with what is wrong with them."""
+"""Numbers and names in attributes and text of XML, with what is wrong with them, and what readers of a robot in XML share."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from typing import Final
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import ClassVar, Final
 
+from ..model import ModelError
 from ..model.errors import Problem, nearest
 from ..model.positions import shortened
 from ..model.sections.digits import cut_twelfths
-from .placement import Array, of_quaternion, pi_multiple
-from .robot import Effect, Place
+from .files import Files
+from .placement import Array, Placement, of_quaternion, pi_multiple
+from .robot import Effect, Place, Robot, Solid
 from .xml_reading import Element
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -134,6 +137,108 @@ class Values:
         self.wrong(
             element, f"{what} {shortened(name)} is not in this file; known are {shown or 'none'}{nearest(name, known)}"
         )
+
+
+class RobotReader(Values, ABC):
+    """What reading a URDF and reading an SDF have in common; each format's reader fills `robot` in its `read`.
+
+    Attributes
+    ----------
+    root : Element
+    files : Files
+        Finds what the file names.
+    robot : Robot
+    meant : mapping
+        Elements that have no place in a model, by tags: what they are for, and what their absence does.
+
+    Parameters
+    ----------
+    root : Element
+        Of the file.
+    files : Files
+    exact_angles : bool
+        Whether 1.5708 means pi/2.
+    """
+
+    meant: ClassVar[Mapping[str, tuple[str, Effect]]] = {}
+
+    def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
+        super().__init__(exact_angles)
+        self.root = root
+        self.files = files
+        self.robot = Robot("robot", root.file)
+
+    @abstractmethod
+    def read(self) -> None:
+        """Fill `robot`, and gather what is wrong."""
+
+    def what_of(self, element: Element) -> tuple[str, Effect]:
+        """What an element that has no place in a model is for, and what its absence does."""
+        return self.meant.get(element.tag, ("", Effect.UNKNOWN))
+
+    def leave_out(self, element: Element, meant: Mapping[str, tuple[str, Effect]] | None = None) -> None:
+        """List an element that has no place in a model; what it means by the reader's table, or by another one."""
+        what, effect = self.what_of(element) if meant is None else meant.get(element.tag, ("", Effect.UNKNOWN))
+        self.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
+
+    def leave_out_children(
+        self, element: Element, known: Collection[str], meant: Mapping[str, tuple[str, Effect]] | None = None
+    ) -> None:
+        """List the children of an element that are not known."""
+        for child in element.children:
+            if child.tag not in known:
+                self.leave_out(child, meant)
+
+    def type_of(self, element: Element, what: str, known: Collection[str], are: str = "are joints") -> str | None:
+        """The type in an element's attribute; None after a problem."""
+        type_ = self.name(element, "type")
+        if type_ is None or type_ in known:
+            return type_
+        self.wrong(element, f"{what} is {shortened(type_)}; {', '.join(known)} {are}{nearest(type_, known)}")
+        return None
+
+    def primitive(self, shown: Element, frame: Placement, sizes: Mapping[str, Sizes], file: str) -> Solid | None:
+        """The solid in the <geometry> of a <visual> or <collision>; it is listed, as is what is none.
+
+        Parameters
+        ----------
+        shown : Element
+        frame : Placement
+            Of its middle, in the link.
+        sizes : dict of str to callable
+            What reads the sizes of each solid.
+        file : str
+            The attribute, or the child, of <mesh> that names its file.
+        """
+        geometry, effect = self.one(shown, "geometry"), shown_effect(shown)
+        for child in geometry.children if geometry is not None else ():
+            if child.tag == "mesh":
+                uri = child.first(file)
+                missing = self.files.missing(uri.text.strip() if uri is not None else child.attributes.get(file, ""))
+                self.robot.leave_out("<mesh>" if missing is None else f"<mesh>, {missing}", place_of(child), effect)
+                continue
+            self.robot.leave_out(f"<{shown.tag}> of a {child.tag}", place_of(child), effect)
+            if child.tag in sizes:
+                return Solid(child.tag, sizes[child.tag](self, child), frame)
+        return None
+
+    def whole(self) -> Robot:
+        """The robot of the file.
+
+        Raises
+        ------
+        ModelError
+            With every problem of the file, in its order.
+        """
+        self.read()
+        if self.problems:
+            once = {str(problem): problem for problem in self.problems}
+            raise ModelError(sorted(once.values(), key=lambda p: (p.line or 0, p.column or 0)))
+        return self.robot
+
+
+Sizes = Callable[[RobotReader, Element], tuple[float, ...]]
+"""Reads the sizes of a solid."""
 
 
 def version_of(text: str) -> tuple[int, int]:
