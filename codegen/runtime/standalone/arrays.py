@@ -53,8 +53,11 @@ def all_finite(x: Array) -> bool:
         return all(e - e == 0 for e in flat)
     if len(flat) <= FEW:
         return all(map(math.isfinite, flat.tolist()))
-    with np.errstate(all="ignore"):
-        return (len(flat) <= LONG and math.isfinite(flat.dot(flat))) or bool(np.isfinite(x).all())
+    if len(flat) <= LONG:
+        with np.errstate(all="ignore"):
+            if math.isfinite(flat.dot(flat)):
+                return True
+    return bool(np.isfinite(x).all())
 
 
 def once(x: Array) -> Array:

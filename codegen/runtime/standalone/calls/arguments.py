@@ -81,8 +81,8 @@ class Arguments:
                 rest = left_out(name, given) if isinstance(value, Mapping) else 0.0
                 arrays[name] = value = self.array(name, value, name, rest)
                 lead = value.shape[:-1]
-            if lead != batch:
-                batch = broadcast(batch, lead, arrays)
+            if lead and lead != batch:
+                batch = broadcast(batch, lead, arrays) if batch else lead
         if self.quaternions and "q" in arrays:
             self._check_quaternions(arrays["q"])
         return arrays, batch

@@ -363,23 +363,27 @@ class CTarget(Target):
             return SingularLoopError(loop, where, loop in self.couplings)
         return SingularJointError(self.links[status - 1], where)
 
+    def _whole(self, x: Array, shape: Shape) -> Any:
+        """Where an array begins that has that shape, or is broadcast to it."""
+        return self.pointer(self.plain(x if x.shape == shape else np.broadcast_to(x, shape)))
+
     def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
         """Where an argument begins, and its step from state to state."""
         if scalar:
             if isinstance(x, float):
                 return self.pointer(np.array([x], self.dtype)), 0
-            return self.pointer(self.plain(np.broadcast_to(x, batch))), 1
+            return self._whole(x, batch), 1
         if x.ndim == 1:
             return self.pointer(self.plain(x)), 0
         n = x.shape[-1]
-        return self.pointer(self.plain(np.broadcast_to(x, (*batch, n)))), n
+        return self._whole(x, (*batch, n)), n
 
     def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
         """Where a seed begins, and its steps from state to state and from direction to direction."""
         n = seed.shape[-1]
         if seed.size == len(seed) * n:  # the same for all states
             return self.pointer(self.plain(seed)), 0, n if len(seed) == k else 0
-        return self.pointer(self.plain(np.broadcast_to(seed, (k, *batch, n)))), n, count * n
+        return self._whole(seed, (k, *batch, n)), n, count * n
 
     def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> tuple[Any, int]:
         """Some directions of a seed, direction last, and the step; lanes beyond its end are zero."""

@@ -34,13 +34,16 @@ def places(out: Any, names: Sequence[str], shapes: Sequence[Shape], dtype: Any =
     if not isinstance(out, (tuple, list)) or len(out) != len(names):
         raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
     for name, x, shape in zip(names, out, shapes, strict=True):
-        wanted = f"expected a writeable C-contiguous array of {np.dtype(dtype)} of shape {shape}"
         if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # whose mask would stay as it is
-            raise ValueError(f"out ({name}) is {type(x).__name__}, {wanted}")
-        if x.dtype != dtype or x.shape != shape:
-            raise ValueError(f"out ({name}) holds {x.dtype} and has shape {x.shape}, {wanted}")
-        if not x.flags.carray:
-            raise ValueError(f"out ({name}) is read-only, not contiguous or not aligned, {wanted}")
+            seen = f"is {type(x).__name__}"
+        elif x.dtype != dtype or x.shape != shape:
+            seen = f"holds {x.dtype} and has shape {x.shape}"
+        elif not x.flags.carray:
+            seen = "is read-only, not contiguous or not aligned"
+        else:
+            continue
+        wanted = f"expected a writeable C-contiguous array of {np.dtype(dtype)} of shape {shape}"
+        raise ValueError(f"out ({name}) {seen}, {wanted}")
     if both := overlapping(out):
         first, second = (names[i] for i in both)
         raise ValueError(
