@@ -130,9 +130,9 @@ class PlainCall:
     def __init__(self, target: Any, f: Function, wanted: Wanted):
         self.target, self.f, self.dtype, self.run = target, f, target.dtype, target.function(f)
         self.table = None if wanted.table is None else wanted.table.astype(target.dtype, copy=False)
-        self.lanes = f.per_direction * max(f.widths, default=0)
-        self.blank = target.pointers({}, target.ffi.NULL, target.ffi.NULL, [None] * len(f.results))
-        self.blank[SLOT["points"]] = target.pointer(self.table)
+        self.shapes = f.whole_shapes(())
+        self.free: list[tuple[Any, ...]] = []
+        """Tables of pointers that no call uses meanwhile, each with its memory."""
         # of each argument and seed: its bit, its slot (-1 for t), and its shape
         self.takes = [(0, -1, ()) if n == "t" else (1 << SLOT[n], SLOT[n], target.shapes[n]) for n in f.order]
         self.seeds = [(1 << SLOT[s], SLOT[s], target.shapes[s[1:]]) for s in f.directions]
@@ -145,54 +145,65 @@ class PlainCall:
         ]
 
     def __call__(self, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
-        pointers: dict[int, Any] = {}
-        bits, k, t = 0, 0, None
-        for (bit, slot, shape), x in zip(self.takes, given, strict=True):
-            if slot < 0:
-                t = x
-            elif x is not None:
-                if not self.is_plain(x) or x.shape != shape:
-                    return None
-                bits |= bit
-                pointers[slot] = self.target.pointer(x)
-        if not isinstance(t, float) or bits & ~self.optional != self.needed:
-            return None
-        for (bit, slot, shape), x in zip(self.seeds, seeds or (), strict=True):
-            if x is not None:
-                rows = len(x) if type(x) is np.ndarray and x.ndim > len(shape) else 1
-                if not self.is_plain(x) or x.shape not in (shape, (rows, *shape)) or not x.ndim or k not in (0, rows):
-                    return None
-                bits, k = bits | bit, rows
-                pointers[slot] = self.target.pointer(x)
-        return None if self.seeds and not k else self.results(pointers, bits, t, k, seeds is None, out)
+        try:
+            room = self.free.pop()
+        except IndexError:
+            room = self.room()
+        try:
+            return self.results(room[0], given, seeds, out)
+        finally:
+            self.free.append(room)
+
+    def room(self) -> tuple[Any, ...]:
+        """A table of pointers, and the memory that it points to."""
+        target, f = self.target, self.f
+        work = target.pointer(np.empty(target.workspace, self.dtype))
+        lanes = target.pointer(np.empty(f.per_direction * max(f.widths, default=0), self.dtype))
+        x = target.pointers({}, work, lanes, [None] * len(f.results))
+        x[SLOT["points"]] = target.pointer(self.table)
+        return x, work, lanes
 
     def is_plain(self, x: Any) -> bool:
         """Whether the C can read an array where it is."""
         return type(x) is np.ndarray and x.dtype is self.dtype and x.flags.c_contiguous and x.flags.aligned
 
-    def results(self, pointers: dict[int, Any], bits: int, t: float, k: int, single: bool, out: Any) -> Any:
-        """What the C computes from these; None where it cannot, or where it may not be written to `out`."""
-        target = self.target
-        computed = [
-            None if place == -2 else empty(shape, self.dtype)
-            for place, shape in zip(self.places, self.f.whole_shapes((), k), strict=True)
-        ]
+    def results(self, x: Any, given: tuple[Any, ...], seeds: tuple[Any, ...] | None, out: Any) -> Any:
+        """What the C computes by a table of pointers; None where it cannot, or where it may not be written to `out`."""
+        pointer = self.target.pointer
+        bits, k, t = 0, 0, None
+        for (bit, slot, shape), a in zip(self.takes, given, strict=True):
+            if slot < 0:
+                t = a
+            elif a is not None:
+                if not self.is_plain(a) or a.shape != shape:
+                    return None
+                bits |= bit
+                x[slot] = pointer(a)
+        if not isinstance(t, float) or bits & ~self.optional != self.needed:
+            return None
+        for (bit, slot, shape), a in zip(self.seeds, seeds or (), strict=True):
+            if a is not None:
+                rows = len(a) if type(a) is np.ndarray and a.ndim > len(shape) else 1
+                if not self.is_plain(a) or a.shape not in (shape, (rows, *shape)) or not a.ndim or k not in (0, rows):
+                    return None
+                bits, k = bits | bit, rows
+                x[slot] = pointer(a)
+        if self.seeds and not k:
+            return None
+        shapes = self.f.whole_shapes((), k) if self.seeds else self.shapes
+        computed: list[Any] = []
+        for i, (place, shape) in enumerate(zip(self.places, shapes, strict=True), SLOT["results"]):
+            computed.append(None if place == -2 else empty(shape, self.dtype))
+            x[i] = pointer(computed[-1])
         lead = (k,) if self.seeds else ()
         found: list[Any] = [computed[i] if i >= 0 else np.zeros(lead + shape, self.dtype) for i, shape in self.returned]
         if out is not None:
-            out = [out] if single and type(out) is np.ndarray else out
+            out = [out] if seeds is None and type(out) is np.ndarray else out
             if not (isinstance(out, (tuple, list)) and fits(out, found)):
                 return None
-        pointers[SLOT["lanes"]] = target.pointer(np.empty(self.lanes, self.dtype))
-        for i, place in enumerate(computed, SLOT["results"]):
-            pointers[i] = target.pointer(place)
-        with target.work() as pointers[SLOT["work"]]:
-            x = target.ffi.new(target.ffi.typeof(self.blank), len(self.blank))
-            x[0 : len(x)] = self.blank
-            for slot, pointer in pointers.items():
-                x[slot] = pointer
-            status = self.run(x, bits, t, k)
-        return None if status else tuple(found if out is None else put(found, out))
+        if self.run(x, bits, t, k):
+            return None
+        return tuple(found if out is None else put(found, out))
 
 
 def fits(places: Sequence[Any], found: Sequence[Array]) -> bool:
