@@ -1,8 +1,13 @@
-"""What a user should know of a partition: ears in poor condition or large, initial values that closing has changed."""
+"""What a user should know of a partition: ears in poor condition or large, changed initial values, motions that are locked.
+
+A condition that a motion breaks by much less than others do stops it all the same: the mechanism has a freedom less, and the
+joints' forces there are large. Above the tolerance of the model this may be meant; it may also be that an axis is given with
+three digits, where exact ones would let go.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,7 +17,7 @@ from .ears import Partition
 from .geometry import Geometry
 from .ordering import Draft
 from .vectors import Array
-from .velocities import complete_speeds
+from .velocities import Motion, complete_speeds
 from .wording import listed, loops_named
 
 POOR_CONDITION = 1e4
@@ -23,6 +28,12 @@ LARGE_CLUSTER = 5
 
 FAR_ANGLE = 1.6
 """rad: initial values that closing changes by more than about a quarter turn are reported."""
+
+SMALL = 1e-2
+"""Singular values below this part of the largest stop motions by little."""
+
+PART = 0.2
+"""Joints whose share in such a motion is less than this part of the largest are not named."""
 
 
 def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
@@ -64,3 +75,34 @@ def doubts_of(model: Model, geometry: Geometry, draft: Draft, held: set[int]) ->
             f"{loops} close only all together, in one dense system of rank {len(draft.dependent)}; other coordinates "
             f"under `independent`{', or none,' * asked} may do better"
         )
+
+
+def stopped(geometry: Geometry, draft: Draft, q: Array) -> list[tuple[float, Array, list[int]]]:
+    """Motions of an ear's joints that its loops stop by little: parts of the largest singular value, shares, speeds."""
+    closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops)
+    E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
+    _, s, V = np.linalg.svd(E, full_matrices=False)
+    speeds = [int(x) for x in closure.speeds]
+    return [
+        (float(x / s[0]), v, speeds) for x, v in zip(s, V, strict=True) if geometry.tolerance * s[0] < x < SMALL * s[0]
+    ]
+
+
+def nearly_locked(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> list[str]:
+    """What to say of motions that are stopped by little at all of some configurations: one alone may be near a dead point."""
+    lines = []
+    for draft in drafts:
+        first, *others = (stopped(geometry, draft, q) for q in configurations)
+        if not first or not all(others):
+            continue
+        ratio = max(min(part for part, _, _ in found) for found in (first, *others))
+        _, shares, speeds = min(first, key=lambda found: found[0])
+        order = np.argsort(-np.abs(shares), kind="stable")
+        names = [geometry.model.speed_names[speeds[i]] for i in order if abs(shares[i]) > PART * abs(shares[order[0]])]
+        loops = loops_named(geometry.model, draft.loops)
+        lines.append(
+            f"{loops}: a motion of {listed(names)} is stopped by {ratio:.1e} of the largest "
+            f"singular value only; if the loop should move that way, give its axes and lengths with all digits, or a larger "
+            f"loop_tolerance"
+        )
+    return lines

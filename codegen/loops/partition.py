@@ -21,11 +21,10 @@ from .assembling import (
 from .components import components
 from .demands import check_couplings, check_cycles, hinted
 from .dependents import condition
-from .doubts import POOR_CONDITION, doubts_of, ignored_speeds, moved_far
+from .doubts import POOR_CONDITION, doubts_of, ignored_speeds, moved_far, nearly_locked, stopped
 from .ears import Ear, Partition
 from .errors import AssemblyError, PartitionError
 from .geometry import Geometry, advance, padded
-from .locking import nearly_locked, stopped
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
 from .tangles import closed_together

@@ -32,6 +32,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -41,13 +43,9 @@ from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .couplings import CoupledCut
 from .ears import Group
 from .pairs import Pair, Pairs
-from .primitives import condition_frame, placed_rotation
+from .primitives import condition_frame, placed_rotation, residuals_of_turn
 from .surfaces import at, surface_at
 from .terms import Terms
-
-HALF_TURN = 1e-12
-"""A squared cosine below this has no direction back any more."""
-
 
 Turning = list[tuple[Any, Pair, Pair]]
 """An angular condition: weights w and directions c (end), d (start), (3, 1), of its terms w c . d = 0."""
@@ -125,18 +123,9 @@ class Cut:
         if not self.turning:
             return linear
         R_s, R_e = placed_rotation(loop.start, pairs), self.C @ placed_rotation(loop.end, pairs)
-        if loop.closure.angular == 3:
-            return pairs.block([[linear], [self.frame.mT @ R_s @ twice_half_sine(pairs, R_s.mT @ R_e)]])
-        axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
-        if loop.closure.angular == 1:
-            return pairs.block([[linear], [(R_e @ axes[1]).mT @ R_s @ axes[0]]])
-        a_s, a_e = R_s @ axes[0], R_e @ axes[0]
-        double = a_s + a_e  # twice the cosine of t/2 long
-        if not pairs.dot(double, double).value > HALF_TURN:
-            return pairs.block([[linear], [pairs.constant([[2], [0]])]])
-        length = pairs.call("sqrt", pairs.dot(double, double)) / pairs.number(2)
-        sines = [pairs.dot(c, d) * pairs.number(weight) for ((weight, c, d),) in self.turning]
-        return pairs.block([[linear], [pairs.column(sines) * (pairs.number(1) / length)]])
+        sines = [reduce(add, ((c.mT @ d) * pairs.number(w) for w, c, d in terms)) for terms in self.turning]
+        turned = residuals_of_turn(pairs, loop, self.frame.mT @ R_s, R_s, R_e, sines)
+        return pairs.block([[linear], *([x] for x in turned)])
 
     def displacement_of_faces(
         self, pairs: Pairs, loop: Loop, defaults: dict[str, float], start: Terms, end: Terms
@@ -357,18 +346,6 @@ def closed_motion(
 
 
 # --- small geometry ------------------------------------------------------------------------------------------------
-
-
-def twice_half_sine(pairs: Pairs, R: Pair) -> Pair:
-    """2 sin(t/2) a of the rotation by t about a, (3, 1): twice the vector of its unit quaternion with w >= 0."""
-    one, zero = pairs.number(1), pairs.number(0)
-    four_w2 = one + R[0, 0] + R[1, 1] + R[2, 2]
-    if four_w2.value > HALF_TURN:
-        axis = pairs.column([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])  # 4 w v
-        return axis * (one / pairs.call("sqrt", four_w2))
-    i = int(np.argmax(np.diagonal(R.value)))  # half a turn: R + U = 2 a a^T
-    column = R[:, i : i + 1] + pairs.column([one if j == i else zero for j in range(3)])
-    return pairs.unit(column) * pairs.number(2)
 
 
 def rotation_only(R: Pair) -> Pair:

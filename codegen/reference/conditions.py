@@ -39,11 +39,8 @@ from ..model.model import Coupling, Face, Loop, PointCondition
 from .arithmetic import Array
 from .ground_frame import Frame, Freedoms, cross, placement
 from .pairs import Pair, Pairs
-from .primitives import condition_frame
+from .primitives import condition_frame, residuals_of_turn
 from .surfaces import surface_at
-
-HALF_TURN = 1e-12
-"""A squared cosine below this has no direction back any more."""
 
 Row = tuple[Pair, Pair, Pair, Pair]
 """What is zero where the condition is met (1, 1), its Jacobian (1, nu), remainder (1, 1) and wrench (1, 6)."""
@@ -127,7 +124,10 @@ def conditions(
         positions += [value * scale for value, *_ in found]
         turned = [_angular(pairs, s, e, terms) for terms in angular]
         rows += turned
-        positions += residuals_of_turn(pairs, loop, s.R, e.R, [value for value, *_ in turned])
+        into = (
+            condition_frame(pairs, loop.axes[0], defaults)[1].mT if loop.axes else pairs.constant(np.eye(3, dtype=int))
+        )
+        positions += residuals_of_turn(pairs, loop, into, s.R, e.R, [value for value, *_ in turned])
     return Conditions(
         pairs.block([[x] for x in positions]), *(pairs.block([[row[i]] for row in rows]) for i in range(4))
     )
@@ -166,29 +166,6 @@ def directions(
         second = pairs.unit(pairs.vector(loop.axes[1])).mT @ R_e.mT
         angular = [[(1, second, start[i])]]
     return linear, angular
-
-
-def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: list[Pair]) -> list[Pair]:
-    """The angular residuals, (1, 1) each, from the sines c . d: with 2 sin(t/2) instead of sin(t)."""
-    one, two = pairs.number(1), pairs.number(2)
-    if loop.closure.angular == 3:
-        B = R_s.mT @ R_e
-        squared = one + B[0, 0] + B[1, 1] + B[2, 2]  # 4 cos(t/2)^2
-        if squared.value > HALF_TURN:
-            root = two / pairs.call("sqrt", squared)
-            return [x * root for x in sines]
-        # B = 2 a a^T - U, a of either sign
-        i = int(np.argmax(np.diagonal(B.value)))
-        root = pairs.call("sqrt", (one + B[i, i]) * two)
-        twice = [((B[j, i] + B[i, j] + (two if i == j else pairs.number(0))) / root) for j in range(3)]
-        return [pairs.matrix([[twice[i]]]) for i in range(3)]
-    if loop.closure.angular < 2:
-        return sines
-    a = pairs.unit(pairs.vector(loop.axes[0]))
-    squared = (one + pairs.dot(R_s @ a, R_e @ a)) / two  # cos(t/2)^2
-    if not squared.value > HALF_TURN:
-        return [pairs.constant([[2]]), *(pairs.constant([[0]]) for _ in sines[1:])]
-    return [x * (one / pairs.call("sqrt", squared)) for x in sines]
 
 
 def _coupled(pairs: Pairs, loop: Coupling, places: Sequence[tuple[slice, slice]], q: Pair, u: Pair) -> Row:

@@ -5,14 +5,18 @@ Geometry and inertia as pairs; every quantity here depends on one body's own par
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.model import Body, Face, Joint, Vector, coordinate_axis, least_along
+from ..model.model import Body, Face, Joint, Loop, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement, Slide, Turn
 from ..model.quarter_turns import cosine_and_sine, quarter_turns
 from .pairs import Pair, Pairs
+
+HALF_TURN = 1e-12
+"""A squared cosine below this has no direction back any more."""
 
 
 @dataclass(slots=True)
@@ -89,6 +93,43 @@ def condition_frame(pairs: Pairs, axis: Vector, defaults: dict[str, float]) -> t
     least = least_along(axis, defaults)
     t1 = -pairs.unit(pairs.skew(a)[:, least : least + 1])
     return 2, pairs.block([[t1, pairs.skew(a) @ t1, a]])
+
+
+def twice_half_sine(pairs: Pairs, R: Pair) -> Pair:
+    """2 sin(t/2) a of the rotation by t about a, (3, 1): twice the vector of its unit quaternion with w >= 0."""
+    one, zero = pairs.number(1), pairs.number(0)
+    four_w2 = one + R[0, 0] + R[1, 1] + R[2, 2]
+    if four_w2.value > HALF_TURN:
+        axis = pairs.column([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])  # 4 w v
+        return axis * (one / pairs.call("sqrt", four_w2))
+    i = int(np.argmax(np.diagonal(R.value)))  # half a turn: R + U = 2 a a^T
+    column = R[:, i : i + 1] + pairs.column([one if j == i else zero for j in range(3)])
+    return pairs.unit(column) * pairs.number(2)
+
+
+def residuals_of_turn(pairs: Pairs, loop: Loop, into: Pair, R_s: Pair, R_e: Pair, sines: Sequence[Pair]) -> list[Pair]:
+    """The angular residuals of a loop joint as they are reported, (1, 1) each: with 2 sin(t/2) in the place of sin(t).
+
+    Parameters
+    ----------
+    into : Pair
+        Components in the start face into those along the conditions, (3, 3).
+    R_s, R_e : Pair
+        Components in the faces into common ones, (3, 3).
+    sines : sequence of Pair
+        The conditions, sums of c . d, (1, 1) each.
+    """
+    if loop.closure.angular == 3:
+        turn = into @ twice_half_sine(pairs, R_s.mT @ R_e)
+        return [turn[i : i + 1] for i in range(3)]
+    if loop.closure.angular < 2:
+        return list(sines)
+    a = pairs.unit(pairs.vector(loop.axes[0]))
+    double = R_s @ a + R_e @ a  # twice the cosine of t/2 long
+    square = pairs.dot(double, double)
+    if not square.value > HALF_TURN:
+        return [pairs.constant([[2]]), *(pairs.constant([[0]]) for _ in sines[1:])]
+    return [x * (pairs.number(2) / pairs.call("sqrt", square)) for x in sines]
 
 
 def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
