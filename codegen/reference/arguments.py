@@ -174,10 +174,10 @@ class Arguments(ABC):
         for of, n, free, held, order in (
             (q, self.model.nq, self.free_q, held_q, 0), (u, self.model.nu, self.free_u, self.held, 1),
         ):  # fmt: skip
-            whole = pairs.constant(np.zeros((n, 1), int))
+            whole = pairs.zeros(n, 1)
             given = pairs.vector([x.values[order] for x in self.given.prescribed])
             for rows, part in ((free, of), (held, given)):
-                whole.value[rows], whole.tangent[:, rows] = part.value, part.tangent
+                whole[rows] = part
             found.append(whole)
         return found[0], found[1]
 
@@ -189,14 +189,14 @@ class Arguments(ABC):
         """The accelerations of all speeds, those that are prescribed put in their places."""
         if len(self.held):
             given = self._prescribed_accelerations(pairs)
-            udot.value[self.held], udot.tangent[:, self.held] = given.value, given.tangent
+            udot[self.held] = given
         return udot
 
     def _of_speeds(self, name: str, value: Any, seed: Any, pairs: Pairs) -> Pair:
         """An argument for the free speeds, (nu, 1) with zeros for the others."""
         part = self._pair(name, value, self.given.nu, seed, pairs.k)
-        whole = pairs.constant(np.zeros((self.model.nu, 1), int))
-        whole.value[self.free_u], whole.tangent[:, self.free_u] = part.value, part.tangent
+        whole = pairs.zeros(self.model.nu, 1)
+        whole[self.free_u] = part
         return whole
 
     def _of_free(self, column: Pair) -> tuple[Array, Array]:
@@ -221,7 +221,7 @@ class Arguments(ABC):
             q.tangent += self._coordinate_rates(still).tangent
             state = state.moved(model, q, u)
         closed = self._closed_speeds(state)
-        u.value[dependent], u.tangent[:, dependent] = closed.value, closed.tangent
+        u[dependent] = closed
         state = state.moved(model, q, u)
         if len(dependent) < len(model.closure_names):
             self._check_redundant(state)

@@ -160,7 +160,7 @@ def cut(
     dropped: Collection[int],
 ) -> Cut:
     """The loop joint between two bodies; `dropped` are those of its conditions that do not count."""
-    U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 3), int))
+    U, zero = pairs.eye(3), pairs.zeros(3, 3)
     C = start.N_C.mT @ end.N_C
     arm_end = C @ (pairs.vector(loop.end.at) - end.com)
     arm_start = start.N_C.mT @ (end.x - start.x) + arm_end
@@ -174,7 +174,7 @@ def cut(
     frame, end_frame = placed_rotation(loop.start, pairs) @ frame, C @ placed_rotation(loop.end, pairs) @ end_frame
     s, e = ([axes[:, j : j + 1] for j in range(3)] for axes in (frame, end_frame))
     j, k = (i + 1) % 3, (i + 2) % 3
-    scale, none = pairs.number(1) / pairs.number(length), pairs.constant(np.zeros((1, 3), int))
+    scale, none = pairs.number(1) / pairs.number(length), pairs.zeros(1, 3)
     linear: list[Pair] = {0: [], 1: [s[i]], 2: [s[j], s[k]], 3: s}[loop.closure.linear]
     surfaces: list[tuple[Pair, Pair, Pair]] = []
     if loop.surfaces:
@@ -275,7 +275,7 @@ class EarClosure:
                 rows.append([joint.of_motion(self.pairs, motion, still)])
                 continue
             start, end = loop.start.body, loop.end.body
-            total = self.pairs.constant(np.zeros((len(joint.kept), still), int))
+            total = self.pairs.zeros(len(joint.kept), still)
             if end in motion:
                 total = total + joint.K_end[joint.kept] @ motion[end]
             if start in motion:
@@ -329,7 +329,7 @@ def closed_motion(
     of_faces : sequence of Pair
         By loop, what its faces move in their bodies, as kept conditions (m, 1).
     """
-    result = pairs.constant(np.zeros((model.nu, 1), int))
+    result = pairs.zeros(model.nu, 1)
     motion: dict[int, Pair] = {}
     for group in groups:
         ear = EarClosure(model, group, pairs, bodies, cuts)
@@ -339,7 +339,7 @@ def closed_motion(
         if group.dependent:
             x = ear.solve(ear.conditions(motion) + pairs.block([[of_faces[i]] for i in group.loops]))
             index = np.array(group.dependent)
-            result.value[index], result.tangent[:, index] = x.value, x.tangent
+            result[index] = x
             for j in group.members:
                 motion[j] = motion[j] + ear.G[j] @ x  # Eq. 30
     return result

@@ -124,9 +124,7 @@ def conditions(
         positions += [value * scale for value, *_ in found]
         turned = [_angular(pairs, s, e, terms) for terms in angular]
         rows += turned
-        into = (
-            condition_frame(pairs, loop.axes[0], defaults)[1].mT if loop.axes else pairs.constant(np.eye(3, dtype=int))
-        )
+        into = condition_frame(pairs, loop.axes[0], defaults)[1].mT if loop.axes else pairs.eye(3)
         positions += residuals_of_turn(pairs, loop, into, s.R, e.R, [value for value, *_ in turned])
     return Conditions(
         pairs.block([[x] for x in positions]), *(pairs.block([[row[i]] for row in rows]) for i in range(4))
@@ -149,7 +147,7 @@ def directions(
     pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, defaults: dict[str, float]
 ) -> tuple[list[Pair], list[Turning]]:
     """The directions n, and the terms of c . d, of a loop joint's conditions, each (1, 3) in the ground frame."""
-    U = pairs.constant(np.eye(3, dtype=int))
+    U = pairs.eye(3)
     i, frame = condition_frame(pairs, loop.axes[0], defaults) if loop.axes else (2, U)
     start, end = ([(R @ frame)[:, j : j + 1].mT for j in range(3)] for R in (R_s, R_e))
     j, k = (i + 1) % 3, (i + 2) % 3
@@ -170,7 +168,7 @@ def directions(
 
 def _coupled(pairs: Pairs, loop: Coupling, places: Sequence[tuple[slice, slice]], q: Pair, u: Pair) -> Row:
     """The condition that a sum of factor q, less the offset, is zero; its wrench is one number, a force along the first."""
-    value, row = -pairs.matrix([[pairs.expression(loop.offset)]]), pairs.constant(np.zeros((1, len(u.value)), int))
+    value, row = -pairs.matrix([[pairs.expression(loop.offset)]]), pairs.zeros(1, len(u.value))
     for term in loop.terms:
         i, j = (place.start + term.index for place in places[term.body])
         factor = pairs.matrix([[pairs.expression(term.factor)]])
@@ -228,6 +226,6 @@ def _angular(pairs: Pairs, s: Side, e: Side, terms: Turning) -> Row:
 
 def _spread(pairs: Pairs, rows: Pair, index: Array, n: int) -> Pair:
     """Rows (len(index), 3) at their places among n."""
-    result = pairs.constant(np.zeros((n, 3), int))
-    result.value[index], result.tangent[:, index] = rows.value, rows.tangent
+    result = pairs.zeros(n, 3)
+    result[index] = rows
     return result

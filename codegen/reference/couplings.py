@@ -71,7 +71,7 @@ class CoupledCut:
 
     def of_motion(self, pairs: Pairs, motion: Mapping[int, Pair], columns: int) -> Pair:
         """The condition of motions (6, columns) of mass centres; bodies that are not listed do not move."""
-        total = pairs.constant(np.zeros((1, columns), int))
+        total = pairs.zeros(1, columns)
         for term in self.terms:
             if term.body in motion:
                 total = total + term.K @ motion[term.body]

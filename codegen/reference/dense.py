@@ -62,7 +62,7 @@ class DenseEngine(Engine):
         held = pairs.constant(np.eye(nu, dtype=int)[self.held])
         given = self._prescribed_accelerations(pairs)
         if not self.model.loops:
-            return self._accelerated(M, K, held, given)[:nu], pairs.constant(np.zeros((0, 1), int))
+            return self._accelerated(M, K, held, given)[:nu], pairs.zeros(0, 1)
         known = self._conditions(state)
         J = known.jacobian.value
         C = self.arithmetic.eye(len(J))[self._subset(J)] if subset else self._combinations(J)
@@ -90,8 +90,8 @@ class DenseEngine(Engine):
     def _solve_mass(self, state: State, b: Pair) -> Pair:
         free = self.free_u
         part = self._solve(self._mass_matrix(state)[np.ix_(free, free)], b[free])
-        whole = state.pairs.constant(np.zeros((self.model.nu, 1), int))
-        whole.value[free], whole.tangent[:, free] = part.value, part.tangent
+        whole = state.pairs.zeros(self.model.nu, 1)
+        whole[free] = part
         return whole
 
     def _solve(self, A: Pair, B: Pair) -> Pair:
@@ -179,7 +179,7 @@ class DenseEngine(Engine):
         """On the faces that the file calls ``to`` or, not `given`, on the ends of the loops as they are computed."""
         pairs = state.pairs
         if not self.model.loops:
-            return pairs.constant(np.zeros((0, 6), int))
+            return pairs.zeros(0, 6)
         known, (_, multipliers) = self._conditions(state), self._constrained(state, subset=True)
         multipliers = self._shared(known.jacobian, multipliers)
         # Phi_q^T lambda stands on the left of Eq. 4, hence the minus.
@@ -192,7 +192,7 @@ class DenseEngine(Engine):
         dependent = jacobian[:, self.dependent]
         W = self._solve(dependent[rows].mT, dependent.mT).mT  # every condition from those of the subset
         dropped = np.setdiff1d(np.arange(len(jacobian.value)), self.kept)
-        W.value[dropped], W.tangent[:, dropped] = 0 * W.value[dropped], 0 * W.tangent[:, dropped]
+        W[dropped] = Pair(0 * W.value[dropped], 0 * W.tangent[:, dropped])
         return W @ self._solve(W.mT @ W, multipliers[rows])
 
     def _conditions(self, state: State) -> Conditions:
@@ -275,7 +275,7 @@ class DenseEngine(Engine):
         """M of Eq. 4, (nu, nu)."""
         pairs, nu = state.pairs, self.model.nu
         frames, freedoms = self._motion(state)
-        M = pairs.constant(np.zeros((nu, nu), int))
+        M = pairs.zeros(nu, nu)
         for body, frame in zip(self.model.bodies, frames, strict=False):
             index = np.array(frame.freedoms, dtype=int)
             m, I, x, _ = self._mass(body, frame, pairs)
@@ -289,7 +289,7 @@ class DenseEngine(Engine):
         """K of Eq. 4, (nu, 1)."""
         pairs = state.pairs
         frames, freedoms = self._motion(state)
-        K = pairs.constant(np.zeros((self.model.nu, 1), int))
+        K = pairs.zeros(self.model.nu, 1)
         g = self._gravity(pairs)
         for body, frame in zip(self.model.bodies, frames, strict=False):
             index = np.array(frame.freedoms, dtype=int)
@@ -354,8 +354,8 @@ class DenseEngine(Engine):
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot, (nq, 1): quaternions by their own product, edot = e (0, omega)/2."""
-        pairs, rates = state.pairs, state.pairs.constant(np.zeros((self.model.nq, 1), int))
-        half, U = pairs.number(1) / pairs.number(2), pairs.constant(np.eye(3, dtype=int))
+        pairs, rates = state.pairs, state.pairs.zeros(self.model.nq, 1)
+        half, U = pairs.number(1) / pairs.number(2), pairs.eye(3)
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):
             q, u = state.q[q_rows], state.u[u_rows]
             for m in body.joint.kind.motion:
@@ -367,14 +367,14 @@ class DenseEngine(Engine):
                         part = pairs.column(quaternion_product([q[i + n, 0] for n in range(4)], omega)) * half
                     case Displacement(i, j):
                         part = attitudes(pairs, body.joint, q, U)[-1] @ u[j : j + 3]
-                pairs.put(rates, q_rows.start + i, part)
+                rates[q_rows.start + i : q_rows.start + i + len(part.value)] = part
         return rates
 
     def _motion(self, state: State) -> tuple[list[Frame], Freedoms]:
         return motion(self.model, state)
 
     def _gravity(self, pairs: Pairs) -> Pair:
-        return pairs.vector(self.model.gravity).mT if self.model.gravity else pairs.constant(np.zeros((1, 3), int))
+        return pairs.vector(self.model.gravity).mT if self.model.gravity else pairs.zeros(1, 3)
 
     def _mass(self, body: Body, frame: Frame, pairs: Pairs) -> tuple[Pair, Pair, Pair, Pair]:
         """Mass, inertia about the mass centre (3, 3), and the mass centre's position and velocity (1, 3); ground frame."""

@@ -131,7 +131,7 @@ class _Inward:
     def _share(self, group: Group, z: Places, H: dict[int, Pair], Y: Pair) -> tuple[Pair, Pair, dict[int, Pair]]:
         """The group's Gibbs function z^T Z z / 2 - f^T z, and what it is coupled to outside: A_i^T (outside[i]) z."""
         pairs = self.pairs
-        Z, f = zero(pairs, z.size, z.size), zero(pairs, z.size, 1)
+        Z, f = pairs.zeros(z.size, z.size), pairs.zeros(z.size, 1)
         outside: dict[int, Pair] = {}
         for j in group.members:
             Z = Z + H[j].mT @ self.I_hat[j] @ H[j]  # Eqs. 39 and 40
@@ -140,7 +140,7 @@ class _Inward:
                 if i in H:
                     Z = Z + H[j].mT @ Q_ji @ H[i]
                 else:
-                    outside[i] = outside.get(i, zero(pairs, 6, z.size)) + Q_ji.mT @ H[j]
+                    outside[i] = outside.get(i, pairs.zeros(6, z.size)) + Q_ji.mT @ H[j]
             tau = self.bodies[j].tau
             f = f + Y.mT @ selection(pairs, self.model, j, group.dependent).mT @ tau
             _add(f, z.y, slice(0, 1), selection(pairs, self.model, j, group.independent).mT @ tau)
@@ -202,10 +202,10 @@ def motion_of_members(
     motion = {x: pairs.constant(np.eye(6, z.size, place.start, dtype=int)) for x, place in z.ends.items()}
     for j in group.members:
         parent = model.bodies[j].parent
-        own = zero(pairs, 6, z.size)
+        own = pairs.zeros(6, z.size)
         _add(own, slice(None), z.y, bodies[j].P @ selection(pairs, model, j, group.independent))
         motion[j] = bodies[j].S.mT @ motion[parent] + own if parent in motion else own  # Eq. 19
-    Y = zero(pairs, len(group.dependent), z.size)
+    Y = pairs.zeros(len(group.dependent), z.size)
     if group.dependent:
         b = ear.conditions(motion)
         _add(b, slice(None), z.one, pairs.block([[remainders[i]] for i in group.loops]))
@@ -215,7 +215,7 @@ def motion_of_members(
 
 def back_substitution(model: Model, groups: Sequence[Group], eliminated: Sequence[Eliminated], pairs: Pairs) -> Pair:
     """udot, (nu, 1), outward, Eqs. 53 to 60."""
-    udot = zero(pairs, model.nu, 1)
+    udot = pairs.zeros(model.nu, 1)
     A_bar: dict[int, Pair] = {}
     for group, e in zip(groups, eliminated, strict=True):
         r = e.r
@@ -228,10 +228,6 @@ def back_substitution(model: Model, groups: Sequence[Group], eliminated: Sequenc
         for speeds, values in ((group.independent, y), (group.dependent, e.Y @ z)):
             _add(udot, np.array(speeds, dtype=int), slice(0, 1), values)
     return udot
-
-
-def zero(pairs: Pairs, *shape: int) -> Pair:
-    return pairs.constant(np.zeros(shape, int))
 
 
 def _add(matrix: Pair, rows: slice | Array, columns: slice, block: Pair) -> None:

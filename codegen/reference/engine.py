@@ -216,7 +216,7 @@ class Engine(Arguments):
             unit = pairs.constant(np.eye(model.nu, dtype=int)[:, i : i + 1])
             if model.loops:
                 closed = self._closed_speeds(state.moved(model, state.q, unit))
-                unit.value[self.dependent], unit.tangent[:, self.dependent] = closed.value, closed.tangent
+                unit[self.dependent] = closed
             found.append(pairs.dot(unit, left_over))
         return pairs.column(found)
 
@@ -356,11 +356,11 @@ class Engine(Arguments):
 
     def _forces_on_speeds(self, pairs: Pairs) -> Pair:
         """The generalised forces on joints' speeds that force elements exert directly, (nu, 1)."""
-        tau = pairs.constant(np.zeros((self.model.nu, 1), int))
+        tau = pairs.zeros(self.model.nu, 1)
         for element in self.model.elements:
             for body, values in LAWS[type(element)].on_speeds(element, pairs).items():
                 rows = self.model.coordinate_slices[body][1]
-                pairs.put(tau, rows.start, tau[rows] + values)
+                tau[rows] = tau[rows] + values
         return tau
 
     def _potential(self, pairs: Pairs, motion: Any) -> Pair:

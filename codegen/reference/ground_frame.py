@@ -84,7 +84,7 @@ class Freedoms:
 def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
     """Frames of all bodies, the ground's last (index -1), and the axes of all freedoms."""
     pairs = state.pairs
-    zero, U = pairs.constant(np.zeros((1, 3), int)), pairs.constant(np.eye(3, dtype=int))
+    zero, U = pairs.zeros(1, 3), pairs.eye(3)
     frames = [Frame(U, zero, zero, zero, [])] * (len(model.bodies) + 1)
     rows: list[list[Pair]] = [[] for _ in range(model.nu)]
     for k in model.outward:
@@ -136,7 +136,7 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
             rows[i] = row
         frames[k] = Frame(R, o, v, omega, [*parent.freedoms, *speeds])
     if not rows:
-        return frames, Freedoms(*(pairs.constant(np.zeros((0, 3), int)) for _ in range(6)))
+        return frames, Freedoms(*(pairs.zeros(0, 3) for _ in range(6)))
     return frames, Freedoms(*(pairs.block([[row[i]] for row in rows]) for i in range(6)))
 
 
@@ -156,7 +156,7 @@ def attitudes(pairs: Pairs, joint: Joint, q: Pair, A: Pair) -> list[Pair]:
 
 def placement(pairs: Pairs, rotation: Sequence[tuple[Vector, Expression]]) -> Pair:
     """Components in a frame placed in a body, by rotations about the moving axes, into body components, (3, 3)."""
-    A = pairs.constant(np.eye(3, dtype=int))
+    A = pairs.eye(3)
     for axis, angle in rotation:
         quarters = quarter_turns(angle)
         A = A @ (turn(pairs, axis, pairs.expression(angle)) if quarters is None else quarter(pairs, axis, quarters))

@@ -72,6 +72,10 @@ class Pair:
         index = index if isinstance(index, tuple) else (index,)
         return Pair(self.value[index], self.tangent[(slice(None), *index)])
 
+    def __setitem__(self, index: Any, part: Pair) -> None:
+        index = index if isinstance(index, tuple) else (index,)
+        self.value[index], self.tangent[(slice(None), *index)] = part.value, part.tangent
+
     @property
     def mT(self) -> Pair:
         """The transposed matrix."""
@@ -122,6 +126,14 @@ class Pairs:
         value = self.arithmetic.array(x)
         return Pair(value, self.arithmetic.zeros(self.k, *value.shape))
 
+    def zeros(self, *shape: int) -> Pair:
+        """A matrix of zeros."""
+        return self.constant(np.zeros(shape, dtype=int))
+
+    def eye(self, n: int) -> Pair:
+        """The unit matrix, (n, n)."""
+        return self.constant(np.eye(n, dtype=int))
+
     def matrix(self, rows: Sequence[Sequence[Pair]]) -> Pair:
         """A matrix of numbers, (r, c)."""
         value = np.empty((len(rows), len(rows[0])), self.arithmetic.dtype)
@@ -143,12 +155,6 @@ class Pairs:
         """The diagonal matrix with the entries of a column, (r, r)."""
         unit = self.arithmetic.array(np.eye(len(column.value), dtype=int))
         return Pair(unit * column.value, unit * column.tangent)
-
-    @staticmethod
-    def put(column: Pair, start: int, part: Pair) -> None:
-        """Set rows of a column (r, 1), in place, beginning with one."""
-        rows = slice(start, start + len(part.value))
-        column.value[rows], column.tangent[:, rows] = part.value, part.tangent
 
     @staticmethod
     def skew(v: Pair) -> Pair:

@@ -36,7 +36,7 @@ class JointTerms:
 
 def shift(pairs: Pairs, C: Pair, gamma: Pair) -> Pair:
     """S^k, (6, 6); gamma in components of k, as C gamma x asks."""
-    zero = pairs.constant(np.zeros((3, 3), int))
+    zero = pairs.zeros(3, 3)
     return pairs.block([[C, C @ pairs.skew(gamma)], [zero, C]])  # Eqs. 22 and 28
 
 
@@ -44,8 +44,8 @@ def generalised_inertia(body: Body, pairs: Pairs) -> Pair:
     """I^k about the mass centre in body axes, (6, 6)."""
     xx, yy, zz, xy, xz, yz = (pairs.expression(e) for e in body.inertia)
     central = pairs.matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    mass = pairs.constant(np.eye(3, dtype=int)) * pairs.expression(body.mass)
-    zero = pairs.constant(np.zeros((3, 3), int))
+    mass = pairs.eye(3) * pairs.expression(body.mass)
+    zero = pairs.zeros(3, 3)
     return pairs.block([[central, zero], [zero, mass]])
 
 
@@ -56,13 +56,13 @@ def axis_rotation(pairs: Pairs, axis: Pair, angle: Pair) -> Pair:
 
 def _rodrigues(pairs: Pairs, axis: Pair, cosine: Pair, sine: Pair) -> Pair:
     a = pairs.skew(axis)
-    return pairs.constant(np.eye(3, dtype=int)) + a * sine + (a @ a) * (pairs.number(1) - cosine)
+    return pairs.eye(3) + a * sine + (a @ a) * (pairs.number(1) - cosine)
 
 
 def quaternion_rotation(pairs: Pairs, e: Pair) -> Pair:
     """Rotation of e/abs(e), e = (w, v): U + 2 (w v x + v x v x)/abs(e)^2, (3, 3)."""
     v, two = pairs.skew(e[1:]), pairs.number(2)
-    return pairs.constant(np.eye(3, dtype=int)) + (v * e[0, 0] + v @ v) * (two / pairs.dot(e, e))
+    return pairs.eye(3) + (v * e[0, 0] + v @ v) * (two / pairs.dot(e, e))
 
 
 def quaternion_rate_matrix(pairs: Pairs, e: Pair) -> Pair:
@@ -73,7 +73,7 @@ def quaternion_rate_matrix(pairs: Pairs, e: Pair) -> Pair:
 
 def placed_rotation(placed: Joint | Face, pairs: Pairs) -> Pair:
     """Components in a joint frame or face into components in the body it is placed in, (3, 3)."""
-    C = pairs.constant(np.eye(3, dtype=int))
+    C = pairs.eye(3)
     for axis, angle in placed.rotation:
         about, quarters = pairs.unit(pairs.vector(axis)), quarter_turns(angle)
         if quarters is None:
@@ -140,12 +140,12 @@ def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
 
         (-omega x R^T w,  -omega x R^T (v + w x d) + R^T (w x ddot))
     """
-    U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 1), int))
-    none, eye = pairs.constant(np.zeros((3, 3), int)), np.eye(u.value.shape[0], dtype=int)
+    U, zero = pairs.eye(3), pairs.zeros(3, 1)
+    none, eye = pairs.zeros(3, 3), np.eye(u.value.shape[0], dtype=int)
     axes = [pairs.unit(pairs.vector(axis)) for axis in body.joint.axes]
     R, d = U, zero
-    P = P_end = pairs.constant(np.zeros((6, len(eye)), int))
-    Pdot_u = pairs.constant(np.zeros((6, 1), int))
+    P = P_end = pairs.zeros(6, len(eye))
+    Pdot_u = pairs.zeros(6, 1)
     moving = False
     for m in body.joint.kind.motion:
         turned, way, place = U, zero, slice(0)

@@ -33,8 +33,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ..loops.partition import Partition
 from ..model.model import GROUND, Coupling, Model
 from ..model.motions import Ball, Displacement, Slide, Turn
@@ -108,7 +106,7 @@ class RecursiveEngine(Engine):
         """M^-1 b, (nu, 1): the same sweeps with b for the joint forces and nothing else acting."""
         bodies = self._motion(state)
         for body, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False):
-            body.F, body.tau = state.pairs.constant(np.zeros((6, 1), int)), b[rows]
+            body.F, body.tau = state.pairs.zeros(6, 1), b[rows]
         return self._back_substitution(bodies, self._triangularization(bodies, self._armature(state.pairs)))
 
     def _triangularization(self, bodies: list[Terms], rotors: Pair) -> list[Articulated]:
@@ -142,15 +140,15 @@ class RecursiveEngine(Engine):
     def _back_substitution(self, bodies: list[Terms], articulated: list[Articulated]) -> Pair:
         """udot, (nu, 1), outward, Eqs. 53 to 56."""
         model, pairs = self.model, self._constants(bodies)
-        udot = pairs.constant(np.zeros((model.nu, 1), int))
-        A_bar = [pairs.constant(np.zeros((6, 1), int))] * len(bodies)  # Eq. 56: the ground's stays zero
+        udot = pairs.zeros(model.nu, 1)
+        A_bar = [pairs.zeros(6, 1)] * len(bodies)  # Eq. 56: the ground's stays zero
         for k in model.outward:
             b, art, rows = bodies[k], articulated[k], self._free_places(k)
             P, tau = self._freedoms(k, b)
             A = b.S.mT @ A_bar[model.bodies[k].parent]
             udot_k = art.M_inverse @ (P.mT @ (art.F_hat - art.I_hat @ A) + tau)  # Eq. 53, and the joint force; Eq. 55
             A_bar[k] = A + P @ udot_k  # Eqs. 54 and 55 with S^T
-            udot.value[rows], udot.tangent[:, rows] = udot_k.value, udot_k.tangent
+            udot[rows] = udot_k
         return udot
 
     def _constants(self, bodies: list[Terms]) -> Pairs:
@@ -185,8 +183,8 @@ class RecursiveEngine(Engine):
             C_fixed = placed_rotation(body.joint, pairs)
             C = C_fixed @ joint.R
             gamma = C.mT @ (s + C_fixed @ joint.d) + r
-            lever = pairs.block([[pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 3), int))],
-                                 [-pairs.skew(r), pairs.constant(np.eye(3, dtype=int))]])  # fmt: skip
+            lever = pairs.block([[pairs.eye(3), pairs.zeros(3, 3)],
+                                 [-pairs.skew(r), pairs.eye(3)]])  # fmt: skip
             P, Pdot_u = lever @ joint.P, lever @ joint.Pdot_u  # from the child's origin to its mass centre
             S, I = shift(pairs, C, gamma), generalised_inertia(body, pairs)
 
@@ -217,13 +215,13 @@ class RecursiveEngine(Engine):
             force = inward @ wrench.force
             b.F = b.F + pairs.block([[pairs.skew(at - b.com) @ force], [force]])
         if wrench.torque is not None:
-            b.F = b.F + pairs.block([[inward @ wrench.torque], [pairs.constant(np.zeros((3, 1), int))]])
+            b.F = b.F + pairs.block([[inward @ wrench.torque], [pairs.zeros(3, 1)]])
 
     # --- loops: completion of dependent speeds and seeds ------------------------------------------------------------
 
     def _given_accelerations(self, pairs: Pairs) -> Pair:
         """Those of what is prescribed, (nu, 1), zero for all others."""
-        return self._with_accelerations(pairs.constant(np.zeros((self.model.nu, 1), int)), pairs)
+        return self._with_accelerations(pairs.zeros(self.model.nu, 1), pairs)
 
     def _cuts(self, pairs: Pairs, bodies: list[Terms]) -> list[AnyCut]:
         """The loop joints, and couplings, at the position of the bodies."""
@@ -239,7 +237,7 @@ class RecursiveEngine(Engine):
         pairs, bodies = state.pairs, self._motion(state)
         cuts = self._cuts(pairs, bodies)
         own = [b.P @ state.u[rows] for b, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False)]
-        still = [pairs.constant(np.zeros((len(joint.kept), 1), int)) for joint in cuts]
+        still = [pairs.zeros(len(joint.kept), 1) for joint in cuts]
         return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, still)[self.dependent]
 
     def _displacements(self, state: State) -> Array:
@@ -281,17 +279,17 @@ class RecursiveEngine(Engine):
         """M udot - K, (nu, 1): Eqs. 19 outward, the balance of every body inward."""
         model, pairs, explicit = self.model, state.pairs, self._explicit(udot)
         bodies = self._motion(state)
-        A_bar = [pairs.constant(np.zeros((6, 1), int))] * len(bodies)
+        A_bar = [pairs.zeros(6, 1)] * len(bodies)
         for k in model.outward:
             b, rows = bodies[k], model.coordinate_slices[k][1]
             A_bar[k] = b.S.mT @ A_bar[model.bodies[k].parent] + b.P @ explicit[rows]  # Eq. 54
 
         # Phi: what joint k has to transmit, the body's own need first, then its children's.
         Phi = [b.I @ A - b.F for b, A in zip(bodies, A_bar, strict=True)]
-        result = pairs.constant(np.zeros((model.nu, 1), int))
+        result = pairs.zeros(model.nu, 1)
         for k in reversed(model.outward):
             b, pr, rows = bodies[k], model.bodies[k].parent, model.coordinate_slices[k][1]
-            pairs.put(result, rows.start, b.P.mT @ Phi[k] - b.tau)
+            result[rows] = b.P.mT @ Phi[k] - b.tau
             Phi[pr] = Phi[pr] + b.S @ Phi[k]
         return result + pairs.diagonal(self._armature(pairs)) @ udot
 
@@ -306,7 +304,7 @@ class RecursiveEngine(Engine):
         """M, (nu, nu), by composite inertias: M_jk = (P_j^j)^T jS^k I_composite^k P_k^k for j inboard of k."""
         model, pairs = self.model, state.pairs
         bodies = self._motion(state)
-        M = pairs.constant(np.zeros((model.nu, model.nu), int))
+        M = pairs.zeros(model.nu, model.nu)
         composite = [b.I for b in bodies]
         for k in reversed(model.outward):
             b, pr, columns = bodies[k], model.bodies[k].parent, model.coordinate_slices[k][1]
@@ -315,9 +313,8 @@ class RecursiveEngine(Engine):
             j = k
             while j >= 0:
                 b, rows = bodies[j], model.coordinate_slices[j][1]
-                block = b.P.mT @ X
-                M.value[rows, columns], M.tangent[:, rows, columns] = block.value, block.tangent
-                M.value[columns, rows], M.tangent[:, columns, rows] = block.value.mT, block.tangent.mT
+                M[rows, columns] = b.P.mT @ X
+                M[columns, rows] = M[rows, columns].mT
                 X = b.S @ X
                 j = model.bodies[j].parent
         return M + pairs.diagonal(self._armature(pairs))
@@ -348,7 +345,7 @@ class RecursiveEngine(Engine):
 
         A point of a body adds ``alpha x r + omega x (omega x r)``.
         """
-        pairs, zero, udot = state.pairs, state.pairs.constant(np.zeros((6, 1), int)), self._explicit(udot)
+        pairs, zero, udot = state.pairs, state.pairs.zeros(6, 1), self._explicit(udot)
         explicit = [zero for _ in motion]
         for k in self.model.outward:
             b, rows = motion[k], self.model.coordinate_slices[k][1]
@@ -370,7 +367,7 @@ class RecursiveEngine(Engine):
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot = C(q) u, Eq. 1 with D = 0, (nq, 1)."""
-        pairs, rates = state.pairs, state.pairs.constant(np.zeros((self.model.nq, 1), int))
+        pairs, rates = state.pairs, state.pairs.zeros(self.model.nq, 1)
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):
             q, u = state.q[q_rows], state.u[u_rows]
             for m in body.joint.kind.motion:
@@ -381,22 +378,22 @@ class RecursiveEngine(Engine):
                         part = quaternion_rate_matrix(pairs, q[i : i + 4]) @ u[j : j + 3]
                     case Displacement(i, j):
                         part = joint_terms(body, pairs, q, u).R @ u[j : j + 3]
-                pairs.put(rates, q_rows.start + i, part)
+                rates[q_rows.start + i : q_rows.start + i + len(part.value)] = part
         return rates
 
     # --- parts of the kinematic sweep -----------------------------------------------------------------------------
 
     def _ground(self, pairs: Pairs) -> Terms:
         """The ground does not move; what the sweeps collect for it is never read."""
-        zero = {(r, c): pairs.constant(np.zeros((r, c), int)) for r, c in ((6, 6), (6, 1), (6, 0), (3, 1), (0, 1))}
-        zero[3, 3] = pairs.constant(np.eye(3, dtype=int))
+        zero = {(r, c): pairs.zeros(r, c) for r, c in ((6, 6), (6, 1), (6, 0), (3, 1), (0, 1))}
+        zero[3, 3] = pairs.eye(3)
         shapes = {"S": (6, 6), "P": (6, 0), "V": (6, 1), "A_t": (6, 1), "I": (6, 6), "F": (6, 1), "tau": (0, 1)}
         shapes |= {"N_C": (3, 3), "x": (3, 1), "com": (3, 1)}
         return Terms(**{name: zero[shape] for name, shape in shapes.items()})
 
     def _gravity(self, pairs: Pairs) -> Pair:
         """The acceleration of gravity in the ground frame, (3, 1), m/s^2."""
-        return pairs.vector(self.model.gravity) if self.model.gravity else pairs.constant(np.zeros((3, 1), int))
+        return pairs.vector(self.model.gravity) if self.model.gravity else pairs.zeros(3, 1)
 
     def _inverse(self, k: int, M: Array, M_locked: Array) -> Array:
         """The inverse of M_k, (f, f); a body without inertia about its joint is named."""
