@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .loops.wording import loops_counted
+from .loops.errors import loops_counted
 from .model.expressions import Expression, combine
 from .model.forces import ForceElement
 from .model.model import GROUND, Body, Coupling, Face, Joint, Model, Output, Point, Vector, joint_coordinates

@@ -13,12 +13,11 @@ from ..model.model import Model
 from .closure import Cuts, body_frames
 from .dependents import choose_dependents, ranks, whole_joints
 from .ears import Partition
-from .errors import AssemblyError
+from .errors import AssemblyError, listed
 from .geometry import Geometry, advance, evaluator, parameter_values
 from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
 from .vectors import Array
-from .wording import listed
 
 NEARLY = 10.0
 """Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from ..model.errors import nearest
 from ..model.model import Model
-from .errors import PartitionError
+from .errors import PartitionError, loops_named
 from .geometry import Geometry
 from .ordering import Draft
-from .wording import loops_named
 
 
 def check_cycles(geometry: Geometry) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..model.model import Model
 from .ears import Ear, Partition
-from .wording import listed, loops_counted
+from .errors import listed, loops_counted
 
 LINES = 12
 """More ears than this are not listed one by one: equal ones share a line."""

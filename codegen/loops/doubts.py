@@ -14,11 +14,11 @@ import numpy as np
 from ..model.model import Model
 from .assembling import initial_configuration
 from .ears import Partition
+from .errors import listed, loops_named
 from .geometry import Geometry
 from .ordering import Draft
 from .vectors import Array
 from .velocities import Motion, complete_speeds
-from .wording import listed, loops_named
 
 POOR_CONDITION = 1e4
 """Of a closure matrix: beyond this another choice is sought, and a warning names the loops."""

@@ -1,6 +1,35 @@
-"""What can be wrong with closed loops, said with names: of the loop, of the joint, and the rank that was found."""
+"""Errors of loops, and how messages list names and loops."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
+
+from ..model.model import Model
+
+
+def listed(names: Sequence[str], limit: int = 6) -> str:
+    """Names in a row, long lists cut."""
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(names[:limit]) + more
+
+
+def loops_named(model: Model, loops: Sequence[int]) -> str:
+    """Some of a model's loops and couplings by their names, with what they are: ``loops left, right and coupling gear``."""
+    parts = []
+    for word, named in (
+        ("loop", [model.loops[i].name for i in loops if not model.loops[i].is_coupling]),
+        ("coupling", [model.loops[i].name for i in loops if model.loops[i].is_coupling]),
+    ):
+        if named:
+            parts.append(f"{word}{'s' * (len(named) > 1)} {listed(named)}")
+    return " and ".join(parts)
+
+
+def loops_counted(model: Model) -> str:
+    """How many loops and couplings a model has: ``2 loops and 1 coupling``."""
+    couplings = sum(loop.is_coupling for loop in model.loops)
+    counts = (("loop", len(model.loops) - couplings), ("coupling", couplings))
+    return " and ".join(f"{n} {word}{'s' * (n > 1)}" for word, n in counts if n)
 
 
 class AssemblyError(ValueError):

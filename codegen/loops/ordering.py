@@ -15,12 +15,11 @@ import numpy as np
 
 from .ancestry import NewJoints
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
-from .errors import PartitionError
+from .errors import PartitionError, listed, loops_named
 from .geometry import Geometry
 from .tangles import untangled
 from .vectors import Array
 from .velocities import Motion, VelocityClosure, is_lone_coupling
-from .wording import listed, loops_named
 
 MOTIONS = 12
 """Random motions carried along: more than a loop has conditions."""

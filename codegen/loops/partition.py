@@ -23,7 +23,7 @@ from .demands import check_couplings, check_cycles, hinted
 from .dependents import condition
 from .doubts import POOR_CONDITION, doubts_of, ignored_speeds, moved_far, nearly_locked, stopped
 from .ears import Ear, Partition
-from .errors import AssemblyError, PartitionError
+from .errors import AssemblyError, PartitionError, listed, loops_named
 from .geometry import Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
@@ -31,7 +31,6 @@ from .tangles import closed_together
 from .vectors import Array
 from .velocities import Motion
 from .weighing import Weighed, weighed
-from .wording import listed, loops_named
 
 __all__ = ["Ear", "Partition", "partition"]
 

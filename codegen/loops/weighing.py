@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from .comparison import ACCEPTED, WORTH_IT, Comparison
+from .errors import loops_named
 from .geometry import Geometry
 from .judging import Judge, is_compared
 from .ordering import Draft
 from .vectors import Array
 from .wandering import Surroundings, rigid_parts
-from .wording import loops_named
 
 POOR_GROWTH = 1e5
 """How much faster than independent speeds dependent ones of many loops may be before the user is told."""

@@ -18,19 +18,17 @@ from .repetition import CannotGoOn
 from .schema import SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
 from .sections.couplings import read_couplings
+from .sections.elements import read_forces, read_outputs
 from .sections.files import check_given, read_files
-from .sections.forces import read_forces
 from .sections.gravity import is_constant, read_gravity, weights
 from .sections.independent import read_independent
 from .sections.initial import is_at_rest, read_initial
-from .sections.loops import read_loops
+from .sections.loops import read_loop_tolerance, read_loops
 from .sections.motion import read_motion
 from .sections.named_expressions import check_named_expressions, read_named_expressions, warn_of_unused
-from .sections.outputs import read_outputs
 from .sections.points import read_points
 from .sections.quantities import model_name, read_inputs, read_parameters, warn_of_unused_quantities
 from .sections.tables import read_tables, warn_of_unused_tables
-from .sections.tolerance import read_loop_tolerance
 
 
 def assemble(document: Document, folder: str | None = None) -> Model:

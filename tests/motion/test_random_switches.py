@@ -14,7 +14,7 @@ from random_models import expression
 
 import codegen
 from codegen.model.expressions import Expression
-from codegen.model.forces.joint_force import JointForce
+from codegen.model.forces import JointForce
 from codegen.model.model import Model, Parameter
 from codegen.model.tables import Table
 from codegen.runtime import Final, SimulationError

@@ -12,8 +12,7 @@ from random_models import expression, vector
 from codegen.mechanics.elements import LAWS as GENERATED
 from codegen.mechanics.elements.element import Law as GeneratedLaw
 from codegen.model.expressions import Expression
-from codegen.model.forces import FORCES, AlongLine, ForceElement, InJointEntry, JointForce, Spring
-from codegen.model.forces.joint_load import JointLoad
+from codegen.model.forces import FORCES, AlongLine, ForceElement, InJointEntry, JointForce, JointLoad, Spring
 from codegen.model.joints import JOINTS
 from codegen.model.model import GROUND, Model
 from codegen.model.outputs import MEASURES

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ...loops.errors import listed
 from ...loops.partition import Partition
-from ...loops.wording import listed
 from ...model.expressions import Expression
 from ...model.model import GROUND, Model
 from .graph import Region

@@ -12,9 +12,7 @@ from typing import Final, get_args
 from .along_line import ALONG_LINES, ENTRIES, AlongLine
 from .bushing import Bushing, BushingEntry
 from .force_element import ForceElement, ForceEntry
-from .in_joint import FrictionEntry, InJointEntry, LimitEntry
-from .joint_force import JointForce, JointForceEntry
-from .joint_load import JointLoad
+from .in_joint import FrictionEntry, InJointEntry, JointForce, JointForceEntry, JointLoad, LimitEntry
 from .line_law import LineLaw, LineLawError
 from .line_laws import LINE_LAWS
 from .on_body import Force, ForceOnBodyEntry, Torque, TorqueEntry

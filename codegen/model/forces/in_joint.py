@@ -1,16 +1,125 @@
-"""What acts in a joint of one freedom, by laws that are written out as its force: friction and limits."""
+"""Forces on the freedoms of a joint: motors, loads that depend on what points do, and laws such as friction and limits."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
 
-from ..entries import ZERO, Expr, OptionalExpr, Reference
+from pydantic import WrapValidator
+
+from ..axes import Vector, signed_base
+from ..entries import ZERO, Expr, OptionalExpr, Reference, list_or_one
 from ..entry_reader import EntryReader
+from ..errors import count_of_values
 from ..expressions import Expression, made
-from .force_element import ForceEntry
-from .joint_force import JointForce
+from ..motions import Ball, Displacement, Slide, Turn
+from ..places import Face, Point
+from .force_element import ForceElement, ForceEntry
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointLoad(ForceElement):
+    """What does the same power as generalised forces on a joint: a force through the origin of its body, and a torque.
+
+    Attributes
+    ----------
+    body, joint : Face
+        The body, and the frame of its joint in the parent, on which the opposite acts at the same place.
+    values : tuple of twelve Expression
+        Torque and force in axes of the joint's frame, then both in axes of the body.
+    """
+
+    type: ClassVar[str] = "force in joint"
+    keys: ClassVar[tuple[str, ...]] = tuple(
+        f"{key}[{i}]" for key in ("torque", "force", "own_torque", "own_force") for i in range(3)
+    )
+
+    body: Face
+    joint: Face
+    values: tuple[Expression, ...]
+
+    @property
+    def ends(self) -> tuple[Point | Face, ...]:
+        return self.body, self.joint
+
+    @property
+    def coefficients(self) -> tuple[Expression, ...]:
+        return self.values
+
+
+def along_freedoms(
+    motion: tuple[object, ...], axes: tuple[Vector, ...], values: tuple[Expression, ...]
+) -> tuple[Expression, ...]:
+    """The twelve components of a `JointLoad`, from generalised forces on the speeds of a joint.
+
+    Axes ahead of the first rotation of the chain, that of it included, are fixed in the joint's frame, all others in the body.
+    """
+    found = [ZERO] * 12
+    turned = False
+
+    def add(first: int, direction: Vector, value: Expression) -> None:
+        for i, c in enumerate(direction):
+            found[first + i] += value * c
+
+    turning = {m.index for m in motion if isinstance(m, Turn)}
+    for m in motion:
+        if isinstance(m, Turn | Slide):
+            if isinstance(m, Slide) and m.index in turning:
+                continue  # of a screw: the torque alone does the power
+            is_turn = isinstance(m, Turn)
+            add(6 * turned + 3 * (not is_turn), _unit(axes[m.axis]), values[m.index])
+            turned = turned or is_turn
+            continue
+        assert isinstance(m, Ball | Displacement)
+        for i in range(3):
+            add(9 if isinstance(m, Displacement) else 6, signed_base(i), values[m.speed + i])
+        turned = turned or isinstance(m, Ball)
+    return tuple(found)
+
+
+def _unit(axis: Vector) -> Vector:
+    x, y, z = axis
+    length = made("sqrt", x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointForce(ForceElement):
+    """Generalised forces on the freedoms of a joint; positive raises u. Expressions of p, inputs, t, q.x, u.x."""
+
+    type: ClassVar[str] = "joint"
+
+    body: int
+    values: tuple[Expression, ...]
+
+    @property
+    def coefficients(self) -> tuple[Expression, ...]:
+        return self.values
+
+
+class JointForceEntry(ForceEntry):
+    type: Literal["joint"]
+    joint: Reference
+    value: Annotated[tuple[Expr, ...], WrapValidator(list_or_one)]
+
+    def read(self, x: EntryReader) -> JointForce | JointLoad | None:
+        values = tuple(x.bound(e, "value", i, scope="measured") for i, e in enumerate(self.value))
+        joint = x.joint(self.joint, "joint", self)
+        if joint is None:
+            return None
+        if len(values) != len(joint.speeds):
+            needed = f"{len(joint.speeds)} are needed, for {', '.join('u.' + n for n in joint.speeds)}"
+            needed = needed if joint.speeds else f"a {joint.type} joint takes no force"
+            message = f"{count_of_values(len(values))} for the {joint.type} joint {joint.name!r}; {needed}"
+            x.report(("value",), message)
+            return None
+        points = x.measured(*values)
+        if not points:
+            return JointForce(x.name, joint.body, values)
+        body, frame, motion, axes = x.placed(joint)
+        return JointLoad(x.name, body, frame, along_freedoms(motion, axes, values), measured=points)
 
 
 class InJointEntry(ForceEntry):

@@ -1,17 +1,21 @@
-"""Joints, and conditions on points, that close loops."""
+"""Joints, and conditions on points, that close loops, and how nearly conditions have to follow from others."""
 
 from __future__ import annotations
 
+from typing import Final
+
 from ..conditions import ConditionType
 from ..expressions import Expression
-from ..model import Loop, Point, PointCondition, Vector
+from ..grammar import ExpressionError
+from ..model import LOOP_TOLERANCE, Loop, Point, PointCondition, Vector
 from ..parts import Instance
+from ..positions import Path_
 from ..reading import Reader
 from ..schema import LoopEntry, LoopJoint
+from ..surfaces import AS_WRITTEN, as_written, depends, kink, sphere, surface_function, with_coordinates
 from .bodies import BodySection
 from .digits import check_axis
 from .placement import bound_expressions, vector
-from .point_conditions import read_equations
 from .points import face_at, held_together
 
 
@@ -52,3 +56,96 @@ def _axes(reader: Reader, spec: LoopJoint, at: Instance) -> tuple[Vector, ...]:
         reader.direction(axis, at, sub)
         check_axis(reader, axis, at, sub)
     return axes
+
+
+def read_equations(
+    reader: Reader, spec: ConditionType, at: Instance
+) -> tuple[tuple[Expression, ...], Expression | None]:
+    """The equations of a condition, and its length if it is a distance; what is wrong is reported."""
+    if spec.length_key:
+        sub: Path_ = ("joint", spec.length_key)
+        length = reader.bound(getattr(spec, spec.length_key), at, sub, "parameters")
+        value = reader.value(length)
+        if not isinstance(value, str) and value <= 0:
+            message = (
+                f"a distance of {value:g} m; a positive number is needed, since a rod without length has no direction; points "
+                f"that coincide are a spherical joint"
+            )
+            reader.report(at, sub, message)
+        return (sphere(length),), length
+    found = []
+    for path in spec.equation_keys:
+        e = getattr(spec, str(path[0]))
+        equation = _equation(reader, e if len(path) == 1 else e[path[1]], at, ("joint", *path))
+        if equation is not None:
+            found.append(equation)
+    if len(found) == len(spec.equation_keys) > 1 and len(set(found)) < len(found):
+        reader.report(at, ("joint", "equations"), "the same equation twice; a curve is where two surfaces meet")
+    return tuple(found), None
+
+
+def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> Expression | None:
+    """One of them in names of the whole model; None after a problem."""
+    before = reader.errors
+    for name in AS_WRITTEN:
+        what = _taken(reader, name, at)
+        if what and name in written.names:
+            message = (
+                f"{name} is a coordinate of the point here, and {what} of the file too; give that another name, since one cannot "
+                f"tell which is meant"
+            )
+            reader.report(at, sub, message)
+    tree = with_coordinates(written.tree)
+    linear = frozenset(name for name, table in at.part.tables.items() if table.kind == "linear")
+    if bent := kink(tree, linear):
+        message = (
+            f"{written} has a kink or a jump where the point moves, by {bent}; an acceleration along a surface needs second "
+            f"derivatives: step(x, from, to), cubic tables and powers are smooth"
+        )
+        reader.report(at, sub, message)
+    if reader.errors > before:
+        return None
+    equation = reader.bound(Expression(tree), at, sub, "equations")
+    if reader.errors > before:
+        return None
+    if not depends(equation.tree):
+        message = f"{written} has none of x, y and z, the coordinates of the point; what is zero on the surface depends on them"
+        reader.report(at, sub, message)
+        return None
+    try:
+        surface_function(equation)
+    except ExpressionError as error:
+        reader.report(at, sub, f"a derivative of {as_written(equation.tree)} has no value: {error.message}")
+        return None
+    return equation
+
+
+def _taken(reader: Reader, name: str, at: Instance) -> str:
+    """What else of the file has the name of a coordinate."""
+    part = at.part
+    if name in at.indices:
+        return "an index of repetition"
+    if name in part.constants:
+        return "a constant"
+    if part.name(name) in reader.defaults or part.name(name) in reader.inputs:
+        return "a parameter or input"
+    return "an expression" if name in part.values else ""
+
+
+_LARGEST: Final = 0.01
+
+
+def read_loop_tolerance(reader: Reader) -> float:
+    """A number from 0 to 0.01."""
+    at = reader.only("loop_tolerance")
+    if at is None:
+        return LOOP_TOLERANCE
+    expression = reader.scalar(at, (), at.value, "constants")
+    if expression is None:
+        return LOOP_TOLERANCE
+    value = float(expression.value)
+    if not 0 <= value <= _LARGEST:
+        reader.report(
+            at, (), f"loop_tolerance is {value:g}; 0 to {_LARGEST:g} is allowed, left out it is {LOOP_TOLERANCE:g}"
+        )
+    return value

@@ -1,15 +1,26 @@
-"""Named scalars of interest."""
+"""Force elements, which drive joints or act between points of bodies, and outputs, named scalars of interest."""
 
 from __future__ import annotations
 
 from ..entries import seen
 from ..errors import nearest
+from ..forces import ForceElement
 from ..outputs import MEASURES, Output
 from ..places import Point
 from ..reading import Reader
-from ..schema import ENERGIES, OutputEntry
+from ..schema import ENERGIES, AnyForce, OutputEntry
 from .bodies import BodySection
 from .meaning import Meaning
+
+
+def read_forces(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[ForceElement]:
+    """Read the force elements in their order."""
+    result = []
+    for at, name, spec in reader.entries("forces", AnyForce, "force", "force"):
+        element = None if spec is None else spec.read(Meaning(reader, at, name or "", bodies, points))
+        if element is not None and name is not None:
+            result.append(element)
+    return result
 
 
 def read_outputs(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[Output]:
