@@ -11,42 +11,29 @@ taken do not contribute (`CHOICE`). Where nothing of that helps, the result is i
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Iterable, Iterator
-from fractions import Fraction
+from collections.abc import Iterator
 from functools import lru_cache
 
-from ..elementary import LIKE_ITS_ARGUMENT, TABLE, TreeFunctions, named, tree_of
-from .expressions import Expression
-from .expressions import combine as combine_numbers
+from ..elementary import TABLE, TreeFunctions, tree_of
 from .expressions import combine_exactly as combine
-from .grammar import AT_LEAST, CHOICE, VANISHING, ExpressionError, Tree
+from .grammar import AT_LEAST, CHOICE, VANISHING, Tree
+from .products import (
+    HALF,
+    HELD,
+    MINUS_ONE,
+    NORM,
+    ONE,
+    SIZE,
+    TWO,
+    ZERO,
+    Factors,
+    Product,
+    is_positive,
+    plus,
+    power_of,
+    product,
+)
 from .trees import LEAVES, mapped, parts
-
-ZERO: Tree = ("number", 0)
-ONE: Tree = ("number", 1)
-TWO: Tree = ("number", 2)
-MINUS_ONE: Tree = ("number", -1)
-HALF: Tree = ("number", 0.5)
-
-NORM = "norm"
-"""Key of a power of the length of a vector: ``(NORM, ((weight, component), ...))``, the root of weights times squares."""
-
-SIZE = "size"
-"""Key of a power of an absolute value: ``(SIZE, ((1, x),))``."""
-
-HELD = "held_"
-"""Begins the names of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
-
-NOT_NEGATIVE = (AT_LEAST, *named("name", lambda e: e.positive == LIKE_ITS_ARGUMENT))
-"""Functions whose values are not below zero, beside those that are above it."""
-
-Factors = list[tuple[Tree, Tree]]
-"""Trees, or keys, with their exponents."""
-
-
-_MOST_MOVES = 64
-_LARGEST = 2.0**1000
 
 
 def slope(tree: Tree, by: Tree) -> Tree:
@@ -155,7 +142,7 @@ def _of_power(key: Tree, exponent: Tree, by: Tree) -> Iterator[Factors]:
             yield [(exponent, ONE), (key, less), (d, ONE)]
     d = _slope(exponent, by)
     if d != ZERO:
-        yield [(key, exponent), (combine("log", _power(key, ONE)), ONE), (d, ONE)]
+        yield [(key, exponent), (combine("log", power_of(key, ONE)), ONE), (d, ONE)]
 
 
 def _finished(term: Product, others: Product, by: Tree) -> Tree:
@@ -165,7 +152,7 @@ def _finished(term: Product, others: Product, by: Tree) -> Tree:
     apart = Product()
     for key, e in others.powers.items():
         is_bounded = e[0] == "number" and e[1] > 0 and key[0] != "number" and key[:2] != ("call", "log")
-        if is_bounded and key in term.powers and by not in leaves(_power(key, e)):
+        if is_bounded and key in term.powers and by not in leaves(power_of(key, e)):
             apart.times(key, e)
             term.times(key, plus(ZERO, e, -1))
     return combine(VANISHING, apart.tree(), term.tree()) if apart.powers else term.tree()
@@ -182,7 +169,7 @@ def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -
         d = _of_product(Product().times(factor, e), by)
         if d == ZERO:
             continue
-        base = _power(factor, e)
+        base = power_of(factor, e)
         rest = inside.without(factor)
         here = others.copy().with_all([(exponent, ONE), (d, ONE)])
         n = here.powers.get(factor, ZERO)
@@ -201,332 +188,7 @@ def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -
     return total
 
 
-def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
-    """The sum of two exponents, each times a number; equal terms are put together: n + (1 - n) is 1."""
-    terms: dict[Tree, Fraction] = {}
-    _add_terms(a, Fraction(times), terms)
-    _add_terms(b, Fraction(times), terms)
-    found, number = ZERO, terms.pop(ONE, Fraction(0))
-    for term, factor in terms.items():
-        size = combine("*", _number(abs(factor)), term)
-        found = combine("+" if factor > 0 else "-", found, size)
-    found = combine("+" if number > 0 else "-", found, _number(abs(number)))
-    left = number - Fraction(float(number))
-    return ("+", found, _number(left)) if left else found  # exact, in the digits of whoever computes it
-
-
-def _add_terms(e: Tree, factor: Fraction, terms: dict[Tree, Fraction]) -> None:
-    """Add the terms of an exponent, each with its number, to others."""
-    match e:
-        case ("number", value):
-            terms[ONE] = terms.get(ONE, Fraction(0)) + factor * Fraction(value)
-        case ("neg", a):
-            _add_terms(a, -factor, terms)
-        case ("+" | "-", a, b):
-            _add_terms(a, factor, terms)
-            _add_terms(b, factor if e[0] == "+" else -factor, terms)
-        case ("*", ("number", value), a) | ("*", a, ("number", value)):
-            _add_terms(a, factor * Fraction(value), terms)
-        case _:
-            terms[e] = terms.get(e, Fraction(0)) + factor
-    for term in [t for t, n in terms.items() if n == 0]:
-        del terms[term]
-
-
-def _number(value: Fraction) -> Tree:
-    if value > sys.float_info.max:
-        raise ExpressionError("the exponents of a product add up to too large a number; up to 1.8e308 are allowed")
-    return Expression.number(float(value)).tree
-
-
-def product(*factors: tuple[Tree, Tree]) -> Tree:
-    """A product of trees and their exponents, written so that it is finite where it can be."""
-    return Product().with_all(factors).tree()
-
-
-class Product:
-    """A product, taken apart.
-
-    Attributes
-    ----------
-    number : Tree
-    powers : dict of Tree to Tree
-        Exponents of bases, which are trees or keys of norms.
-    choices : list of Tree
-        Factors with branches.
-    merges : bool
-        Whether powers have been put together of which one may be infinite.
-    """
-
-    __slots__ = ("choices", "merges", "number", "powers")
-
-    def __init__(self) -> None:
-        self.number: Tree = ONE
-        self.powers: dict[Tree, Tree] = {}
-        self.choices: list[Tree] = []
-        self.merges = False
-
-    def copy(self) -> Product:
-        found = Product()
-        found.number, found.powers, found.choices = self.number, dict(self.powers), list(self.choices)
-        return found
-
-    def without(self, key: Tree) -> Product:
-        """The others."""
-        found = self.copy()
-        found.powers.pop(key, None)
-        return found
-
-    def with_all(self, factors: Iterable[tuple[Tree, Tree]]) -> Product:
-        """With more factors, trees or keys and their exponents."""
-        for tree, e in factors:
-            self.times(tree, e)
-        return self
-
-    def times(self, tree: Tree, e: Tree = ONE) -> Product:
-        """With one more factor, a tree or a key, to the power of an exponent."""
-        kind, is_whole = tree[0], e[0] == "number" and isinstance(e[1], int)
-        if kind in (NORM, SIZE):
-            self._add(tree, e)
-        elif kind == "number" and is_whole and (tree[1] == 0 < e[1] or self._is_exact(tree[1], e[1])):
-            self.number = combine("*", self.number, combine("**", tree, e))
-        elif kind == "number" and is_whole and tree[1] < 0:
-            self.times(("neg", ("number", -tree[1])), e)
-        elif kind == "neg" and is_whole:
-            self.number = combine("neg", self.number) if e[1] % 2 else self.number
-            self.times(tree[1], e)
-        elif kind == "*" and is_whole:
-            self.times(tree[1], e).times(tree[2], e)
-        elif kind == "/" and is_whole:
-            self.times(tree[1], e).times(tree[2], combine("neg", e))
-        elif kind == "**" and (is_whole or self._is_positive(tree)):
-            self.times(tree[1], combine_numbers("*", tree[2], e))
-        elif tree[:2] == ("call", "sqrt"):
-            self.times(tree[2], plus(e, ZERO, 0.5))
-        elif tree[:2] == ("call", "abs"):
-            self._add_size(tree[2], e)
-        elif tree[:2] == ("call", VANISHING) and is_whole:
-            self.times(tree[2], e).times(tree[3], e)
-        elif tree[:2] == ("call", CHOICE) and e == ONE:
-            self.choices.append(tree)
-        elif kind == "*" and tree[1][0] == "number" and tree[1][1] > 0 and e[0] == "number":
-            self._add(tree[1], e)
-            self.times(tree[2], e)
-        elif (parts := squares(tree)) and not (len(parts) == 1 and is_whole):
-            self._add((NORM, tuple(sorted(parts, key=repr))), plus(e, ZERO, 2))
-        else:
-            self._add(tree, e)
-        return self
-
-    def _is_exact(self, value: float, e: int) -> bool:
-        """Whether a power of a number can be multiplied into the number of the product without rounding."""
-        if value == 0 or not 0 < abs(e) <= 16:
-            return False
-        exact = Fraction(self.number[1]) * Fraction(value) ** e
-        return abs(exact) < _LARGEST and Fraction(float(exact)) == exact
-
-    @staticmethod
-    def _is_positive(tree: Tree) -> bool:
-        """Whether a power has a base that cannot be negative, so that exponents may be multiplied."""
-        return tree[1][:2] in (("call", "abs"), ("call", "sqrt")) or is_positive(tree[1])
-
-    def _add_size(self, x: Tree, e: Tree) -> None:
-        """An absolute value to some power: of a product, that of each factor."""
-        of = Product().times(x)
-        if of.choices or any(k[0] in (NORM, SIZE) or n[0] != "number" for k, n in of.powers.items()):
-            self._add((SIZE, ((ONE, x),)), e)
-            return
-        if of.number != ONE:
-            self._add(combine("abs", of.number), e)
-        for key, n in of.powers.items():
-            self._add(key if key[0] == "number" else (SIZE, ((ONE, key),)), plus(e, ZERO, n[1]))
-
-    def _add(self, key: Tree, e: Tree) -> None:
-        before = self.powers.get(key)
-        if before is not None:
-            self.merges = self.merges or _may_be_negative(before) or _may_be_negative(e)
-            e = plus(before, e)
-        self.powers[key] = e
-        if e == ZERO:
-            del self.powers[key]
-
-    # -- as a tree -------------------------------------------------------------------------------------------------
-
-    @property
-    def may_be_infinite(self) -> bool:
-        """Whether a power has an exponent that may be negative, or is a logarithm."""
-        return any(_may_be_negative(e) or k[:2] == ("call", "log") for k, e in self.powers.items())
-
-    @property
-    def is_better(self) -> bool:
-        """Whether putting powers together, and setting factors with bounds apart, can make a value finite."""
-        logarithm = any(k[:2] == ("call", "log") for k in self.powers) and len(self.powers) + len(self.choices) > 1
-        chosen = self.may_be_infinite and any(ZERO in c[3:] for c in self.choices)
-        return self.merges or logarithm or chosen or bool(self._split()[1])
-
-    def _split(self) -> tuple[dict[Tree, Tree], list[Tree], list[Tree]]:
-        """Powers, factors that have bounds, and signs: components of vectors are divided by lengths that are to be divided by."""
-        powers, bounded, signs = dict(self.powers), [], []
-        for key in [k for k in powers if k[0] in (NORM, SIZE)]:
-            e = powers[key]
-            moves: list[Tree] = []
-            left = dict(powers)
-            while _may_be_negative(e) and len(moves) < _MOST_MOVES:
-                x = next((x for _, x in key[1] if _take(left, x)), None)
-                if x is None:
-                    break
-                moves.append(x)
-                e = plus(e, ONE)
-            if not moves or (e[0] == "number" and e[1] < 0):
-                continue  # it is infinite all the same
-            powers = left | {key: e}
-            for x in moves:
-                of, number = Product().times(x), Product()
-                number.number, of.number = of.number, ONE
-                for n in [n for n in of.powers if n[0] == "number"]:
-                    number.times(n, of.powers.pop(n))
-                if key[0] == SIZE:
-                    signs.append(combine("/", combine("sign", x), number.tree()))
-                else:
-                    bounded.append(combine("/", of.tree(), _power(key, ONE)))
-        return {k: e for k, e in powers.items() if e != ZERO}, bounded, signs
-
-    def tree(self) -> Tree:
-        """The product as a tree."""
-        if self.number[0] == "number" and self.number[1] <= 0:
-            if self.number == ZERO:
-                return ZERO
-            opposite = self.copy()
-            opposite.number = combine("neg", self.number)
-            return combine("neg", opposite.tree())
-        for i, (_, _, condition, x, y) in enumerate(self.choices):
-            if ZERO in (x, y):
-                rest = self.copy()
-                del rest.choices[i]
-                return _chosen(rest, condition, x, y)
-        powers, slow, signs = self._split()
-        above, below = self.number, ONE
-        for key, e in powers.items():
-            if key[:2] == ("call", "log") and e[0] == "number" and e[1] > 0:
-                slow.append(_power(key, e))
-            elif key[:2] == ("call", "sign"):
-                signs.append(_power(key, e))
-            elif e[0] == "number" and e[1] < 0:
-                below = _multiplied(below, _power(key, combine("neg", e)))
-            else:
-                above = _multiplied(above, _power(key, e))
-        for factor in (*self.choices, *([] if slow else signs)):
-            above = combine("*", above, factor)
-        are_numbers = above[0] == below[0] == "number" and below != ONE
-        found = ("/", above, below) if are_numbers else combine("/", above, below)
-        if not slow:
-            return found
-        slow += signs  # a sign is zero at a kink, where the product need not vanish
-        factor = slow[0]
-        for more in slow[1:]:
-            factor = combine("*", factor, more)
-        return combine(VANISHING, found, factor)
-
-
-def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
-    """A product with a factor that is zero in one of its branches: no other factor counts there."""
-    if y == ZERO:
-        return combine(CHOICE, condition, rest.times(x).tree(), ZERO)
-    if condition[:2] == ("call", AT_LEAST) and rest.may_be_infinite:
-        # where both are equal an infinite slope of the rest is not passed over: there it is one-sided
-        edge = combine("*", rest.copy().tree(), combine(CHOICE, condition, ZERO, y))
-        return combine(CHOICE, combine(AT_LEAST, condition[3], condition[2]), edge, ZERO)
-    return combine(CHOICE, condition, ZERO, rest.times(y).tree())
-
-
-def _take(powers: dict[Tree, Tree], x: Tree) -> bool:
-    """Whether a tree is a factor of a product of powers, but for a number; it is taken out of them."""
-    of = Product().times(x)
-    have = [(key, e, powers.get(key, ZERO)) for key, e in of.powers.items() if key[0] != "number"]
-    if not have or of.choices or not all(e[0] == n[0] == "number" and n[1] >= e[1] > 0 for _, e, n in have):
-        return False
-    for key, e, n in have:
-        powers[key] = plus(n, plus(ZERO, e, -1))
-    return True
-
-
-def _may_be_negative(e: Tree) -> bool:
-    return bool(e[0] != "number" or e[1] < 0)
-
-
-def _power(key: Tree, e: Tree) -> Tree:
-    """A power as a tree."""
-    if key[0] == SIZE:
-        base = combine("abs", key[1][0][1])
-    elif key[0] == NORM:
-        square = ZERO
-        for weight, x in key[1]:
-            square = combine("+", square, combine("*", weight, combine("**", x, TWO)))
-        if e[0] == "number" and isinstance(e[1], int) and e[1] % 2 == 0:
-            return combine("**", square, ("number", e[1] // 2))
-        base = combine("sqrt", square)
-    elif key[0] == "number":
-        return key if e == ONE else ("**", key, e)  # in the digits of whoever computes it
-    elif e == HALF:
-        return combine("sqrt", key)
-    else:
-        base = key
-    return combine("**", base, e)
-
-
-def _multiplied(a: Tree, b: Tree) -> Tree:
-    """A product of trees; one of numbers is left to whoever computes it, in as many digits."""
-    return ("*", a, b) if a[0] == b[0] == "number" and ONE not in (a, b) else combine("*", a, b)
-
-
-def squares(tree: Tree) -> tuple[tuple[Tree, Tree], ...]:
-    """Weights and what is squared, of a sum of such terms; empty for anything else."""
-    if tree[0] == "+":
-        one = squares(tree[1])
-        other = squares(tree[2]) if one else ()
-        return one + other if other else ()
-    if tree[0] not in ("*", "**"):
-        return ()
-    of = Product().times(tree) if tree[0] == "*" else None
-    powers = of.powers if of is not None else {tree[1]: tree[2]}
-    root, weight = Product(), Product()
-    weight.number = ONE if of is None else of.number
-    for key, e in powers.items():
-        if e[0] == "number" and isinstance(e[1], int) and e[1] > 0 and e[1] % 2 == 0:
-            root.times(key, ("number", e[1] // 2))
-        else:
-            weight.times(key, e)
-    if of is not None and (of.choices or of.number[1] < 0):
-        return ()
-    return ((weight.tree(), root.tree()),) if root.powers else ()
-
-
 # --- where a value or a derivative may be infinite ---------------------------------------------------------------------
-
-
-def is_positive(tree: Tree) -> bool:
-    """Whether a tree is seen to be above zero whatever its names are."""
-    kind = tree[0]
-    if kind == "number":
-        return bool(tree[1] > 0)
-    if kind == "+":
-        a, b = tree[1:]
-        return (is_positive(a) and _is_not_negative(b)) or (_is_not_negative(a) and is_positive(b))
-    if kind in ("*", "/"):
-        return is_positive(tree[1]) and is_positive(tree[2])
-    if kind == "**":
-        return is_positive(tree[1])
-    positive = TABLE[tree[1]].positive if kind == "call" and tree[1] in TABLE else ""
-    return positive == "always" or (positive == LIKE_ITS_ARGUMENT and is_positive(tree[2]))
-
-
-def _is_not_negative(tree: Tree) -> bool:
-    kind = tree[0]
-    if kind in ("+", "*"):
-        return _is_not_negative(tree[1]) and _is_not_negative(tree[2])
-    if kind == "**" and tree[2][0] == "number" and isinstance(tree[2][1], int) and tree[2][1] % 2 == 0:
-        return True
-    return tree == ZERO or is_positive(tree) or (kind == "call" and tree[1] in NOT_NEGATIVE)
 
 
 def is_singular(tree: Tree) -> bool:

@@ -18,7 +18,7 @@ from typing import Final
 from ..elementary import TABLE, named, tree_of
 from .expressions import COMBINED, Expression
 from .grammar import AT_LEAST, WRAPPED, Number, Tree
-from .slopes import HELD, is_positive
+from .products import HELD, is_positive
 from .trees import nodes, parts
 
 MODE: Final = "mode."
