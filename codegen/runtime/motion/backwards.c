@@ -2,6 +2,7 @@
  *
  * The step sizes are constants of differentiation. */
 #include "backwards.h"
+#include "radau.h"
 
 #include <string.h>
 
@@ -113,7 +114,7 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
         }
         if (!status) continue;
         a->gradients->singular = status;
-        return status < -1 ? ORDERNM_COLLAPSED : status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
+        return status == INFINITE ? ORDERNM_NOT_FINITE : status < -1 ? ORDERNM_COLLAPSED : status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
     }
     return ORDERNM_ENDED;
 }

@@ -46,7 +46,8 @@ static int begin(ordernm_motion *m)
     ordernm_note_precise(m, 0);
     if (ordernm_wants_precise(m)) return ORDERNM_IMPRECISE;
     if (status) return ordernm_failed(m->results, status);
-    if (!ordernm_all_finite(m->rate[0], m->size)) return ordernm_not_finite(m, m->rate[0]);
+    if (!ordernm_all_finite(m->rate[0], m->values)) return ordernm_not_finite(m, m->rate[0]);
+    ordernm_lose_infinite(m, m->rate[0]);
     ordernm_note_condition(m, 0, 0);
     int unknown = p->nevents ? ordernm_crossings(m, m->t, m->z, m->crossing) : 0;
     if (!unknown && m->nheld) unknown = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
@@ -223,6 +224,7 @@ static int go_on(ordernm_motion *m, const trial *step, int *stop)
         m->crossed[m->held[i]] = step->event >= 0 && m->happened[p->nevents + i] > 0.0 ? fmax(m->paces[p->nevents + i], 1e-300) : 0.0;
     int failure = ordernm_next_step(m, step->end, step->knot, step->at_pose, 0);
     const int at_knot = ordernm_next_knot(m, m->t) != step->knot;
+    if (!failure) ordernm_lose_infinite(m, m->z);
     if (!failure && m->nheld && (m->switched || at_knot)) failure = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
     if (!failure && p->nevents && m->switched) failure = ordernm_compare_events(m);
     if (!failure && p->nevents && (m->switched || at_knot)) failure = ordernm_jumped_events(m, !at_knot, stop);
@@ -252,6 +254,7 @@ static int accept(ordernm_motion *m, const trial *step)
     m->moved = m->refused = m->not_held = 0;
     m->shorter = 0.0;
     if (p->method == ORDERNM_DOP853 && step->event < 0) ordernm_watch_stability(m, step->h); /* while the last stage is there */
+    ordernm_look_for_lost(m, step);
     if (p->ntimes && (reason = ordernm_sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
     ordernm_note_coarse(m, step->h);

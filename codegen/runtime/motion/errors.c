@@ -50,8 +50,7 @@ double ordernm_error_norm(const ordernm_motion *m, const double *next, const dou
             const long at = of->at + l;
             const double one = mean_square(n, of->width, error + at, m->z + at, next + at, atol, 1, p->rtol);
             const double two = mean_square(n, of->width, second + at, m->z + at, next + at, atol, 1, p->rtol);
-            const double direction = of_both(one, two);
-            if (!(direction <= largest)) largest = direction;
+            largest = fmax(largest, of_both(one, two)); /* where it is not finite, the direction has no derivative */
         }
     }
     return largest;

@@ -138,7 +138,7 @@ double *ordernm_input_directions(ordernm_motion *m, double t, const group *g)
         const int signal = ordernm_signal_of(s, i, &order);
         for (int l = 0; l < width; ++l) {
             double sum = 0.0;
-            if (l < g->used)
+            if (l < g->used && m->lost[(g - m->groups)*LANES + l] == 0.0)
                 for (int b = 0; b <= in->degree; ++b)
                     sum += value[order][b]*in->directions[((g->first + l)*in->count + first + b)*n + signal];
             m->dinputs[i*width + l] = sum;

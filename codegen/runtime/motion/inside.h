@@ -4,7 +4,8 @@
  *
  *     control, backwards                                   a motion step by step; its adjoint
  *     room, explicit_backwards, radau_backwards, switches_backwards     memory and the beginning; one step, and switches, backwards
- *     steps, step_sizes, events, results, transposes       between steps; how long; events in them; what is kept; a state backwards
+ *     steps, step_sizes, events, results, lost, transposes  between steps; how long; events in them; what is kept; directions without
+ *                                                           derivatives; a state backwards
  *     explicit, radau, passing                             one step; over a switch
  *     radau_sensitivities, switches, poses, dead_points    its derivatives; modes; where loops lose rank
  *     radau_equations, report, errors                      its equations; a row of results; errors of steps
@@ -193,6 +194,9 @@ struct ordernm_motion {
     int together_jump;        /* ... with a jump of rates ... */
     double together_since, *z_before, *modes_before, *switches_kept; /* ... since when, from which state and modes; room for modes */
     double *lost;             /* [ngroups][LANES] NaN: there is no derivative along the direction any more; else 0 */
+    int *resting;             /* [nswitches] room for those that the motion rests at */
+    int suspects;             /* steps in which rates may jump without a switch */
+    int jumps_at_end;         /* they seem to at the end of this one */
     double turning;           /* the longest step in which no angle that jumps at half a turn leaves its mode by so much; 0 for any */
     int switched;             /* modes have changed between the step before and this one */
     long head;                /* numbers of a row of steps before the state */
@@ -217,6 +221,7 @@ enum { SLIDES = -1000 };      /* beside what functions return: a switch is pushe
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate);
 int ordernm_all_finite(const double *x, long n);
+int ordernm_finite_along(const double *S, long n, int width, int lane);
 
 /* sizes.c; those of rows are in motion.h */
 enum { RK4_STAGES = 4, DOP853_STAGES = 12, RADAU_STAGES = 3 };
@@ -322,6 +327,10 @@ int ordernm_wants_precise(ordernm_motion *m);
 int ordernm_keep(ordernm_motion *m, double t, const double *z);
 int ordernm_sample(ordernm_motion *m, double end);
 void ordernm_keep_step(const ordernm_motion *m, double h);
+
+/* lost.c */
+void ordernm_lose_infinite(ordernm_motion *m, const double *z);
+void ordernm_look_for_lost(ordernm_motion *m, const trial *step);
 
 /* step_sizes.c */
 int ordernm_first_step(ordernm_motion *m, double limit, double *h);

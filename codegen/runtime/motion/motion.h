@@ -171,6 +171,11 @@ typedef struct {
      * With derivatives only; not kept if flat is 0. */
     double *flat;
     long flat_capacity, flat_count;
+    /* Where directions have no derivative from then on: a row of results, in which they are NaN, and why, see ORDERNM_INFINITE, and of which
+     * switch or entry of the state. Without directions, the first place where that may be. Not kept if lost is 0. */
+    double *lost;
+    int *lost_why;            /* [lost_capacity][2] */
+    long lost_capacity, lost_count;
     double t;                 /* how far it has come */
     int singular;             /* what the function returned that failed */
     int grazed;               /* 0, or 1 + a switch that was touched only: derivatives do not exist from there on */
@@ -195,6 +200,9 @@ typedef struct {
                                * largest, and in the step from when on */
     double stiffness;         /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
+
+/* Derivatives of rates are not finite; the motion stays where a switch is zero; rates jump where none is. */
+enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS };
 
 enum { ORDERNM_JUMPED = -1, ORDERNM_JUMPED_BY_STATE = -2 };
 

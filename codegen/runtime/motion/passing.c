@@ -102,11 +102,9 @@ static int compare_orders(ordernm_motion *m)
         }
         for (int g = 0; g < m->ngroups && !status; ++g)
             for (int l = 0; l < m->groups[g].used; ++l)
-                if (differ(m, m->groups + g, l, z)) m->lost[g*LANES + l] = m->switch_time[g*LANES + l] = NAN;
+                if (differ(m, m->groups + g, l, z)) m->lost[g*LANES + l] = m->switch_time[g*LANES + l] = NAN, m->results->ordered = 1;
     }
     memcpy(m->modes, kept, count*sizeof(double));
-    for (int i = 0; i < m->ngroups*LANES; ++i)
-        if (m->lost[i] != 0.0) m->results->ordered = 1;
     return status;
 }
 
@@ -126,7 +124,7 @@ static void note_time(ordernm_motion *m, int k, int *timed)
 {
     if (!times_event(m, k)) return;
     for (int i = 0; i < m->ngroups*LANES; ++i) {
-        const double here = m->passing_time[i], first = m->switch_time[i];
+        const double here = m->lost[i] + m->passing_time[i], first = m->switch_time[i];
         m->switch_time[i] = !*timed || fabs(here - first) <= ORDER_MATTERS*(fabs(here) + fabs(first)) ? here : NAN;
     }
     *timed = 1;

@@ -88,6 +88,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     }
     for (int i = 0; i < 5; ++i) r->scratch[i] = ordernm_numbers(&of, (long)n*LANES);
     r->scale = ordernm_numbers(&of, n);
+    r->infinite = ordernm_numbers(&of, n);
     r->leniency = fmax(0.1*pow(m->problem->rtol > 0.0 ? fmax(m->problem->rtol, 1e-14) : 1e-8, -1.0/3.0), 1.0);
     r->slowness = r->sweep_slowness = 1.0;
     r->of_jacobian = ordernm_numbers(&of, m->values);

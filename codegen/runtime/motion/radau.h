@@ -31,6 +31,7 @@ struct radau {
     double *stage[STAGES], *last[STAGES]; /* Z of this step, and of the accepted one before */
     double *right[STAGES], *scratch[5];   /* [n][LANES] */
     double *scale;            /* [n] errors allowed */
+    double *infinite;         /* [n] 1 where a column of a Jacobian at the stages had entries that are not finite; zeros serve instead */
     int tried, jacobian_here; /* J is that of z */
     int formed_here;          /* so is the Jacobian at the last stage of the step before */
     long segment;             /* of the inputs' spline in the step that was tried last */
@@ -47,7 +48,7 @@ struct radau {
     double error_accepted, h_accepted;
 };
 
-enum { CONVERGED = -100, DIVERGED }; /* beside what functions return */
+enum { CONVERGED = -100, DIVERGED, INFINITE }; /* beside what functions return */
 
 static inline double ordernm_time_of_stage(double t, double h, int i) { return i == STAGES - 1 ? t + h : t + TIME[i]*h; }
 

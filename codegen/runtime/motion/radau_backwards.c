@@ -117,6 +117,7 @@ static int equations_transposed(ordernm_adjoint *a, int n, double h, double *con
             const double t = ordernm_time_of_stage(m->t, h, i);
             m->precise = m->precise_stages >> i & 1u;
             if ((status = ordernm_rates_transposed(a, n, t, a->stage[i], a->q[i], change[i], a->nu))) return status;
+            if (!ordernm_all_finite(a->nu, size)) return INFINITE;
             ordernm_accumulate(right[i], 1.0, a->nu, size);
             ordernm_accumulate(lambda, 1.0, a->nu, size);
         }

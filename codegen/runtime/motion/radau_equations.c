@@ -23,7 +23,11 @@ int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, do
             RATES | KNOWN_CLOSED | (precise ? PRECISE : 0));
         if (status) return status;
         for (int i = 0; i < n; ++i)
-            for (int l = 0; l < count; ++l) jacobian[(long)i*n + first + l] = rate[(long)i*LANES + l];
+            for (int l = 0; l < count; ++l) {
+                const double x = rate[(long)i*LANES + l];
+                jacobian[(long)i*n + first + l] = x - x == 0.0 ? x : 0.0;
+                if (x - x != 0.0) m->radau->infinite[first + l] = 1.0;
+            }
     }
     return 0;
 }

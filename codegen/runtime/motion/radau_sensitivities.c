@@ -54,6 +54,7 @@ static double change_of(const ordernm_motion *m, const group *g, double h, doubl
 static int form(ordernm_motion *m, double h)
 {
     struct radau *const r = m->radau;
+    memset(r->infinite, 0, r->n*sizeof(double));
     for (int i = 0; i < STAGES; ++i) {
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
         const double t = ordernm_time_of_stage(m->t, h, i);
@@ -61,6 +62,20 @@ static int form(ordernm_motion *m, double h)
         if (status) return status;
     }
     return ordernm_radau_factorise_stages(r, h) ? DIVERGED : CONVERGED;
+}
+
+/* Whether derivatives along a direction have been found, or cannot be: they become NaN where rates have none along it. */
+static int has_values(const struct radau *r, const group *g, int lane)
+{
+    int none = 0, finite = 1;
+    for (int i = 0; i < STAGES; ++i) {
+        const double *const Z = r->stage[i] + g->at;
+        none |= !ordernm_finite_along(r->along[i], r->n, g->width, lane);
+        finite &= ordernm_finite_along(Z, r->n, g->width, lane);
+        for (int k = 0; k < r->n; ++k) none |= r->infinite[k] != 0.0 && Z[k*g->width + lane] != 0.0;
+    }
+    for (int k = 0; none && k < r->n; ++k) r->stage[STAGES - 1][g->at + k*g->width + lane] = NAN;
+    return none || finite;
 }
 
 /* The stages' derivatives along the directions of a group, by Jacobians that have been formed. */
@@ -73,9 +88,8 @@ static int along_formed(ordernm_motion *m, double h, const group *g)
         memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(double));
     }
     ordernm_radau_solve_stages(m, h, g->at, g->width);
-    const long end = g->at + (long)r->n*g->width;
-    for (int i = 0; i < STAGES; ++i)
-        if (!ordernm_all_finite(r->stage[i] + g->at, end - g->at)) return DIVERGED;
+    for (int l = 0; l < g->width; ++l)
+        if (!has_values(r, g, l)) return DIVERGED;
     return CONVERGED;
 }
 

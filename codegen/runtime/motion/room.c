@@ -88,6 +88,7 @@ static void lay_out_switches(ordernm_motion *m, memory *of, int at)
         &m->switches_kept};
     for (int i = 0; i < 8; ++i) *of_switches[i] = ordernm_numbers(of, s->nswitches);
     m->together = ordernm_take(of, (s->nswitches + 1)*sizeof(int));
+    m->resting = ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->z_before = ordernm_numbers(of, switching ? m->size : 0);
     m->dswitches = ordernm_numbers(of, (long)s->nswitches*LANES);
     double **of_lanes[] = {&m->switch_along, &m->switch_time, &m->passing_time};
@@ -149,13 +150,6 @@ long ordernm_room(const ordernm_problem *problem)
     return (long)(lay_out(problem, 0, &zeros)/sizeof(double)) + 8;
 }
 
-static int finite_along(const double *S, int n, int width, int lane)
-{
-    double sum = 0.0;
-    for (int i = 0; i < n; ++i) sum += 0.0*S[i*width + lane];
-    return sum == 0.0;
-}
-
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
 {
     void *const line = ordernm_line(room);
@@ -183,7 +177,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
             for (int i = 0; p->du && i < s->nfree_u; ++i)
                 S[(s->nfree_q + i)*g->width + l] = p->du[k*s->nu + s->free_u[i]];
             for (int i = 0; p->dp && i < s->np; ++i) g->dp[i*g->width + l] = p->dp[k*s->np + i];
-            if (finite_along(S, s->nfree_q + s->nfree_u, g->width, l)) continue;
+            if (ordernm_finite_along(S, s->nfree_q + s->nfree_u, g->width, l)) continue;
             m->lost[n*LANES + l] = NAN; /* lost in a motion before this one */
             for (int i = 0; i < s->nfree_q + s->nfree_u; ++i) S[i*g->width + l] = 0.0;
         }

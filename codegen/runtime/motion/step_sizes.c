@@ -13,6 +13,9 @@ static const double MEMORY = 0.04, LEAST_REMEMBERED = 1e-4;
 static const double LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 
+/* Of no step that is accepted: rates jump between its last two stages, which are both at its end. */
+static const double JUMPS = 1e3;
+
 /* The first step (E. Hairer, S. P. Norsett, G. Wanner, section II.4). Returns what a function returned. */
 int ordernm_first_step(ordernm_motion *m, double limit, double *h)
 {
@@ -60,6 +63,7 @@ void ordernm_watch_stability(ordernm_motion *m, double h)
         states += state*state;
     }
     const double product = states > 0.0 ? h*sqrt(rates/states) : 0.0;
+    m->jumps_at_end = product > JUMPS;
     if (product > LIMIT_OF_STABILITY) {
         m->near_steps = 0;
         if (++m->far_steps >= FAR_STEPS && product > m->results->stiffness) m->results->stiffness = product;

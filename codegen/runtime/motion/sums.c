@@ -54,3 +54,11 @@ int ordernm_all_finite(const double *x, long n)
     for (long i = 0; i < n; ++i) sum += 0.0*x[i];
     return sum == 0.0;
 }
+
+/* Whether the derivatives of n entries along a direction are finite. */
+int ordernm_finite_along(const double *S, long n, int width, int lane)
+{
+    double sum = 0.0;
+    for (long i = 0; i < n; ++i) sum += 0.0*S[i*width + lane];
+    return sum == 0.0;
+}

@@ -77,6 +77,10 @@ def segment_backwards(
     for part, known, heads in reversed(list(parts)):
         rows = part if heads is None else made_again(library, ffi, c, part, known, heads)
         reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
+        if reason == "not finite":  # rates have no derivative at a state
+            for x in found:
+                x.fill(np.nan)
+            break
         if reason != "end":
             raise RuntimeError(
                 f"the adjoint met a state that the motion had passed, and found it {reason} ({g.singular})"

@@ -86,35 +86,61 @@ class FunctionalGradients(Simulation):
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
         way = self._way(method, len(wanted), directions.k, integrator)
-        along = problem
-        if way != "forward":
-            problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
-        run = self._run(problem, keep_steps=way == "adjoint", memory=memory)
-        if way == "adjoint" and any(s.together for s in run.segments):
-            # whether the order of switches matters shows along directions only
-            way, problem = "forward", along
-            run = self._run(problem)
-        k = directions.k if way == "forward" else 0
+        found = None if way != "adjoint" else self._by_adjoint(wanted, events, problem, directions, memory)
+        if found is None:  # forward, or by the adjoint where derivatives do not exist along some directions
+            way = "forward" if directions.k else "none"
+            found = self._by_directions(wanted, events, problem, directions)
+        return Judged(*found[:2], directions.names, way, found[2])
+
+    def _by_directions(
+        self, wanted: list[Functional], events: list[Event], problem: Problem, directions: Directions
+    ) -> tuple[Array, Array, dict[str, Any]]:
+        """Values, gradients and counts, by derivatives along directions."""
+        run, k = self._run(problem), directions.k
+        crossings, values, weights = self._values(wanted, events, problem, run, directions)
+        if not k:
+            return values, np.zeros((len(wanted), 0)), run.counts
+        gradients = self._forward(wanted, problem, run, crossings, weights, k)
+        lost = self._warn_of_lost(run, problem, directions.names)
+        self._check(gradients, weights, directions, problem, run, lost)
+        return values, gradients, run.counts
+
+    def _by_adjoint(
+        self, wanted: list[Functional], events: list[Event], along: Problem, directions: Directions, memory: int
+    ) -> tuple[Array, Array, dict[str, Any]] | None:
+        """The same by the adjoint; None where it may not exist: along which directions shows along these only."""
+        problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
+        run = self._run(problem, keep_steps=True, memory=memory)
+        if any(s.together or s.lost for s in run.segments):
+            return None
+        nothing = Directions((), directions.dq, directions.du, directions.dp, None, True)
+        _, values, weights = self._values(wanted, events, problem, run, nothing)
+        back = self._backwards(run, weights)
+        gradients = back.q @ along.dq.T + back.u @ along.du.T + back.p @ directions.dp.T
+        if along.dinputs is not None:
+            gradients = gradients + np.einsum("mci,kci->mk", back.inputs, along.dinputs)
+        if not np.isfinite(gradients).all():
+            return None
+        self._check(gradients, weights, directions, problem, run, set())
+        return values, gradients, run.counts | {f"adjoint_{name}": n for name, n in back.counts.items()}
+
+    def _values(
+        self, wanted: list[Functional], events: list[Event], problem: Problem, run: Run, directions: Directions
+    ) -> tuple[dict[Event, Crossing], Array, Weights]:
+        """Where events happened first, values of functionals, and their weights."""
         if run.reason not in ("end", "event"):
-            shown = Directions(directions.names[:k], directions.dq, directions.du, directions.dp, None, True)
-            raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, shown, run))
-        crossings = self._first_crossings(events, problem, run, k)
-        values, weights = self._weighed(wanted, problem, run, crossings)
-        if way == "forward":
-            gradients = self._forward(wanted, problem, run, crossings, weights, k)
-        elif way == "adjoint":
-            back = self._backwards(run, weights)
-            gradients = back.q @ along.dq.T + back.u @ along.du.T + back.p @ directions.dp.T
-            if along.dinputs is not None:
-                gradients = gradients + np.einsum("mci,kci->mk", back.inputs, along.dinputs)
-            run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
-        else:
-            gradients = np.zeros((len(wanted), 0))
-        if directions.k:
-            self._look_at_growth(gradients, weights, directions, problem, run)
-            self._look_for_infinite(gradients, weights, directions, problem, run)
-            self._take_lost(gradients, weights, directions, run)
-        return Judged(values, gradients, directions.names, way, run.counts)
+            raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, directions, run))
+        crossings = self._first_crossings(events, problem, run, directions.k)
+        return crossings, *self._weighed(wanted, problem, run, crossings)
+
+    def _check(
+        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run, lost: set[str]
+    ) -> None:
+        """Warn of gradients that are too large, or not finite but for directions that are known to be lost."""
+        self._look_at_growth(gradients, weights, directions, problem, run)
+        kept = [i for i, name in enumerate(directions.names) if name not in lost]
+        self._look_for_infinite(gradients[:, kept], weights, [directions.names[i] for i in kept], problem, run)
+        self._take_lost(gradients, weights, directions, run)
 
     def _take_lost(self, gradients: Array, weights: Weights, directions: Directions, run: Run) -> None:
         """NaN, and a warning, for gradients along directions that have no derivative behind a pose where a loop has lost rank."""
@@ -147,20 +173,19 @@ class FunctionalGradients(Simulation):
             warn(meaningless("gradients have"))
 
     def _look_for_infinite(
-        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
+        self, gradients: Array, weights: Weights, names: list[str], problem: Problem, run: Run
     ) -> None:
         """Warn of gradients that are not finite, with the outputs that make them so, where it is they at a time of the result."""
         bad = ~np.isfinite(gradients)
         if not bad.any():
             return
-        by = some([directions.names[j] for j in np.flatnonzero(bad.any(axis=0))])
+        by = some([names[j] for j in np.flatnonzero(bad.any(axis=0))])
         times, reason = np.searchsorted(weights.times, run.rows[:, 0]), ""
         for row, place in zip(run.rows, times, strict=True):
             asked = np.flatnonzero(weights.outputs[:, place].any(axis=0))
-            t, q, u = float(row[0]), self._of_rows(row, 1), self._of_rows(row, 2)
-            state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+            state = self._state_of(row, problem)
             if len(asked) and (reason := outputs_without(run.opened, state, asked.tolist(), along=True, certain=True)):
-                reason = f": at t = {t:g} s {reason} is not"
+                reason = f": at t = {state['t']:g} s {reason} is not"
                 break
         warn(f"{self.name}: the gradients of judge by {by} are not finite{reason}")
 

@@ -168,6 +168,8 @@ class Segment:
         Of method "rk4" in models with loops: the sum of errors of steps, relative to the state, the largest, and its time, s.
     flat : array (n, 1 + 2 nq)
         Poses at which a loop has lost rank, of a motion with derivatives: time, and coordinates beside it, near and farther away.
+    lost : list of (array, int, int)
+        Where directions cease to have derivatives: a row of results, why, and of which switch or entry; see ``ordernm_results``.
     """
 
     opened: Opened
@@ -192,6 +194,7 @@ class Segment:
     coarse: tuple[float, float, float]
     late: tuple[float, int] | None
     flat: Array
+    lost: list[tuple[Array, int, int]]
 
 
 @dataclass(slots=True, eq=False)

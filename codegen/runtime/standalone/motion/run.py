@@ -269,6 +269,10 @@ class MotionRun(Room):
         if self.closure_names:
             flat = np.empty((FLAT_POSES, 1 + 2 * self.nq))
             r.flat, r.flat_capacity = from_buffer(doubles, flat), len(flat)
+        lost = np.empty((max(len(problem.dp), 1) if len(problem.dp) or keep_steps else 0, size))
+        why = ffi.new("int[]", 2 * len(lost) + 1)
+        if len(lost):
+            r.lost, r.lost_why, r.lost_capacity = from_buffer(doubles, lost), why, len(lost)
         full: list[Array] = []
         steps: list[Array] = []
         known: list[Array] = []
@@ -366,6 +370,7 @@ class MotionRun(Room):
             (r.coarse, r.coarsest, r.coarse_at),
             (r.late_at, r.late - 1) if r.late else None,
             flat[: r.flat_count].copy() if flat.size else flat,
+            [(lost[i], why[2 * i], why[2 * i + 1]) for i in range(r.lost_count)],
         )
         return segment, found, last
 

@@ -24,6 +24,7 @@ from ..warning import warn
 from .directions import Directions, take_sensitivities
 from .flat_poses import lost_directions, what_is_lost
 from .inputs import Inputs
+from .lost import lost_names, why_lost
 from .problem import METHODS, Problem, Run
 from .run import MotionRun, Progress, places_in_rows
 from .signals import take_inputs
@@ -121,6 +122,35 @@ class Simulation(MotionRun):
                     self._derivatives_of_rows(row, problem, directions.k, part)[of.directions] = np.nan
         if lost:
             warn(what_is_lost(lost, directions.names))
+
+    def _warn_of_lost(self, run: Run, problem: Problem, names: tuple[str, ...]) -> set[str]:
+        """Warn of directions that have no derivative from some time on; return their names."""
+        lost: set[str] = set()
+        for segment in run.segments:
+            for row, why, which in segment.lost:
+                derivatives = [self._derivatives_of_rows(row, problem, len(names), i) for i in (1, 2, 4)]
+                gone = lost_names(np.concatenate(derivatives, axis=1), lost, names)
+                lost.update(gone)
+                if gone:
+                    state, entries = self._state_of(row, problem), self._entries(problem)
+                    warn(f"{self.name}: {why_lost(segment, why, which, state, entries, gone)}")
+        return lost
+
+    def _state_of(self, row: Array, problem: Problem) -> dict[str, Any]:
+        """The arguments of functions at a row of results."""
+        t = float(row[0])
+        q, u = self._of_rows(row, 1), self._of_rows(row, 2)
+        return {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+
+    def _entries(self, problem: Problem) -> list[str]:
+        """Names of what is integrated."""
+        manifest = self._opened.manifest
+        names = [f"q.{n}" for n in manifest["independent_names"]]
+        names += [f"u.{n}" for n in manifest["independent_speed_names"]]
+        names += [f"integral {i}" for i in range(len(problem.integrals))]
+        if not self.independent_speed_names:  # dependent coordinates are followed by their rates
+            names += [f"q.{n}" for n in self.coordinate_names]
+        return names
 
     def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem, rows: Array) -> float:
         """The largest change of an independent entry, in parts of its size, per part of what it changes with; or a bound of it.
@@ -265,8 +295,10 @@ class Simulation(MotionRun):
             derivatives = [self._derivatives_of_rows(rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)]
         else:
             derivatives = list(_no_derivatives(nt, *[size for _, size, _ in parts]))
+        lost = self._warn_of_lost(run, problem, directions.names) if k else set()
         if shown:
-            self._look_at_outputs(problem, run, outputs, derivatives[2])
+            kept = [i for i, name in enumerate(directions.names) if name not in lost]
+            self._look_at_outputs(problem, run, outputs, derivatives[2][kept] if lost else derivatives[2])
         arrays = {
             "t": t, "q": q, "u": u, "dq": derivatives[0], "du": derivatives[1], "outputs": outputs[:, :shown],
             "doutputs": derivatives[2][..., :shown], "p": problem.p.copy(),
@@ -320,10 +352,9 @@ class Simulation(MotionRun):
         if not of.any():
             return
         row, among = int(np.argwhere(of)[0, 0]), np.flatnonzero(of.any(axis=0)).tolist()
-        t, q, u = float(run.rows[row, 0]), self._of_rows(run.rows[row], 1), self._of_rows(run.rows[row], 2)
-        state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+        state = self._state_of(run.rows[row], problem)
         found = outputs_without(run.opened, state, among, along=bool(len(doutputs)))
-        warn(f"{self.name}: outputs of simulate, or their derivatives, are not finite at t = {t:g} s: {found}")
+        warn(f"{self.name}: outputs of simulate, or their derivatives, are not finite at t = {state['t']:g} s: {found}")
 
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """Kinetic and potential energy over time, (nt, 2)."""
@@ -356,11 +387,11 @@ class Simulation(MotionRun):
 
     def _what_is_infinite(self, problem: Problem, run: Run) -> str:
         """The force without a finite value, or derivative, at the end of a motion or just behind it; empty if there is none."""
-        t, q, u = problem.start, problem.q, problem.u
         last = run.last if len(run.last) else run.rows[-1] if len(run.rows) else None
-        if last is not None:
-            t, q, u = float(last[0]), self._of_rows(last, 1), self._of_rows(last, 2)
-        state = {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+        if last is None:
+            last = np.concatenate([[problem.start], problem.q, problem.u])
+        state = self._state_of(last, problem)
+        t, q, u = state["t"], state["q"], state["u"]
         elements = (
             run.reason != "singular"
         )  # a force element without direction is that itself, not what follows from it
@@ -386,12 +417,7 @@ class Simulation(MotionRun):
         """The same without what loops have to do with it."""
         at = f"at t = {run.counts['t']:.9g} s"
         manifest = run.opened.manifest
-        names = [f"q.{n}" for n in manifest["independent_names"]] + [
-            f"u.{n}" for n in manifest["independent_speed_names"]
-        ]
-        names += [f"integral {i}" for i in range(len(problem.integrals))]
-        if not self.independent_speed_names:  # dependent coordinates are followed by their rates
-            names += [f"q.{n}" for n in self.coordinate_names]
+        names = self._entries(problem)
         entry = names[min(run.component, len(names) - 1)] if names else "nothing"
         match run.reason:
             case "singular":
