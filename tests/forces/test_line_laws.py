@@ -25,7 +25,7 @@ from codegen.model.forces.along_line import element_of, entry_of
 from codegen.model.forces.line_law import Coefficient, LineLaw, LineLawError
 from codegen.model.forces.line_law_table import with_table
 from codegen.model.forces.line_laws import LINE_LAWS
-from codegen.model.sections import forces as section
+from codegen.model.sections import elements as section
 from codegen.pipeline import write_solver
 from codegen.reference import DenseEngine
 from codegen.reference.arithmetic import Arithmetic
