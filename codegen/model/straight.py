@@ -4,32 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Any, Final, Protocol
+from typing import Final
 
 from .axes import Vector, coordinate_axis, signed_base
 from .entries import ZERO
 from .expressions import Expression
 from .forces import ForceElement
 from .grammar import Number, Tree
+from .members import Body
 from .places import GROUND, Face, Point
 
 _ROUNDING: Final = 2.0**-50
 """Relative to two places, m, by how much they may differ and be the same, such as 0.1 + 0.2 and 0.3."""
 
 
-class Carried(Protocol):
-    """What is asked of a body: see `model.Body`."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def parent(self) -> int: ...
-    @property
-    def joint(self) -> Any: ...
-
-
 def signed_length(
-    bodies: Sequence[Carried], prescribed: Collection[str], element: ForceElement
+    bodies: Sequence[Body], prescribed: Collection[str], element: ForceElement
 ) -> tuple[Tree, tuple[Number, Number, Number]] | None:
     """The length of the line between the ends of a force element, with a sign, and its direction, if that is always the same.
 
@@ -69,7 +59,7 @@ def signed_length(
 
 
 def _place(
-    bodies: Sequence[Carried], prescribed: Collection[str], point: Point
+    bodies: Sequence[Body], prescribed: Collection[str], point: Point
 ) -> tuple[list[Expression], dict[str, Vector]] | None:
     """Where a point is at coordinates of zero, and the slides that carry it; None where something may turn."""
     found: list[Expression] = [*point.at]
