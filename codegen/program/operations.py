@@ -74,13 +74,14 @@ def count_expression(e: Expr) -> Operations:
 
 
 def count(block: Block, lanes: bool | None = None) -> Operations:
-    """Operations of a block's statements, all or those of one class: once per call, or once per direction."""
-    additions = multiplications = divisions = functions = 0
-    for s in block.statements:
-        if lanes is None or s.lanes == lanes:
-            c = count_expression(s.expression)
-            additions += c.additions
-            multiplications += c.multiplications
-            divisions += c.divisions
-            functions += c.functions
-    return Operations(additions, multiplications, divisions, functions)
+    """Operations of a block, all or those of one class: once per call, or once per direction.
+
+    What is stored counts like a statement, and a store that adds is an addition. That a margin is positive is found by a
+    comparison, which counts as the subtraction that it is.
+    """
+    found = [s.expression for s in block.statements if lanes is None or s.lanes == lanes]
+    stored = [(store, e) for store, _, e in block.stores if lanes is None or store.lanes == lanes]
+    total = Operations(additions=sum(store.adds for store, _ in stored))
+    for e in (*found, *(e for _, e in stored)):
+        total = total + count_expression(e)
+    return total

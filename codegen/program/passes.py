@@ -71,6 +71,24 @@ def _bare(term: Expr) -> Expr:
     return term
 
 
+def cancel_terms(block: Block) -> Block:
+    """``m - a -> g h`` where a is ``m - g h``: a difference that is known takes nothing and is exact."""
+    sums: dict[Symbol, Expr] = {}
+    statements = []
+    for s in block.statements:
+        e = s.expression
+        if e.is_Add and not s.lanes:
+            for term in e.args:
+                bare = _bare(term)
+                if isinstance(bare, Symbol) and bare in sums:
+                    whole = e.xreplace({bare: sums[bare]})
+                    if len(_terms(whole)) < len(_terms(e)):
+                        e = whole
+            sums[s.target] = e
+        statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
+    return Block(block.name, block.title, block.loads, statements, block.stores)
+
+
 def share_products(block: Block) -> Block:
     """Name products that stand in several statements."""
     count: Counter[Expr] = Counter()
@@ -244,9 +262,11 @@ PASSES: tuple[tuple[str, Callable[[Block], Block]], ...] = (
     ("drop dead statements", drop_dead),
     ("propagate copies", propagate_copies),
     ("share equal values", share_values),
+    ("cancel terms", cancel_terms),
     ("share products", share_products),
     ("share factors", share_factors),
     ("factor sums", factor_sums),
+    ("propagate copies again", propagate_copies),
     ("drop dead statements again", drop_dead),
 )
 """The passes and their order."""

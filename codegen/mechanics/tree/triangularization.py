@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from ...program.block import Scope
 from ...program.field import PLACES, ScalarField
-from ...program.scalar import Matrix, Vector
+from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..couplings import hand_force, hand_inertia, hand_on, others
 from ..elimination import OF_FREEDOMS, SymmetricSystem
@@ -18,7 +18,7 @@ from ..handing_on import accumulate, accumulate_force
 from ..joints import Column, LinkJoint
 from ..joints.inertia import shift_inertia
 from ..rotors import driven_rotor, rotor
-from ..spatial import SIX, add, cross, dot, transpose
+from ..spatial import SIX, add, cross, dot, is_zero, transpose
 from ..stores import CONSTANTS, HELD, ME, OWN, TAU, UP
 from ..structure.elimination_order import CARRIER
 from ..structure.kinds import LinkKind
@@ -103,19 +103,30 @@ def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
     return range(0 if j > 0 or kind.carried_on else 6, count)
 
 
-def inertia_scales(x: Scope, kind: LinkKind, I: Matrix) -> Vector:
+def inertia_scales(x: Scope, kind: LinkKind, I: Matrix, pivot: int) -> Vector:
     """What pivots are measured against, angular and linear: traces of the articulated inertia (`zero pivot`).
 
     Where nothing else needs an entry of these, the body's own inertia and what the children hand on for this take their place.
+    `pivot` is the entry that is the only pivot itself, and is left out; -1 if there is none.
     """
-    turning, mass = (I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2] for n in (0, 3))
+    turning, mass = (_total([I[i][i] for i in range(n, n + 3) if i != pivot]) for n in (0, 3))
     tag = "zero pivot"
     if not kind.of_links:
         return [x.let("scale", turning, tag), x.let("scale", mass, tag)]
     J = x.load(CONSTANTS, fields.inertia)
-    handed = J[0][0] + J[1][1] + J[2][2] + x.load(ME, fields.moment_scale)
+    handed = _total([J[i][i] for i in range(3) if i != pivot]) + x.load(ME, fields.moment_scale)
     light = x.load(CONSTANTS, fields.mass) + x.load(ME, fields.mass_scale)
     return [x.either("scale", turning, handed, tag), x.either("scale", mass, light, tag)]
+
+
+def _total(entries: Vector) -> Value:
+    return sum(entries[1:], entries[0])
+
+
+def _pivot_entry(x: Scope, kind: LinkKind, joint: LinkJoint) -> int:
+    """The entry of the articulated inertia that is the pivot of a joint with one freedom; -1 if none is."""
+    alone = joint.freedoms == 1 and not joint.columns[0].others and is_zero(rotor(x, kind, 0))
+    return joint.columns[0].lead if alone else -1
 
 
 def triangularize(x: Scope, kind: LinkKind) -> None:
@@ -123,7 +134,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
     joint = kind.joint(x, kind)
     system = link_system(x, kind)
     I, p = system.Q, system.p
-    scales = inertia_scales(x, kind, I)
+    scales = inertia_scales(x, kind, I, _pivot_entry(x, kind, joint))
     for j in reversed(range(joint.freedoms)):
         s = joint.columns[j]
         tau = x.entry(TAU, j) if kind.forced[j] else 0

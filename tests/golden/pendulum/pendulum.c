@@ -297,13 +297,13 @@ static void kinematics(call *a)
 /* triangularization (Eqs. 39-47); rod
  * in: c: inertia; me: moment; tau
  * out: pivot; me: inverse_pivot_0, right_side_0
- * operations: 2 additions, 3 multiplications, 1 division */
+ * operations: 3 additions, 2 multiplications, 1 division */
 static void triangularize_0(call *a)
 {
     const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
     link_record *restrict me = &a->records[0];
     const double c_J_xx = c->inertia_xx;
-    const double scale = c->inertia_zz + 2.0*c_J_xx; /* zero pivot */
+    const double scale = c_J_xx + c->inertia_zz; /* zero pivot */
     const double bound = 2e-15*scale;
     REFUSE(c_J_xx <= bound, 0 + 1);
     const double Dinv = 1.0/c_J_xx; /* Eq. 47 */

@@ -132,7 +132,9 @@ static void DIRECTIONS(balance_back_transposed)(DIRECTIONS(call) *a)
 }
 
 /* accelerations, and weights of forces, outward; rod
- * in: me: inverse_pivot_0; lane: right_side_0. out: lane: moment; dtau. operations: 1 multiplication per direction */
+ * in: me: inverse_pivot_0; lane: right_side_0
+ * out: lane: moment; dtau
+ * operations: 1 addition, 1 multiplication per direction */
 static void DIRECTIONS(gradient_out_0)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
@@ -152,7 +154,7 @@ static void DIRECTIONS(gradient_out)(DIRECTIONS(call) *a)
 /* transmitted forces, and gradients of weighted accelerations, inward; rod
  * in: trig; up: total_acceleration; udot; c: first_moment, inertia; lane: moment
  * out: dq; dp; du
- * operations: 1 addition, 4 multiplications; 3 multiplications per direction */
+ * operations: 1 addition, 4 multiplications; 1 addition, 3 multiplications per direction */
 static void DIRECTIONS(gradient_in_0)(DIRECTIONS(call) *a)
 {
     const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
@@ -179,7 +181,7 @@ static void DIRECTIONS(gradient_in)(DIRECTIONS(call) *a)
 }
 
 /* transpose of the tangent of forces.friction.value of the model
- * in: dtau. out: du. operations: 1 multiplication per direction */
+ * in: dtau. out: du. operations: 1 addition, 1 multiplication per direction */
 static void DIRECTIONS(tau_0_transposed)(DIRECTIONS(call) *a)
 {
     EACH_VECTOR {

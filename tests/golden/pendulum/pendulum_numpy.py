@@ -197,14 +197,14 @@ def triangularize_0(a):
     # triangularization (Eqs. 39-47); rod
     # in: c: inertia; me: moment; tau
     # out: pivot; me: inverse_pivot_0, right_side_0
-    # operations: 2 additions, 3 multiplications, 1 division
+    # operations: 3 additions, 2 multiplications, 1 division
     c = a.constants[0]
     me = a.records[0]
     c_J_xx = c["inertia_xx"]
     c_J_zz = c["inertia_zz"]
     me_n_y = me["moment_y"]
     tau_rod = a.tau[0]
-    scale = c_J_zz + 2.0*c_J_xx  # zero pivot
+    scale = c_J_xx + c_J_zz  # zero pivot
     Dinv = 1.0/c_J_xx  # Eq. 47
     r = tau_rod - me_n_y  # Eq. 53
     bound = 2e-15*scale  # zero pivot
@@ -353,7 +353,9 @@ def balance_back_transposed(a):
 
 def gradient_out_0(a):
     # accelerations, and weights of forces, outward; rod
-    # in: me: inverse_pivot_0; lane: right_side_0. out: lane: moment; dtau. operations: 1 multiplication per direction
+    # in: me: inverse_pivot_0; lane: right_side_0
+    # out: lane: moment; dtau
+    # operations: 1 addition, 1 multiplication per direction
     me = a.records[0]
     lane = a.lanes[0]
     me_Dinv_0 = me["inverse_pivot_0"]
@@ -372,7 +374,7 @@ def gradient_in_0(a):
     # transmitted forces, and gradients of weighted accelerations, inward; rod
     # in: trig; up: total_acceleration; udot; c: first_moment, inertia; lane: moment
     # out: dq; dp; du
-    # operations: 1 addition, 4 multiplications; 3 multiplications per direction
+    # operations: 1 addition, 4 multiplications; 1 addition, 3 multiplications per direction
     up = a.records[1]
     c = a.constants[0]
     lane = a.lanes[0]
@@ -402,7 +404,7 @@ def gradient_in(a):
 
 def tau_0_transposed(a):
     # transpose of the tangent of forces.friction.value of the model
-    # in: dtau. out: du. operations: 1 multiplication per direction
+    # in: dtau. out: du. operations: 1 addition, 1 multiplication per direction
     dtau_rod = a.dtau[0]
     du_0_bar = -0.01*dtau_rod
     a.du[0] = a.du[0] + du_0_bar
