@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-Choices = Mapping[str, Sequence[str]]
+Choices = dict[str, Sequence[str]]
 
 MAY_HAVE: Choices = {
     "joint": ("revolute", "prismatic", "screw", "cylindrical", "planar", "universal", "spherical", "free"),
@@ -44,15 +44,12 @@ LOOP_JOINTS_MAY_BE = ("fixed", "revolute", "prismatic", "universal", "spherical"
 TREES: Choices = MAY_HAVE
 LOOPS: Choices = {"loop": LOOP_JOINTS_MAY_BE, **MAY_HAVE, "partitions": ("1", "2")}
 
+TOGETHER = ("none", "position velocity distance switched", "value given acceleration", "kinetic potential momentum")
+"""Outputs where few models are wanted: several in one model."""
+
 ALIKE = {
     "loop": (LOOP_JOINTS_MAY_BE,),
     "joint": (("revolute", "prismatic", "screw"), ("universal", "cylindrical", "planar"), ("spherical", "free")),
-    "outputs": (
-        ("none",),
-        ("position", "velocity", "distance", "switched"),
-        ("value", "given", "acceleration"),
-        ("kinetic", "potential", "momentum"),
-    ),
     "springs": (("none",), ("numbers", "parameters"), ("inputs", "time")),
     "forces": (("none",), ("state", "inputs", "time", "switched"), ("on bodies",)),
     "gravity": (("none",), ("numbers", "parameters")),
@@ -134,11 +131,12 @@ def mixtures(every: bool = False) -> list[Mixture]:
     Parameters
     ----------
     every : bool
-        Every two, whether alike or not: three times as many models.
+        Every two, whether alike or not, and each output alone: three times as many models.
     """
     found = []
     for kind, choices in (("tree", TREES), ("loop", LOOPS)):
-        for i, choice in enumerate(covering(choices) if every else _taking_turns(choices)):
+        few = choices | {"outputs": TOGETHER}
+        for i, choice in enumerate(covering(choices) if every else _taking_turns(few)):
             name = f"{kind}_{i}"
             options = {
                 "layout": choice["layout"],
@@ -203,12 +201,13 @@ def text(name: str, choice: Mapping[str, str]) -> str:
     closed = "loop" in choice
     links = 4 if closed else {"kinds": 3, "unrolled": 1}[choice["layout"]]
     on_bodies = ON_BODIES if choice["forces"] == "on bodies" else ()
+    measured = {} if choice["outputs"] == "none" else {n: MEASURES[n] for n in choice["outputs"].split()}
     given = " ".join(
         [
             *on_bodies,
             *SPRINGS.get(choice["springs"], ()),
             FORCES.get(choice["forces"], ""),
-            MEASURES.get(choice["outputs"], ""),
+            *measured.values(),
         ]
     )
     inputs = [n for n in ("motor", "pull") if n in given]
@@ -261,6 +260,6 @@ def text(name: str, choice: Mapping[str, str]) -> str:
     angles = [f"link_{i + 1}: {a}" for i, a in enumerate(ANGLES[:links])]
     speed = {"numbers": "0.3", "parameters": "0.3*m"}[choice["initial"]]
     lines.append(f"initial: {{q: {{{', '.join(angles)}}}, u: {{link_1: {speed}}}}}")
-    if choice["outputs"] != "none":
-        lines.append(f"outputs: {{measured: {MEASURES[choice['outputs']]}}}")
+    if measured:
+        lines.append(f"outputs: {{{', '.join(f'{n}: {m}' for n, m in measured.items())}}}")
     return "\n".join(filter(None, lines)) + "\n"

@@ -1,12 +1,9 @@
-"""Generates a package, compiles it with sanitizers and calls every function of its headers; several packages side by side."""
+"""Generates a package, compiles it with sanitizers and calls every function of its headers."""
 
 from __future__ import annotations
 
-import multiprocessing
 import subprocess
 import zlib
-from collections.abc import Iterable
-from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,9 +34,15 @@ class Package:
     thorough: bool = False
     """Whether a second partition, which has the same templates, is built in more than the last way."""
     second: bool = True
-    """Whether a second partition is looked at, if there is one."""
+    """Whether a second partition is examined, if there is one."""
     singular: tuple[dict[str, float], ...] = ()
     """States to call everything in as well; see `Part.calls`."""
+
+    @property
+    def missing(self) -> str:
+        """What this machine lacks to examine it in any way; nothing if there is a way."""
+        missing = [b.missing for b in (*self.builds, *self.warned)]
+        return "; ".join(dict.fromkeys(missing)) if all(missing) else ""
 
 
 def examine(package: Package, folder: Path) -> list[str]:
@@ -89,27 +92,3 @@ def run(part: Part, build: Build) -> str:
         if said.returncode:
             return f"exit code {said.returncode}: {said.stderr[:1500]}"
     return ""
-
-
-class Bench:
-    """Examines packages in two processes; results are waited for where they are asked for.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the packages go.
-    packages : iterable of Package
-    """
-
-    def __init__(self, folder: Path, packages: Iterable[Package]) -> None:
-        self.folder = folder
-        self.pool = ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"))
-        self.found: dict[str, Future[list[str]]] = {
-            p.name: self.pool.submit(examine, p, folder / p.name) for p in packages
-        }
-
-    def complaints(self, name: str) -> list[str]:
-        return self.found[name].result()
-
-    def close(self) -> None:
-        self.pool.shutdown(cancel_futures=True)
