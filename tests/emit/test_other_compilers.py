@@ -109,3 +109,74 @@ def test_it_is_compiled_for_webassembly(program):
         expected = in_c(folder, name)
         found = numbers(folder, node, "--no-warnings", "run.mjs")
         assert np.abs(found - expected).max() <= TOLERANCE[scalar] * np.abs(expected).max()
+
+
+MOTION = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "{name}.h"
+#include "motion/motion.h"
+extern const ordernm_system {name}_system;
+extern void {name}_four(ordernm_system *system);
+static double allowed[32], q[] = {{{q}}}, u[] = {{{u}}}, p[] = {{{p}}}, dp[3*{np}], times[] = {{0.1, 0.2}};
+static double gradient[64], weights[{noutputs}*2];
+int main(void)
+{{
+    for (int method = ORDERNM_RK4; method <= ORDERNM_RADAU; ++method) {{
+        ordernm_system system = {name}_system;
+        {name}_four(&system);
+        for (int i = 0; i < 32; ++i) allowed[i] = 1e-9;
+        for (int i = 0; i < 3; ++i) dp[i*{np} + i] = 1.0;
+        ordernm_problem problem = {{0}};
+        problem.system = &system, problem.method = method, problem.p = p, problem.q = q, problem.u = u;
+        problem.end = 0.2, problem.ntimes = 2, problem.times = times, problem.rtol = 1e-9, problem.atol = allowed;
+        problem.step = 0.01, problem.inputs.count = 1, problem.ndirections = 3, problem.dp = dp;
+        ordernm_results r = {{0}};
+        const long size = ordernm_row_size(&problem);
+        r.rows = (double *)calloc(2*size, sizeof(double)), r.capacity = 2;
+        ordernm_motion *m = ordernm_begin(&problem, (double *)calloc(ordernm_room(&problem), sizeof(double)));
+        if (ordernm_go(m, &r, 0.0) || r.count != 2) return 1;
+        for (long i = 0; i < 2*size; ++i) printf("%.17g\\n", r.rows[i]);
+        problem.ndirections = 0;
+        ordernm_results kept = {{0}};
+        kept.rows = r.rows, kept.capacity = 2, kept.steps_capacity = 1000;
+        kept.steps = (double *)calloc(1000*ordernm_step_size(&problem), sizeof(double));
+        m = ordernm_begin(&problem, (double *)calloc(ordernm_room(&problem), sizeof(double)));
+        if (ordernm_go(m, &kept, 0.0)) return 2;
+        weights[{noutputs}] = 1.0;
+        ordernm_gradients g = {{0}};
+        g.nfunctionals = 1, g.ntimes = 2, g.times = times, g.weights = weights, g.q = gradient, g.u = gradient + 16;
+        g.p = gradient + 32, g.inputs = gradient + 60;
+        for (int i = 0; i < 64; ++i) gradient[i] = 0.0;
+        double *const room = (double *)calloc(ordernm_adjoint_room(&problem, &g), sizeof(double));
+        ordernm_adjoint *a = ordernm_adjoint_begin(&problem, &g, room);
+        if (ordernm_backwards(a, kept.steps, kept.steps_count)) return 3;
+        ordernm_adjoint_end(a);
+        for (int i = 0; i < {np}; ++i) printf("%.17g\\n", g.p[i]);
+    }}
+    return 0;
+}}
+"""
+
+
+def test_motions_are_cpp20_but_for_restrict(tmp_path: Path) -> None:
+    """The integrators, what they call, and four directions: the same sources as C and as C++ give the same."""
+    if not shutil.which("g++"):
+        pytest.skip("needs g++: apt install g++")
+    name = "four_bar"
+    folder = tmp_path / name
+    codegen.generate(EXAMPLES / f"{name}.yaml", folder, compile=False)
+    made = codegen.load(folder)
+    text = MOTION.format(
+        name=name, np=made.np, noutputs=made.noutputs, q=", ".join(map(repr, made.initial_state()[0].tolist())),
+        u=", ".join(map(repr, made.initial_state()[1].tolist())), p=", ".join(map(repr, made.parameters.tolist())),
+    )  # fmt: skip
+    (folder / "main.c").write_text(text)
+    sources = ["main.c", f"{name}.c", f"{name}_motion.c", f"{name}_four.c"]
+    sources += [f"motion/{f.name}" for f in sorted((folder / "motion").glob("*.c"))]
+    compiled(folder, shutil.which("cc") or "cc", "-O1", *sources, "-lm", "-o", "in_c")
+    flags = ("-std=c++20", "-Drestrict=__restrict__", "-Wall", "-Wno-unused-function", "-Wno-attributes", "-Werror")
+    compiled(folder, "g++", *flags, "-O1", "-x", "c++", *sources, "-lm", "-o", "in_cpp")
+    expected = numbers(folder, "./in_c")
+    assert np.isfinite(expected).all() and np.abs(expected).max() > 0
+    assert np.abs(numbers(folder, "./in_cpp") - expected).max() <= 1e-12 * np.abs(expected).max()

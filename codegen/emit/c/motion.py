@@ -28,6 +28,23 @@ WIDTHS = (1, 8)
 """How many directions are integrated together."""
 
 
+COUNTERS = {
+    "free_q": ("nfree_q", 1, True), "free_u": ("nfree_u", 1, True), "quaternion": ("nquaternions", 1, True),
+    "kept": ("nkept", 1, True), "dropped": ("ndropped", 1, True), "moving": ("nmoving", 1, False),
+    "switch_of_output": ("nswitch_outputs", 2, False),
+}  # fmt: skip
+"""Of tables: the member with their length, how many numbers an entry has, and whether the member is written where it is 0."""
+
+MEMBERS = (
+    "nq", "nu", "np", "ninputs", "noutputs", "nclosure", "nloops", "plain_rates", "workspace", "nfree_q", "nfree_u", "free_q",
+    "free_u", "nquaternions", "quaternion", "nkept", "kept", "ndropped", "dropped", "apart", "slack", "split", "nswitches",
+    "switch_kind", "drives", "nswitch_outputs", "switch_of_output", "nmoving", "moving", "state_rates", "closing_step",
+    "completion", "outputs", "switches", "state_rate_sensitivities", "completion_sensitivities", "output_sensitivities",
+    "switch_sensitivities",
+)  # fmt: skip
+"""Members of an ``ordernm_system`` as it declares them: C++ has initialisers in that order."""
+
+
 def has_motion(functions: Mapping[str, Any]) -> bool:
     """Whether a solver of these functions can be integrated over time."""
     return "state_rates" in functions
@@ -57,61 +74,22 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
         How far a dropped condition may open while a motion goes on.
     """
     name, functions = manifest["name"], by_name(procedures)
-    calls = [(f, _call(name, f, functions[f], "")) for f in VALUES if f in functions]
-    calls += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for f in ALONG if f in functions for w in WIDTHS]
-    free_q = [model.coordinate_names.index(n) for n in manifest["independent_names"]]
-    free_u = [model.speed_names.index(n) for n in manifest["independent_speed_names"]]
-    dropped = set(manifest.get("dropped", ()))
-    tables = {
-        "free_q": free_q,
-        "free_u": free_u,
-        "quaternion": manifest["quaternions"],
-        "kept": [k for k in range(len(model.closure_names)) if k not in dropped],
-        "moving": [model.inputs.index(n) for n in model.moving_inputs],
-        "dropped": sorted(dropped),
-    }
-    shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in set(free_u)}
-    split = any(n.partition(".")[0] in shared for n in (model.coordinate_names[i] for i in free_q))
-    numbers = {
-        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "noutputs": len(model.outputs),
-        "nclosure": len(model.closure_names), "nloops": len(model.loops),
-        "plain_rates": int(model.coordinate_names == model.speed_names), "workspace": manifest["workspace"],
-        "split": int(split),
-    }  # fmt: skip
-    members = [f".{key} = {value}" for key, value in numbers.items()]
-    if "switches" in functions:
-        found = model.switches.found
-        tables["switch_kind"] = [KINDS.index(s.kind) for s in found]
-        tables["drives"] = [int(s.drives) + int(s.moves) for s in found]
-        members += [f".nswitches = {len(found)}", ".switch_kind = switch_kind", ".drives = drives"]
-        if pairs := [(s.number, output) for s in found for output in sorted(s.outputs)]:
-            tables["switch_of_output"] = [n for pair in pairs for n in pair]
-            members += [f".nswitch_outputs = {len(pairs)}", ".switch_of_output = switch_of_output"]
-    for table, counter in (
-        ("free_q", "nfree_q"),
-        ("free_u", "nfree_u"),
-        ("quaternion", "nquaternions"),
-        ("kept", "nkept"),
-        ("dropped", "ndropped"),
-    ):
-        members.append(f".{counter} = {len(tables[table])}")
-        members += [f".{table} = {table}"] if tables[table] else []
-    if tables["moving"]:
-        members += [f".nmoving = {len(tables['moving'])}", ".moving = moving"]
-    members += [f".apart = {allowed!r}"] * bool(dropped) + [f".slack = {allowed!r}"] * bool(manifest.get("redundant"))
-    members += [f".{f} = {f}" for f in VALUES if f in functions]
-    backwards = []
-    for f in ALONG:
-        if f in functions:
-            symbols = [f"{f}_{w}" for w in WIDTHS]
-            if f.endswith("_transposed"):
-                backwards.append((f, symbols))
-            else:
-                members.append(f".{f} = {{{', '.join(symbols)}}}")
+    tables = _tables(model, manifest, functions)
     first, second = number_of("motion"), number_of("gradients")
     parts: dict[int, list[tuple[str, str]]] = {first: [], second: []}
-    for symbol, call in calls:
-        parts[second if "_transposed" in symbol else first].append((symbol, call))
+    backwards: dict[str, list[str]] = {}
+    members = _sizes(model, manifest, tables, functions, allowed)
+    for f in [f for f in VALUES if f in functions]:
+        parts[first].append((f, _call(name, f, functions[f], "")))
+        members[f] = f
+    for f in [f for f in ALONG if f in functions]:
+        symbols = [f"{f}_{w}" for w in WIDTHS]
+        of = second if f.endswith("_transposed") else first
+        parts[of] += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for w in WIDTHS]
+        if of == second:
+            backwards[f] = symbols
+        else:
+            members[f] = f"{{{', '.join(symbols)}}}"
     return render(
         "c/motion.c.jinja",
         {
@@ -119,11 +97,58 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
             "version": __version__,
             "parts": [(library, of) for library, of in parts.items() if of],
             "first": first,
-            "backwards": [(second, backwards)] if backwards else [],
+            "backwards": [(second, list(backwards.items()))] if backwards else [],
             "tables": [(table, numbers) for table, numbers in tables.items() if numbers],
-            "members": [f"{m}," for m in members],
+            "members": [f".{m} = {members[m]}," for m in MEMBERS if m in members],
         },
     )
+
+
+def _tables(model: Model, manifest: Mapping[str, Any], functions: Mapping[str, Any]) -> dict[str, list[int]]:
+    """Tables of an ``ordernm_system`` by their members."""
+    dropped = set(manifest.get("dropped", ()))
+    tables = {
+        "free_q": [model.coordinate_names.index(n) for n in manifest["independent_names"]],
+        "free_u": [model.speed_names.index(n) for n in manifest["independent_speed_names"]],
+        "quaternion": manifest["quaternions"],
+        "kept": [k for k in range(len(model.closure_names)) if k not in dropped],
+        "moving": [model.inputs.index(n) for n in model.moving_inputs],
+        "dropped": sorted(dropped),
+    }
+    if "switches" in functions:
+        found = model.switches.found
+        tables["switch_kind"] = [KINDS.index(s.kind) for s in found]
+        tables["drives"] = [int(s.drives) + int(s.moves) for s in found]
+        tables["switch_of_output"] = [n for s in found for output in sorted(s.outputs) for n in (s.number, output)]
+    return tables
+
+
+def _sizes(
+    model: Model, manifest: Mapping[str, Any], tables: Mapping[str, Sequence[int]], functions: Mapping[str, Any], allowed: float
+) -> dict[str, Any]:  # fmt: skip
+    """Members of an ``ordernm_system`` but for its functions."""
+    free_u = set(tables["free_u"])
+    shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in free_u}
+    split = any(model.coordinate_names[i].partition(".")[0] in shared for i in tables["free_q"])
+    found = {
+        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "noutputs": len(model.outputs),
+        "nclosure": len(model.closure_names), "nloops": len(model.loops),
+        "plain_rates": int(model.coordinate_names == model.speed_names), "workspace": manifest["workspace"],
+        "split": int(split),
+    }  # fmt: skip
+    for table, numbers in tables.items():
+        counter, entries, always = COUNTERS.get(table, ("", 1, False))
+        if counter and (numbers or always):
+            found[counter] = len(numbers) // entries
+        if numbers:
+            found[table] = table
+    if "switches" in functions:
+        found["nswitches"] = len(tables["drives"])
+    if tables["dropped"]:
+        found["apart"] = repr(allowed)
+    if manifest.get("redundant"):
+        found["slack"] = repr(allowed)
+    return found
 
 
 OWN = ("sin", "cos")

@@ -24,7 +24,7 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->ngroups = (g->nfunctionals + a->width - 1)/a->width;
     a->n = s->nfree_q + s->nfree_u + problem->nintegrals;
     const long width = a->width, values = s->nq + s->nfree_u + problem->nintegrals;
-    a->sampled = ordernm_take(&of, a->ngroups*sizeof(long));
+    a->sampled = (long *)ordernm_take(&of, a->ngroups*sizeof(long));
     a->lambda = ordernm_numbers(&of, a->ngroups*a->n*width);
     a->nu = ordernm_numbers(&of, a->n*width);
     for (int i = 0; i < MOST_STAGES; ++i) {
@@ -52,25 +52,25 @@ long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradient
 {
     ordernm_problem alone = *problem;
     alone.ndirections = 0;
-    return 8 + (long)(lay_out(0, problem, (ordernm_gradients *)gradients)/sizeof(double)) + ordernm_room(&alone);
+    return 8 + (long)(lay_out(0, problem, (ordernm_gradients *)gradients)/sizeof(scalar)) + ordernm_room(&alone);
 }
 
 /* ---- From the end to the beginning. ---- */
 
-ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *g, double *room)
+ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *g, scalar *room)
 {
-    ordernm_adjoint *const a = ordernm_line(room);
+    ordernm_adjoint *const a = (ordernm_adjoint *)ordernm_line(room);
     const size_t used = lay_out(0, problem, g);
     memset(a, 0, used);
     lay_out(a, problem, g);
-    a->motion = ordernm_begin(&a->problem, (double *)((char *)a + used));
+    a->motion = ordernm_begin(&a->problem, (scalar *)((char *)a + used));
     a->motion->results = &a->none;
     if (a->of_stages) ordernm_radau_layout_stages(a->motion, a->motion->ny, a->of_stages);
     a->behind = g->nbehind;
     a->timed = -1;
     for (int n = 0; n < a->ngroups; ++n) {
         a->sampled[n] = g->ntimes;
-        double *const lambda = a->lambda + (long)n*a->n*a->width;
+        scalar *const lambda = a->lambda + (long)n*a->n*a->width;
         const ordernm_system *const s = problem->system;
         for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals && !g->whole_q; ++l) {
             const long f = n*a->width + l;
@@ -87,19 +87,19 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
     return a;
 }
 
-static int step_backwards(ordernm_adjoint *a, const double *step)
+static int step_backwards(ordernm_adjoint *a, const scalar *step)
 {
     return a->motion->radau ? ordernm_radau_backwards(a, step) : ordernm_explicit_backwards(a, step);
 }
 
-int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
+int ordernm_backwards(ordernm_adjoint *a, const scalar *steps, long count)
 {
     ordernm_motion *const m = a->motion;
     const long size = ordernm_step_size(m->problem);
     for (long k = count - 1; k >= 0; --k) {
-        const double *const step = steps + k*size;
+        const scalar *const step = steps + k*size;
         m->t = step[0];
-        memcpy(m->z, step + m->head, (m->ny + m->nx + m->nd)*sizeof(double));
+        memcpy(m->z, step + m->head, (m->ny + m->nx + m->nd)*sizeof(scalar));
         ordernm_find_segment(m, m->t, step[1]);
         ordernm_take_derivatives(m, step[4]);
         ordernm_take_modes(m, step + ORDERNM_STEP_HEAD);
@@ -109,8 +109,8 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
         if (m->nheld) {
             a->has_next = 1;
             a->next_t = m->t;
-            memcpy(a->next, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
-            memcpy(a->next_modes, step + ORDERNM_STEP_HEAD, 2*m->system->nswitches*sizeof(double));
+            memcpy(a->next, m->z, (m->ny + m->nx + m->nd)*sizeof(scalar));
+            memcpy(a->next_modes, step + ORDERNM_STEP_HEAD, 2*m->system->nswitches*sizeof(scalar));
         }
         if (!status) continue;
         a->gradients->singular = status;
@@ -128,15 +128,15 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
     const int width = a->width;
     const long count = m->problem->inputs.count*ordernm_signals(s);
     for (int n = 0; n < a->ngroups; ++n) {
-        double *const lambda = a->lambda + (long)n*a->n*width;
+        scalar *const lambda = a->lambda + (long)n*a->n*width;
         while (a->sampled[n] > 0) {
-            const double t = g->times[a->sampled[n] - 1];
+            const scalar t = g->times[a->sampled[n] - 1];
             if (!ordernm_sample_transposed(a, n, t, m->z, a->nu)) ordernm_accumulate(lambda, 1.0, a->nu, (long)a->n*width);
         }
     }
     ordernm_settling_transposed(a, m->t, m->z); /* the initial state is settled too */
     for (int n = 0; n < a->ngroups; ++n) {
-        const double *const lambda = a->lambda + (long)n*a->n*width;
+        const scalar *const lambda = a->lambda + (long)n*a->n*width;
         for (int l = 0; l < width && n*width + l < g->nfunctionals; ++l) {
             const long f = n*width + l;
             for (int i = 0; i < s->nfree_q; ++i) g->q[f*s->nq + s->free_q[i]] += lambda[i*width + l];
@@ -150,22 +150,22 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
 
 /* ---- Steps that were not kept, again. ---- */
 
-static int replay(ordernm_motion *m, const double *known, int first, double *step)
+static int replay(ordernm_motion *m, const scalar *known, int first, scalar *step)
 {
     return m->radau ? ordernm_radau_replay(m, known, step) : ordernm_explicit_replay(m, first, step);
 }
 
-int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long count)
+int ordernm_replay(ordernm_motion *m, const scalar *known, scalar *steps, long count)
 {
     const long size = ordernm_step_size(m->problem);
-    const size_t state = (m->ny + m->nx + m->nd)*sizeof(double);
+    const size_t state = (m->ny + m->nx + m->nd)*sizeof(scalar);
     int status;
     ordernm_results none = {.steps = steps};
     m->results = &none;
     memcpy(m->z, steps + m->head, state);
     ordernm_take_modes(m, steps + ORDERNM_STEP_HEAD);
     for (long k = 0; k < count; ++k) {
-        double *const step = steps + k*size;
+        scalar *const step = steps + k*size;
         m->t = step[0];
         memcpy(step + m->head, m->z, state);
         ordernm_find_segment(m, m->t, step[1]);
@@ -174,7 +174,7 @@ int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long c
         if (replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
         if (k + 1 == count) break;
-        const double end = step[size], knot = ordernm_next_knot(m, m->t);
+        const scalar end = step[size], knot = ordernm_next_knot(m, m->t);
         m->closed_known = 0;
         if (!m->method->gives_rate && ordernm_rates_at_end(m, end, m->rate[m->method->stages])) return ORDERNM_SINGULAR;
         if ((status = ordernm_next_step(m, end, knot, 0, step + size + ORDERNM_STEP_HEAD))) return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;

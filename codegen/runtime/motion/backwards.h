@@ -13,14 +13,14 @@ struct ordernm_adjoint {
     int n;                            /* entries that are integrated and differentiated */
     long *sampled, behind;            /* times that are left: of each group, of all behind jumps */
     long timed;                       /* the one of the latter that the next switch backwards makes; -1 for none */
-    double *lambda;                   /* [ngroups][n][width] */
-    double *kappa[MOST_STAGES], *nu;  /* [n][width] */
-    double *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with loops closed */
-    double *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
+    scalar *lambda;                   /* [ngroups][n][width] */
+    scalar *kappa[MOST_STAGES], *nu;  /* [n][width] */
+    scalar *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with loops closed */
+    scalar *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
     void *of_stages;                  /* of an implicit method, for its equations */
     int has_next;                     /* there is a step behind, which begins ... */
-    double next_t, *next, *next_modes;/* ... then, in that state, with these modes */
-    double *p, *inputs;               /* [ngroups][np][width], [ngroups][count][ninputs][width] */
+    scalar next_t, *next, *next_modes;/* ... then, in that state, with these modes */
+    scalar *p, *inputs;               /* [ngroups][np][width], [ngroups][count][ninputs][width] */
 };
 
 /* Whether a group has weights at times within this step, its end included. */
@@ -30,35 +30,35 @@ static inline int ordernm_samples_left(const ordernm_adjoint *a, int n)
     return left > 0 && a->gradients->times[left - 1] > a->motion->t;
 }
 
-static inline int ordernm_any(const double *x, long n)
+static inline int ordernm_any(const scalar *x, long n)
 {
     for (long i = 0; i < n; ++i)
         if (x[i] != 0.0) return 1;
     return 0;
 }
 
-static inline void ordernm_accumulate(double *to, double factor, const double *of, long n)
+static inline void ordernm_accumulate(scalar *to, scalar factor, const scalar *of, long n)
 {
     for (long i = 0; i < n; ++i) to[i] += factor*of[i];
 }
 
 /* transposes.c; each returns what a function returned */
-int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
-int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
-int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu);
-int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed,
+int ordernm_rates_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu);
+int ordernm_integrals_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu);
+int ordernm_sample_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *nu);
+int ordernm_switch_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, int k, const scalar *jump, scalar speed,
     int timed);
-int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z);
+int ordernm_settling_transposed(ordernm_adjoint *a, scalar t, const scalar *z);
 int ordernm_sample_behind(ordernm_adjoint *a);
-int ordernm_completion_transposed(ordernm_adjoint *a, int n, double *lambda);
+int ordernm_completion_transposed(ordernm_adjoint *a, int n, scalar *lambda);
 
 /* switches_backwards.c */
-int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row);
+int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, const scalar *row);
 
 /* explicit_backwards.c, radau_backwards.c, radau.c */
-int ordernm_explicit_backwards(ordernm_adjoint *a, const double *row);
-int ordernm_explicit_replay(ordernm_motion *m, int first, double *row);
-int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
-int ordernm_radau_replay(ordernm_motion *m, const double *known, double *row);
+int ordernm_explicit_backwards(ordernm_adjoint *a, const scalar *row);
+int ordernm_explicit_replay(ordernm_motion *m, int first, scalar *row);
+int ordernm_radau_backwards(ordernm_adjoint *a, const scalar *row);
+int ordernm_radau_replay(ordernm_motion *m, const scalar *known, scalar *row);
 
 #endif

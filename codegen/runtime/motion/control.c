@@ -9,22 +9,22 @@ enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
 
 /* A motion that comes no farther than such a part of its time in so many steps will not end. */
 enum { STUCK_STEPS = 2000 };
-static const double STUCK = 1e-9;
+static const scalar STUCK = 1e-9;
 
 /* A motion that passes this number of switches in such a time has an accumulation of them. */
 enum { MOST_PASSED = 100 };
 
 /* At conditions that are larger by this, other independents are looked at again. */
-static const double LOOK_AGAIN = 3.0;
+static const scalar LOOK_AGAIN = 3.0;
 
 /* So often a step is made again because a stage is too near to a pose where a loop loses rank. */
 enum { MOST_MOVES = 3 };
-static const double AT_POSE = 0.005; /* in parts of the step: no stage but the last is as near */
-static const double LEAST_MOVE = 0.02; /* in parts of the step: less makes no difference */
+static const scalar AT_POSE = 0.005; /* in parts of the step: no stage but the last is as near */
+static const scalar LEAST_MOVE = 0.02; /* in parts of the step: less makes no difference */
 
 /* Steps before a dead point end short of it by a tenth of the way, and from such a condition on there are no more; so often one is
  * made again. */
-static const double SHORT = 0.9, NEAR_ENOUGH = 100.0;
+static const scalar SHORT = 0.9, NEAR_ENOUGH = 100.0;
 enum { MOST_REFUSED = 8 };
 
 static double seconds_now(void)
@@ -60,7 +60,7 @@ static int begin(ordernm_motion *m)
     }
     m->h = p->step;
     if (m->h <= 0.0) {
-        const double limit = fmin(p->end - p->start, p->largest_step > 0.0 ? p->largest_step : INFINITY);
+        const scalar limit = fmin(p->end - p->start, p->largest_step > 0.0 ? p->largest_step : INFINITY);
         const int failure = ordernm_first_step(m, limit, &m->h);
         if (failure) m->h = 1e-6*limit; /* the step that is tried will tell */
     }
@@ -83,7 +83,7 @@ static int end_at_pose(ordernm_motion *m, trial *step)
         return 1;
     }
     m->row_known = 0; /* steps of other sizes stand where this one was */
-    const method *const method = m->method;
+    const scheme *const method = m->method;
     const int status = method->step(m, step->h, &step->error);
     if (!status && step->error <= 1.0 && !method->gives_rate) ordernm_rates_at_end(m, step->end, m->rate[method->stages]);
     return 0;
@@ -94,7 +94,7 @@ static int comes_apart(ordernm_motion *m, const trial *step)
 {
     if (!m->system->ndropped) return 0;
     if (m->method->gives_rate) { /* its loops have not been closed yet */
-        const double condition = m->results->condition_here;
+        const scalar condition = m->results->condition_here;
         ordernm_call c;
         ordernm_arguments(m, step->end, m->next, &c);
         if (ordernm_close_loops(m, &c)) return 0;
@@ -108,8 +108,8 @@ static int comes_apart(ordernm_motion *m, const trial *step)
 static int attempt(ordernm_motion *m, trial *step)
 {
     const ordernm_problem *const p = m->problem;
-    const method *const method = m->method;
-    double *const rate = m->rate[method->stages];
+    const scheme *const method = m->method;
+    scalar *const rate = m->rate[method->stages];
     m->advice = 0.0;
     m->row_known = m->complete = m->closed_known = 0;
     for (int i = 1; i < MOST_STAGES; ++i) m->conditions[i] = 0.0;
@@ -125,7 +125,7 @@ static int attempt(ordernm_motion *m, trial *step)
     if (m->nd && method->gap > 0.0) {
         const int too_near = ordernm_find_pose(m, step->h);
         if (end_at_pose(m, step)) return 0;
-        const double elsewhere = ordernm_step_at_pose(m, step->h, step->wall);
+        const scalar elsewhere = ordernm_step_at_pose(m, step->h, step->wall);
         /* what the end of an implicit step is like its last stage says */
         const int moves = method->gives_rate ? good || status : too_near;
         step->again = moves && m->moved < MOST_MOVES && fabs(elsewhere - step->h) > LEAST_MOVE*step->h;
@@ -137,7 +137,7 @@ static int attempt(ordernm_motion *m, trial *step)
     if (m->nd && (step->dead = ordernm_dead_point_within(m, step->h)) > 0.0) return 0;
     if ((step->apart = comes_apart(m, step))) return 0;
     if (!m->nwatched) return 0;
-    const double whole = step->h;
+    const scalar whole = step->h;
     status = ordernm_look_for_events(m, step);
     if (step->event < 0 || status) return status;
     step->to_wall = 0;
@@ -148,7 +148,7 @@ static int attempt(ordernm_motion *m, trial *step)
 }
 
 /* Parts of a motion's time that steps become as small as before a dropped condition opens by too much. */
-static const double BEFORE_APART = 1e-5;
+static const scalar BEFORE_APART = 1e-5;
 
 /* Such a step is made again, shorter; the reason if that is small already. */
 static int end_together(ordernm_motion *m, const trial *step)
@@ -177,7 +177,7 @@ static int end_short(ordernm_motion *m, const trial *step)
 static int passes_poor_poses(ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
-    double worst = 0.0;
+    scalar worst = 0.0;
     if (!(p->poor > 0.0)) return 0;
     for (int i = 1; i <= m->method->stages; ++i) worst = fmax(worst, m->conditions[i]);
     if (!(worst > fmax(p->poor, LOOK_AGAIN*m->looked_at))) return 0;
@@ -190,7 +190,7 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
 {
     const ordernm_problem *const p = m->problem;
     ordernm_results *const r = m->results;
-    const method *const method = m->method;
+    const scheme *const method = m->method;
     if (m->nheld && (status || step->error != step->error) && ordernm_let_go(m)) {
         ++r->rejected;
         return ORDERNM_ENDED; /* the same step again, every switch in the branch that the state is in */
@@ -201,7 +201,7 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     }
     ++r->rejected;
     r->component = ordernm_worst_entry(m);
-    const double change = ordernm_after_failure(m, status ? NAN : step->error);
+    const scalar change = ordernm_after_failure(m, status ? NAN : step->error);
     /* advice that is not to refuse the step is of a method that has not seen why it is refused */
     m->h = step->h*(m->advice > 0.0 && m->advice < 1.0 ? m->advice : change);
     m->rejected_before = 1;
@@ -259,7 +259,7 @@ static int accept(ordernm_motion *m, const trial *step)
     ++r->accepted;
     ordernm_note_coarse(m, step->h);
     if (m->flat[0] > m->t && m->flat[0] <= step->end && r->flat_count < r->flat_capacity)
-        memcpy(r->flat + r->flat_count++*(1 + 2L*m->system->nq), m->flat, (1 + 2L*m->system->nq)*sizeof(double));
+        memcpy(r->flat + r->flat_count++*(1 + 2L*m->system->nq), m->flat, (1 + 2L*m->system->nq)*sizeof(scalar));
     if (r->steps) ordernm_keep_step(m, step->h);
     const int unknown = ordernm_keep_events(m, step, &stop);
     if (unknown) return ordernm_failed(r, unknown);

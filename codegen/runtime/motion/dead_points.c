@@ -12,16 +12,16 @@
 /* ---- Branches. ---- */
 
 /* Tolerances by which dependent coordinates may differ from what a step predicts. */
-static const double JUMP = 1e3;
+static const scalar JUMP = 1e3;
 
 /* Whether the dependent coordinates that loops have been closed with last are others than a step has led to: on another branch,
  * of those that meet where a loop loses rank. */
-int ordernm_jumped(const ordernm_motion *m, const double *z)
+int ordernm_jumped(const ordernm_motion *m, const scalar *z)
 {
     const ordernm_problem *p = m->problem;
-    const double *predicted = z + m->ny + m->nx;
+    const scalar *predicted = z + m->ny + m->nx;
     for (int i = 0; i < m->nd; ++i) {
-        const double q = m->q[m->dependent[i]];
+        const scalar q = m->q[m->dependent[i]];
         if (!(fabs(q - predicted[i]) <= JUMP*(p->atol[0] + p->rtol*(1.0 + fabs(q))) + 1e-9)) return 1;
     }
     return 0;
@@ -32,7 +32,7 @@ int ordernm_jumped(const ordernm_motion *m, const double *z)
 /* What may be left undetermined of dependent speeds, in parts of the largest, and by how much errors must have been made larger, for
  * loose tolerances alone say nothing of poses; and errors of independent speeds, in parts of 1 and of themselves, that there are
  * near such poses even where tolerances allow less, by rounding. */
-static const double UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
+static const scalar UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
 
 /* At a dead point of the independent coordinates their speeds vanish while dependent ones go on, and say nothing of these. Where a
  * loop itself loses rank dependent speeds follow the independent ones all the same. Which it is shows by how far dependents move if
@@ -41,24 +41,24 @@ int ordernm_undetermined(ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
     const ordernm_system *const s = m->system;
-    double *const z = m->probe[0], *const here = m->probe[1], *const there = m->probe[2], *const error = m->probe[3],
+    scalar *const z = m->probe[0], *const here = m->probe[1], *const there = m->probe[2], *const error = m->probe[3],
         *const gain = m->probe[4];
     const long first = m->ny + m->nx;
-    memcpy(z, m->z, m->values*sizeof(double));
+    memcpy(z, m->z, m->values*sizeof(scalar));
     if (ordernm_rates_of(m, m->t, z, here, 0, 0, RATES | KNOWN_CLOSED)) return 0;
-    double fastest = 0.0;
+    scalar fastest = 0.0;
     for (int i = 0; i < m->nd; ++i) {
         error[i] = gain[i] = 0.0;
         if (fabs(here[first + i]) > fastest) fastest = fabs(here[first + i]);
     }
     for (int k = s->nfree_q; k < m->ny; ++k) {
-        const double change = 1e-3*(1.0 + fabs(m->z[k])), size = 1.0 + fabs(m->z[k]);
-        const double allowed = fmax(p->atol[k] + p->rtol*fabs(m->z[k]), BY_ROUNDING*size);
+        const scalar change = 1e-3*(1.0 + fabs(m->z[k])), size = 1.0 + fabs(m->z[k]);
+        const scalar allowed = fmax(p->atol[k] + p->rtol*fabs(m->z[k]), BY_ROUNDING*size);
         z[k] = m->z[k] + change;
         if (ordernm_rates_of(m, m->t, z, there, 0, 0, RATES | KNOWN_CLOSED)) return 0;
         z[k] = m->z[k];
         for (int i = 0; i < m->nd; ++i) {
-            const double moved = fabs(there[first + i] - here[first + i])/change;
+            const scalar moved = fabs(there[first + i] - here[first + i])/change;
             error[i] += moved*allowed;
             gain[i] += moved*size;
         }
@@ -71,29 +71,29 @@ int ordernm_undetermined(ordernm_motion *m)
 /* ---- Steps over dead points. ---- */
 
 /* The place that stands for a dead point near which a step comes too near. */
-static const double HALF = 0.5;
+static const scalar HALF = 0.5;
 
 enum { PARTS = 8, LEVELS = RANKS_BETWEEN/(PARTS - 1) };
 
 /* Two ends of an interval may have this many times what inverse conditions are seen to change by in it. */
-static const double STEEPER = 2.0;
+static const scalar STEEPER = 2.0;
 
 /* In parts of the step: places are not told apart that are nearer, where closed loops have a condition that rounding and the
  * interpolation limit. */
-static const double FINE = 2e-3;
+static const scalar FINE = 2e-3;
 
 /* How far the two places are from lost rank, in parts of the way there, that tell by how much dependent speeds grow; and the least that
  * they grow by at a dead point, where it is the quotient of the distances. */
-static const double FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
+static const scalar FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
 
 /* The first interval from `from` on, of those between n times, in which a loop may lose rank, by how inverse conditions at the times change from
  * one to the next: smooth functions but for their sign. The number of intervals if there is none. */
-static int suspicious(const ordernm_motion *m, int n, const double *t, const double *const *rank, int from)
+static int suspicious(const ordernm_motion *m, int n, const scalar *t, const scalar *const *rank, int from)
 {
     const int nloops = m->system->nloops;
     int first = n - 1;
     for (int loop = 0; loop < nloops; ++loop) {
-        double steepest = 0.0;
+        scalar steepest = 0.0;
         for (int k = 0; k + 1 < n; ++k) steepest = fmax(steepest, fabs(rank[k + 1][loop] - rank[k][loop])/(t[k + 1] - t[k]));
         for (int k = from; k < first; ++k)
             if (!(rank[k][loop] + rank[k + 1][loop] > STEEPER*steepest*(t[k + 1] - t[k]))) first = k;
@@ -102,16 +102,16 @@ static int suspicious(const ordernm_motion *m, int n, const double *t, const dou
 }
 
 /* The place in a step, from a to b, at which a loop loses rank; INFINITY if none does. */
-static double lost_between(ordernm_motion *m, double h, double a, double b, const double *at_a, const double *at_b, int level)
+static scalar lost_between(ordernm_motion *m, scalar h, scalar a, scalar b, const scalar *at_a, const scalar *at_b, int level)
 {
     const int nloops = m->system->nloops;
-    double *const own = m->ranks_between + (long)level*(PARTS - 1)*nloops, t[PARTS + 1];
-    const double *rank[PARTS + 1] = {at_a};
+    scalar *const own = m->ranks_between + (long)level*(PARTS - 1)*nloops, t[PARTS + 1];
+    const scalar *rank[PARTS + 1] = {at_a};
     if (level == LEVELS || b - a < FINE) return 0.5*(a + b);
-    for (int j = 0; j <= PARTS; ++j) t[j] = a + (b - a)*j/PARTS;
+    for (int j = 0; j <= PARTS; ++j) t[j] = a + (b - a)*j/(int)PARTS;
     rank[PARTS] = at_b;
     for (int j = 1; j < PARTS; ++j) {
-        double *const here = own + (long)(j - 1)*nloops;
+        scalar *const here = own + (long)(j - 1)*nloops;
         m->method->interpolate(m, h, t[j], m->trial);
         ordernm_call c;
         ordernm_arguments(m, m->t + t[j]*h, m->trial, &c);
@@ -120,17 +120,17 @@ static double lost_between(ordernm_motion *m, double h, double a, double b, cons
         rank[j] = here;
     }
     for (int k = 0; (k = suspicious(m, PARTS + 1, t, rank, k)) < PARTS; ++k) {
-        const double found = lost_between(m, h, t[k], t[k + 1], rank[k], rank[k + 1], level + 1);
+        const scalar found = lost_between(m, h, t[k], t[k + 1], rank[k], rank[k + 1], level + 1);
         if (found < INFINITY) return found;
     }
     return INFINITY;
 }
 
 /* The largest dependent speed that an independent one of 1 makes, at a place in the step; INFINITY where it cannot be had. */
-static double growth(ordernm_motion *m, double h, double part)
+static scalar growth(ordernm_motion *m, scalar h, scalar part)
 {
     const ordernm_system *const s = m->system;
-    double largest = 0.0;
+    scalar largest = 0.0;
     m->method->interpolate(m, h, part, m->trial);
     ordernm_call c;
     ordernm_arguments(m, m->t + part*h, m->trial, &c);
@@ -149,16 +149,16 @@ static double growth(ordernm_motion *m, double h, double part)
 
 /* Inverse conditions in a step: the least and the largest that stages have, of the loop whose least is smallest, and where. */
 typedef struct {
-    double least, largest, at_least, at_largest;
+    scalar least, largest, at_least, at_largest;
 } spread;
 
-static spread spread_of(const ordernm_motion *m, int n, const double *t, const double *const *rank)
+static spread spread_of(const ordernm_motion *m, int n, const scalar *t, const scalar *const *rank)
 {
     spread worst = {INFINITY, 0.0, 0.0, 0.0};
     for (int loop = 0; loop < m->system->nloops; ++loop) {
         spread found = {INFINITY, 0.0, 0.0, 0.0};
         for (int k = 0; k < n; ++k) {
-            const double here = rank[k][loop];
+            const scalar here = rank[k][loop];
             if (here < found.least) found.least = here, found.at_least = t[k];
             if (here > found.largest) found.largest = here, found.at_largest = t[k];
         }
@@ -168,16 +168,16 @@ static spread spread_of(const ordernm_motion *m, int n, const double *t, const d
 }
 
 /* Inverse conditions that change by more than this in a step: it is too long for a dead point that it comes near to. */
-static const double LEAST_LEFT = 0.5;
+static const scalar LEAST_LEFT = 0.5;
 
 /* Conditions from which on a dead point matters to steps of constant size, whose errors nobody sees; and from which on one does that
  * no step may come nearer to: of constant ones, and of others where the motion turns before it and may have been meant to pass. */
-static const double COARSE = 10.0, TOO_NEAR = 100.0;
+static const scalar COARSE = 10.0, TOO_NEAR = 100.0;
 
 /* Of steps of constant size: what inverse condition and growth were where the condition has become larger than COARSE. */
-static void note_calm(ordernm_motion *m, double h, const double *rank)
+static void note_calm(ordernm_motion *m, scalar h, const scalar *rank)
 {
-    double least = INFINITY;
+    scalar least = INFINITY;
     for (int i = 0; i < m->system->nloops; ++i) least = fmin(least, rank[i]);
     if (least*COARSE >= 1.0) m->calm_rank = 0.0;
     else if (m->calm_rank == 0.0) m->calm_rank = least, m->calm_growth = growth(m, h, 0.0);
@@ -185,11 +185,11 @@ static void note_calm(ordernm_motion *m, double h, const double *rank)
 
 /* Whether a step comes so near to a dead point that it says nothing of what is behind. Dependent speeds grow there as the condition
  * does; near a flattened linkage they do not. */
-static int comes_too_near(ordernm_motion *m, double h, const spread *of)
+static int comes_too_near(ordernm_motion *m, scalar h, const spread *of)
 {
     const int too_near = of->least*TOO_NEAR < 1.0;
     if (m->adaptive && !too_near) return 0;
-    double rank = of->largest, far = 0.0;
+    scalar rank = of->largest, far = 0.0;
     if (m->calm_rank > rank) rank = m->calm_rank, far = m->calm_growth;
     if (!(of->least < LEAST_LEFT*(too_near ? rank : of->largest))) return 0;
     if (far == 0.0) far = growth(m, h, of->at_largest);
@@ -198,30 +198,30 @@ static int comes_too_near(ordernm_motion *m, double h, const spread *of)
 
 /* Where a loop itself loses rank, as in a flattened linkage, dependents follow all the same, and the motion passes; the coordinates
  * beside it say which derivatives do. */
-static int is_dead(ordernm_motion *m, double h, double part)
+static int is_dead(ordernm_motion *m, scalar h, scalar part)
 {
     const int nq = m->system->nq;
-    const double way = part > 0.5 ? -part : 1.0 - part;
-    const double far = growth(m, h, part + FAR*way);
-    memcpy(m->flat + 1 + nq, m->q, nq*sizeof(double));
-    const double near = growth(m, h, part + NEAR*way);
-    memcpy(m->flat + 1, m->q, nq*sizeof(double));
+    const scalar way = part > 0.5 ? -part : 1.0 - part;
+    const scalar far = growth(m, h, part + FAR*way);
+    memcpy(m->flat + 1 + nq, m->q, nq*sizeof(scalar));
+    const scalar near = growth(m, h, part + NEAR*way);
+    memcpy(m->flat + 1, m->q, nq*sizeof(scalar));
     const int dead = !(near < GROWN*far);
     if (!dead && m->derived) m->flat[0] = m->t + part*h;
     return dead;
 }
 
 /* Where in the step that was made, in parts of it, a dead point of the independent coordinates is; 0 if there is none. */
-double ordernm_dead_point_within(ordernm_motion *m, double h)
+scalar ordernm_dead_point_within(ordernm_motion *m, scalar h)
 {
     m->flat[0] = -INFINITY;
-    const method *const method = m->method;
+    const scheme *const method = m->method;
     const int nloops = m->system->nloops;
-    double time[MOST_STAGES];
-    const double *rank[MOST_STAGES];
+    scalar time[MOST_STAGES];
+    const scalar *rank[MOST_STAGES];
     int n = 0;
     for (int i = 0; i <= method->stages; ++i) {
-        const double t = method->times[i];
+        const scalar t = method->times[i];
         if (i == method->stages - 1 && t == method->times[i + 1]) continue; /* both are at the end */
         int at = n++;
         for (; at > 0 && time[at - 1] > t; --at) time[at] = time[at - 1], rank[at] = rank[at - 1];
@@ -244,12 +244,12 @@ double ordernm_dead_point_within(ordernm_motion *m, double h)
         m->complete = 1;
     }
     /* Nothing that is done here is part of the motion. */
-    const double poor = m->poor, poor_rates = m->poor_rates, condition = m->results->condition, here = m->results->condition_here;
-    double found = 0.0;
+    const scalar poor = m->poor, poor_rates = m->poor_rates, condition = m->results->condition, here = m->results->condition_here;
+    scalar found = 0.0;
     m->poor = m->poor_rates = INFINITY;
     if (!m->adaptive) note_calm(m, h, rank[0]);
     for (; k < n - 1 && found == 0.0; k = suspicious(m, n, time, rank, k + 1)) {
-        const double part = lost_between(m, h, time[k], time[k + 1], rank[k], rank[k + 1], 0);
+        const scalar part = lost_between(m, h, time[k], time[k + 1], rank[k], rank[k + 1], 0);
         if (part < INFINITY && is_dead(m, h, part)) found = part;
     }
     if (found == 0.0 && (coarse || turns) && comes_too_near(m, h, &seen)) found = HALF;

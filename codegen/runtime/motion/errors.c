@@ -5,7 +5,7 @@
 
 /* What two rates in the middle of a step of constant size must differ by, times the step and relative to the state, for its error to
  * be looked at: it is far less. */
-static const double LOOKED_AT = 1e-6;
+static const scalar LOOKED_AT = 1e-6;
 
 /* How many entries of the state have errors that count: those that are integrated; where nothing is independent, predictions too,
  * by which dependent coordinates are followed. */
@@ -15,41 +15,41 @@ int ordernm_counted(const ordernm_motion *m)
 }
 
 /* The mean square of n errors in units of what is allowed: absolute, and relative to the larger of two sizes. */
-static double mean_square(long n, long step, const double *error, const double *a, const double *b, const double *atol,
-    int same, double rtol)
+static scalar mean_square(long n, long step, const scalar *error, const scalar *a, const scalar *b, const scalar *atol,
+    int same, scalar rtol)
 {
-    double sum = 0.0;
+    scalar sum = 0.0;
     for (long i = 0; i < n; ++i) {
-        const double x = fabs(a[i*step]), y = fabs(b[i*step]);
-        const double of = error[i*step]/(atol[same ? 0 : i] + rtol*(x > y ? x : y));
+        const scalar x = fabs(a[i*step]), y = fabs(b[i*step]);
+        const scalar of = error[i*step]/(atol[same ? 0 : i] + rtol*(x > y ? x : y));
         sum += of*of;
     }
     return n ? sum/n : 0.0;
 }
 
 /* One error of two, after E. Hairer: the first, made smaller where the second is large. */
-static double of_both(double first, double second)
+static scalar of_both(scalar first, scalar second)
 {
-    const double both = first + 0.01*second;
+    const scalar both = first + 0.01*second;
     return both > 0.0 || both != both ? first/sqrt(both) : 0.0;
 }
 
 /* The error of a step in units of what is allowed: the largest of those of the state and of each direction. */
-double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second)
+scalar ordernm_error_norm(const ordernm_motion *m, const scalar *next, const scalar *error, const scalar *second)
 {
     const ordernm_problem *const p = m->problem;
     const long n = m->ny + m->nx, all = ordernm_counted(m);
-    const double state = mean_square(all, 1, error, m->z, next, p->atol, 0, p->rtol);
-    const double other = mean_square(all, 1, second, m->z, next, p->atol, 0, p->rtol);
-    double largest = of_both(state, other);
+    const scalar state = mean_square(all, 1, error, m->z, next, p->atol, 0, p->rtol);
+    const scalar other = mean_square(all, 1, second, m->z, next, p->atol, 0, p->rtol);
+    scalar largest = of_both(state, other);
     if (!p->atol_directions || !(largest == largest)) return largest;
     for (int g = 0; g < m->ngroups; ++g) {
         const group *const of = m->groups + g;
         for (int l = 0; l < of->used; ++l) {
-            const double *const atol = p->atol_directions + of->first + l;
+            const scalar *const atol = p->atol_directions + of->first + l;
             const long at = of->at + l;
-            const double one = mean_square(n, of->width, error + at, m->z + at, next + at, atol, 1, p->rtol);
-            const double two = mean_square(n, of->width, second + at, m->z + at, next + at, atol, 1, p->rtol);
+            const scalar one = mean_square(n, of->width, error + at, m->z + at, next + at, atol, 1, p->rtol);
+            const scalar two = mean_square(n, of->width, second + at, m->z + at, next + at, atol, 1, p->rtol);
             largest = fmax(largest, of_both(one, two)); /* where it is not finite, the direction has no derivative */
         }
     }
@@ -61,9 +61,9 @@ int ordernm_worst_entry(const ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
     int worst = 0;
-    double largest = -1.0;
+    scalar largest = -1.0;
     for (int i = 0; i < ordernm_counted(m); ++i) {
-        const double of = fabs(m->error[0][i])/(p->atol[i] + p->rtol*fabs(m->z[i]));
+        const scalar of = fabs(m->error[0][i])/(p->atol[i] + p->rtol*fabs(m->z[i]));
         if (!(of <= largest)) largest = of, worst = i;
         if (of != of) break;
     }
@@ -73,19 +73,19 @@ int ordernm_worst_entry(const ordernm_motion *m)
 /* The classical method has no error estimate of its own. In models with loops, which come near poses where all is fast, its steps are
  * compared with Simpson's rule on the interpolant, where they may be too long: both are of order 4. What they differ by, relative to
  * the state, adds up in the results. */
-void ordernm_note_coarse(ordernm_motion *m, double h)
+void ordernm_note_coarse(ordernm_motion *m, scalar h)
 {
     ordernm_results *const r = m->results;
-    double *const middle = m->error[0], *const *const k = m->rate;
+    scalar *const middle = m->error[0], *const *const k = m->rate;
     if (m->problem->method != ORDERNM_RK4 || !m->nd) return;
-    double apart = 0.0, largest = 0.0;
+    scalar apart = 0.0, largest = 0.0;
     for (int i = 0; i < m->ny; ++i) apart = fmax(apart, fabs(k[1][i] - k[2][i])/(1.0 + fabs(m->z[i])));
     if (h*apart < LOOKED_AT) return;
-    const double condition = r->condition, here = r->condition_here;
+    const scalar condition = r->condition, here = r->condition_here;
     m->method->interpolate(m, h, 0.5, m->trial);
     if (!ordernm_rates_of(m, m->t + 0.5*h, m->trial, middle, 0, 0, RATES))
         for (int i = 0; i < m->ny; ++i) {
-            const double error = h/6.0*fabs(2.0*(k[1][i] + k[2][i]) + k[3][i] - 4.0*middle[i] - k[4][i]);
+            const scalar error = h/6.0*fabs(2.0*(k[1][i] + k[2][i]) + k[3][i] - 4.0*middle[i] - k[4][i]);
             largest = fmax(largest, error/(1.0 + fabs(m->z[i])));
         }
     r->coarse += largest;

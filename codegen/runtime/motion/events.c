@@ -5,21 +5,21 @@
 #include <string.h>
 
 /* How far an output is from the level that it has just crossed: behind it, whatever rounding says. */
-static const double BEHIND = 1e-300;
+static const scalar BEHIND = 1e-300;
 
 /* A level that is crossed twice within a step shows at neither end: outputs are looked at in between, too, and where they turn, if they
  * may turn behind the level. */
 enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24, MOST_PLACES = PARTS + 1 + EVENT_SAMPLES };
-static const double SAME_PLACE = 1e-7; /* in parts of the step */
+static const scalar SAME_PLACE = 1e-7; /* in parts of the step */
 
 /* A switching function that turns as near to zero, in parts of its range in the step, touches it. */
-static const double TOUCHING = 1e-12;
+static const scalar TOUCHING = 1e-12;
 
 /* Beside a pose where a loop loses rank, in parts of the step. */
-static const double CUT_BEHIND = 0.1;
+static const scalar CUT_BEHIND = 0.1;
 
 /* Outputs at a state, less the levels of events. Returns what a function returned. */
-int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g)
+int ordernm_crossings(ordernm_motion *m, scalar t, const scalar *z, scalar *g)
 {
     const ordernm_problem *const p = m->problem;
     ordernm_call c;
@@ -37,14 +37,14 @@ int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g)
 }
 
 /* Whether what is looked for crosses zero: an event's output less its level; a switching function, which leaves the side of its mode. */
-static int crosses(const ordernm_motion *m, int number, double before, double after)
+static int crosses(const ordernm_motion *m, int number, scalar before, scalar after)
 {
     if (number >= m->problem->nevents) return before >= 0.0 && after < 0.0;
     const ordernm_event *const e = m->problem->events + number;
     return (e->direction >= 0 && before < 0.0 && after >= 0.0) || (e->direction <= 0 && before > 0.0 && after <= 0.0);
 }
 
-static int within(ordernm_motion *m, double h, double part, double *g)
+static int within(ordernm_motion *m, scalar h, scalar part, scalar *g)
 {
     m->method->interpolate(m, h, part, m->trial);
     return ordernm_crossings(m, m->t + part*h, m->trial, g);
@@ -52,19 +52,19 @@ static int within(ordernm_motion *m, double h, double part, double *g)
 
 /* Where an output comes nearest to its level between three places, of which the middle one is nearest (R. Brent's way, shortened: the
  * vertex of a parabola, or the larger part cut). It ends behind the level, if that is crossed. */
-static int nearest(ordernm_motion *m, double h, int e, double at[3], double g[3])
+static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3])
 {
-    const double sign = g[1] > 0.0 ? 1.0 : -1.0;
+    const scalar sign = g[1] > 0.0 ? 1.0 : -1.0;
     for (int n = 0; n < NEARER && sign*g[1] > 0.0 && at[2] - at[0] > 1e-9; ++n) {
-        const double a = (g[1] - g[0])/(at[1] - at[0]), b = (g[2] - g[1])/(at[2] - at[1]), bend = (b - a)/(at[2] - at[0]);
-        const double vertex = 0.5*(at[0] + at[1]) - 0.5*a/bend;
-        const double wide = at[2] - at[1] > at[1] - at[0] ? at[1] + 0.38*(at[2] - at[1]) : at[1] - 0.38*(at[1] - at[0]);
-        const double least = 1e-3*(at[2] - at[0]);
-        double next = vertex > at[0] + least && vertex < at[2] - least && n%4 != 3 ? vertex : wide;
+        const scalar a = (g[1] - g[0])/(at[1] - at[0]), b = (g[2] - g[1])/(at[2] - at[1]), bend = (b - a)/(at[2] - at[0]);
+        const scalar vertex = 0.5*(at[0] + at[1]) - 0.5*a/bend;
+        const scalar wide = at[2] - at[1] > at[1] - at[0] ? at[1] + 0.38*(at[2] - at[1]) : at[1] - 0.38*(at[1] - at[0]);
+        const scalar least = 1e-3*(at[2] - at[0]);
+        scalar next = vertex > at[0] + least && vertex < at[2] - least && n%4 != 3 ? vertex : wide;
         if (fabs(next - at[1]) < 1e-9) next = at[1] + (at[2] - at[1] > at[1] - at[0] ? 1e-9 : -1e-9);
         const int status = within(m, h, next, m->within);
         if (status) return status;
-        const double of = m->within[e];
+        const scalar of = m->within[e];
         const int to_the_right = next > at[1], better = sign*of < sign*g[1];
         const int replaced = better == to_the_right ? 0 : 2;
         if (better) {
@@ -78,16 +78,16 @@ static int nearest(ordernm_motion *m, double h, int e, double at[3], double g[3]
 }
 
 /* Whether a switching function comes to zero at a place among n, and turns there, where derivatives are wanted. */
-static int touches(const ordernm_motion *m, int e, const double *y, int i, int n)
+static int touches(const ordernm_motion *m, int e, const scalar *y, int i, int n)
 {
     const int k = e - m->problem->nevents;
     if (k < 0 || m->system->switch_kind[m->held[k]] != ORDERNM_SIGN || !(m->ngroups || m->results->steps)) return 0;
-    double range = 0.0;
+    scalar range = 0.0;
     for (int j = 0; j < n; ++j) range = fmax(range, fabs(y[j]));
     return y[i] >= 0.0 && y[i] <= TOUCHING*range && y[i - 1] > y[i] && y[i + 1] > y[i];
 }
 
-static int touched(ordernm_motion *m, double h, double part, int e)
+static int touched(ordernm_motion *m, scalar h, scalar part, int e)
 {
     const int status = within(m, h, part, m->within);
     if (!status) ordernm_touch(m, m->t + part*h, m->held[e - m->problem->nevents]);
@@ -96,7 +96,7 @@ static int touched(ordernm_motion *m, double h, double part, int e)
 
 /* An output where it may turn, and it is searched how near it comes to its level, among n places of which is known what it is there;
  * returns what a function returned. */
-static int look_at_turn(ordernm_motion *m, double h, int e, double turn, double *x, double *y, int *n)
+static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar *x, scalar *y, int *n)
 {
     int status, i = 1; /* the place behind it */
     while (i < *n - 1 && x[i] < turn) ++i;
@@ -104,15 +104,15 @@ static int look_at_turn(ordernm_motion *m, double h, int e, double turn, double 
         --i;
     } else if (!(i < *n - 1 && x[i] - turn < SAME_PLACE)) {
         if ((status = within(m, h, turn, m->within))) return status;
-        memmove(x + i + 1, x + i, (*n - i)*sizeof(double));
-        memmove(y + i + 1, y + i, (*n - i)*sizeof(double));
+        memmove(x + i + 1, x + i, (*n - i)*sizeof(scalar));
+        memmove(y + i + 1, y + i, (*n - i)*sizeof(scalar));
         x[i] = turn, y[i] = m->within[e];
         ++*n;
     }
     for (int k = -1; k <= 1; k += 2) /* it may turn beside, where the polynomial is not the output */
         if (i + k > 0 && i + k < *n - 1 && fabs(y[i + k]) < fabs(y[i])) i += k;
     if (y[i]*y[i - 1] > 0.0 && y[i]*y[i + 1] > 0.0 && fabs(y[i]) <= fabs(y[i - 1]) && fabs(y[i]) <= fabs(y[i + 1])) {
-        double place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
+        scalar place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
         if ((status = nearest(m, h, e, place, value))) return status;
         x[i] = place[1], y[i] = value[1];
     }
@@ -121,10 +121,10 @@ static int look_at_turn(ordernm_motion *m, double h, int e, double turn, double 
 
 /* The first part of a step in which an output crosses its level: its ends, and outputs there. 0 if there is none; else 1, or what a
  * function returned, less 1 where that is negative. */
-static int bracket(ordernm_motion *m, double h, int e, double at[2], double g[2], int *found)
+static int bracket(ordernm_motion *m, scalar h, int e, scalar at[2], scalar g[2], int *found)
 {
     const long events = m->nwatched;
-    double x[MOST_PLACES], y[MOST_PLACES], turn[EVENT_SAMPLES];
+    scalar x[MOST_PLACES], y[MOST_PLACES], turn[EVENT_SAMPLES];
     for (int i = 0; i <= PARTS; ++i) {
         x[i] = ordernm_event_point(i);
         y[i] = i == 0 ? m->crossing[e] : i == PARTS ? m->after[e] : m->samples[(i - 1)*events + e];
@@ -146,27 +146,27 @@ static int bracket(ordernm_motion *m, double h, int e, double at[2], double g[2]
 
 /* The first event within the step that was made, as a part of it; 2 if there is none (A. Dekker's bisection and secants on the
  * interpolant, the Illinois way). */
-static int locate(ordernm_motion *m, double h, double *first, int *which)
+static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
 {
     *first = 2.0;
     for (int e = 0; e < m->nwatched; ++e) {
-        double ends[2], values[2];
+        scalar ends[2], values[2];
         int found;
         m->part[e] = 2.0;
         int status = bracket(m, h, e, ends, values, &found);
         if (status) return status;
         if (!found || ends[0] > *first) continue;
         if (*first < ends[1] && m->at_first[e]*values[0] > 0.0) continue; /* not crossed yet when the first one is */
-        double low = ends[0], high = ends[1], g_low = values[0], g_high = values[1];
+        scalar low = ends[0], high = ends[1], g_low = values[0], g_high = values[1];
         for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
             const int halve = n > 16 || n%8 == 7 || fabs(g_low) <= BEHIND; /* of which the sign is known only */
-            double at = halve ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
+            scalar at = halve ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
             if (!(at > low && at < high)) at = 0.5*(low + high);
             if (within(m, h, at, m->within)) { /* a loop has lost rank there, and speeds have no value */
                 at += 0.3*(high - at);
                 if (within(m, h, at, m->within)) m->within[e] = 0.0;
             }
-            const double g = m->within[e];
+            const scalar g = m->within[e];
             if (g == 0.0) {
                 low = high = at;
             } else if ((g > 0.0) == (g_high > 0.0)) {
@@ -181,7 +181,7 @@ static int locate(ordernm_motion *m, double h, double *first, int *which)
         }
         m->part[e] = high;
         if (high < *first) {
-            if (within(m, h, high, m->at_first)) memset(m->at_first, 0, m->nwatched*sizeof(double));
+            if (within(m, h, high, m->at_first)) memset(m->at_first, 0, m->nwatched*sizeof(scalar));
             *first = high;
             *which = e;
             for (int i = 0; i < 2; ++i) m->around_event[i] = ends[i]*h;
@@ -194,32 +194,32 @@ static int locate(ordernm_motion *m, double h, double *first, int *which)
 }
 
 /* A step to where an event may be; an implicit one may not be found, or not along directions. */
-static int step_of_size(ordernm_motion *m, double h)
+static int step_of_size(ordernm_motion *m, scalar h)
 {
-    double error;
+    scalar error;
     const int status = m->method->step(m, h, &error);
     return !status && m->method->gives_rate && !(error <= 1.0) ? -1 : status;
 }
 
-static int rates_at_end(ordernm_motion *m, double h)
+static int rates_at_end(ordernm_motion *m, scalar h)
 {
     return m->method->gives_rate ? 0 : ordernm_rates_at_end(m, m->t + h, m->rate[m->method->stages]);
 }
 
 /* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
-static int step_to_event(ordernm_motion *m, int e, double *h)
+static int step_to_event(ordernm_motion *m, int e, scalar *h)
 {
-    double size = *h, before = m->beside_event[0], g_before = m->beside_event[1], best = INFINITY, found = *h;
+    scalar size = *h, before = m->beside_event[0], g_before = m->beside_event[1], best = INFINITY, found = *h;
     for (int n = 0; n < 8; ++n) {
         int status = step_of_size(m, size);
         if (!status) status = ordernm_crossings(m, m->t + size, m->next, m->within);
         if (status) return status;
-        const double g = m->within[e];
+        const scalar g = m->within[e];
         if (!(fabs(g) < best)) break;
         best = fabs(g);
         found = size;
         if (g == 0.0 || g == g_before) break;
-        const double next = size - g*(size - before)/(g - g_before);
+        const scalar next = size - g*(size - before)/(g - g_before);
         before = size;
         g_before = g;
         if (!(next > m->around_event[0] && next <= m->around_event[1]) || fabs(next - size) <= 2e-16*size) break;
@@ -231,7 +231,7 @@ static int step_to_event(ordernm_motion *m, int e, double *h)
 }
 
 /* Outputs between the ends of the step. */
-static int take_samples(ordernm_motion *m, double h)
+static int take_samples(ordernm_motion *m, scalar h)
 {
     int status = m->method->complete(m, h);
     if (status) return status;
@@ -242,18 +242,18 @@ static int take_samples(ordernm_motion *m, double h)
 }
 
 /* How fast an event's output changes in the step, on the whole. */
-static double pace(const ordernm_motion *m, double h, int e)
+static scalar pace(const ordernm_motion *m, scalar h, int e)
 {
-    double low = m->crossing[e], high = low;
+    scalar low = m->crossing[e], high = low;
     for (int i = 1; i < PARTS; ++i) {
-        const double g = m->samples[(i - 1)*m->nwatched + e];
+        const scalar g = m->samples[(i - 1)*m->nwatched + e];
         low = fmin(low, g), high = fmax(high, g);
     }
     return (high - low)/h;
 }
 
 /* An event's row at a state: a row of results, and the time derivatives of coordinates, speeds and outputs in the modes at hand. */
-static int describe(ordernm_motion *m, double t, const double *z, double *row)
+static int describe(ordernm_motion *m, scalar t, const scalar *z, scalar *row)
 {
     const int status = ordernm_report(m, t, z, row);
     return status ? status : ordernm_report_rates(m, t, z, row + ordernm_row_size(m->problem));
@@ -261,14 +261,14 @@ static int describe(ordernm_motion *m, double t, const double *z, double *row)
 
 /* An event is where a loop has lost rank, and no step can end there. What it is, is found beside it; a motion that does not stop there
  * makes its step to somewhere behind. */
-static int event_at_pose(ordernm_motion *m, double whole, double part, trial *step)
+static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *step)
 {
     const ordernm_problem *const p = m->problem;
     step->h = part*whole;
     step->event_time = m->t + step->h;
     int stop = 0, status = ordernm_beside(m, step->h, describe, ordernm_event_size(p) - 1);
     if (status) return status;
-    double cut = fmin(part + CUT_BEHIND, 1.0);
+    scalar cut = fmin(part + CUT_BEHIND, 1.0);
     for (int e = 0; e < m->nwatched; ++e) {
         if (m->part[e] <= part + 1e-13 && e >= p->nevents) {
             m->results->late = 1 + m->held[e - p->nevents];
@@ -290,8 +290,8 @@ static int event_at_pose(ordernm_motion *m, double whole, double part, trial *st
 int ordernm_look_for_events(ordernm_motion *m, trial *step)
 {
     const ordernm_problem *const p = m->problem;
-    const double whole = step->h;
-    double part;
+    const scalar whole = step->h;
+    scalar part;
     m->row_known = 0;
     int status = ordernm_crossings(m, m->t + whole, m->next, m->after);
     if (!status) status = take_samples(m, whole);
@@ -301,7 +301,7 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
     m->complete = 0;
     status = within(m, whole, part, m->within);
     /* a step that went on behind a switch would keep a branch that is not taken there */
-    const double worst = step->event < p->nevents ? m->too_poor : fmax(m->too_poor, m->hopeless);
+    const scalar worst = step->event < p->nevents ? m->too_poor : fmax(m->too_poor, m->hopeless);
     if (m->nd && (status || m->results->condition_here > worst)) {
         if ((status = event_at_pose(m, whole, part, step))) return status;
     } else {
@@ -316,7 +316,7 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
     for (int e = 0; e < m->nwatched; ++e) {
         if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(m, e, m->crossing[e], m->after[e]))) {
             const int way = e < p->nevents ? p->events[e].direction : -1;
-            const double behind = way ? way : m->crossing[e] < 0.0 ? 1.0 : -1.0;
+            const scalar behind = way ? way : m->crossing[e] < 0.0 ? 1.0 : -1.0;
             m->happened[e] = 1.0;
             if (!(m->row_known && m->after[e]*behind > 0.0)) m->after[e] = behind*BEHIND;
         } else {
@@ -345,9 +345,9 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
         if (!jumped) continue;
         *stop |= p->events[e].stop;
         if (!r->events) continue;
-        double *const row = r->events + r->events_count*size;
+        scalar *const row = r->events + r->events_count*size;
         if ((status = describe(m, m->t, m->z, row))) break;
-        double *const times = row + size - 1 - p->ndirections;
+        scalar *const times = row + size - 1 - p->ndirections;
         for (int k = 0; k < p->ndirections; ++k) times[k] = by_state ? m->switch_time[k/LANES*LANES + k%LANES] : 0.0;
         row[size - 1] = by_state ? ORDERNM_JUMPED_BY_STATE : ORDERNM_JUMPED;
         r->which[r->events_count++] = e;
@@ -357,11 +357,11 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
 
 /* ---- Events where rates or outputs jump at a switch. ---- */
 
-static int apart(double a, double b, double size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
+static int apart(scalar a, scalar b, scalar size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
 
 /* An event's row, in which derivatives become NaN that depend on whether the event or a switch comes first. `other` is its row on the
  * other side of the switch, `passing` holds the derivatives of the switch's time. Returns whether there are any. */
-static int compare_sides(const ordernm_motion *m, int e, double *row, const double *other, const double *passing)
+static int compare_sides(const ordernm_motion *m, int e, scalar *row, const scalar *other, const scalar *passing)
 {
     const ordernm_problem *const p = m->problem;
     const ordernm_system *const s = m->system;
@@ -370,15 +370,15 @@ static int compare_sides(const ordernm_motion *m, int e, double *row, const doub
     int lost = 0;
     for (int k = 0; k < p->ndirections; ++k) {
         const long own = 1 + n + m->nx + (long)p->ndirections*(s->nq + s->nu) + (long)k*s->noutputs + p->events[e].output;
-        const double here = -row[own]/row[rates + of_event], there = -other[own]/other[rates + of_event];
-        const double size = fabs(here) + fabs(there), switched = passing[k/LANES*LANES + k%LANES];
+        const scalar here = -row[own]/row[rates + of_event], there = -other[own]/other[rates + of_event];
+        const scalar size = fabs(here) + fabs(there), switched = passing[k/LANES*LANES + k%LANES];
         const int all = apart(here, there, size), first = apart(here, switched, size + fabs(switched));
         long at = 1 + n + m->nx, value = 1;
         for (int part = 0; part < 3; at += (long)p->ndirections*sizes[part], ++part)
             for (int i = 0; i < sizes[part]; ++i, ++value) {
-                double *const d = row + at + (long)k*sizes[part] + i;
-                const double by = other[at + (long)k*sizes[part] + i];
-                const double one = row[rates + value - 1]*here, two = other[rates + value - 1]*there;
+                scalar *const d = row + at + (long)k*sizes[part] + i;
+                const scalar by = other[at + (long)k*sizes[part] + i];
+                const scalar one = row[rates + value - 1]*here, two = other[rates + value - 1]*there;
                 const int jumps = apart(row[value], other[value], fabs(row[value]) + fabs(other[value]));
                 if (!all && !(jumps && first) && !apart(*d + one, by + two, fabs(*d) + fabs(by) + fabs(one) + fabs(two))) continue;
                 *d = NAN;
@@ -398,23 +398,23 @@ static void note_coincidence(ordernm_motion *m, int e, int lost)
     r->event_ordered |= lost;
 }
 
-static int is_recent(const ordernm_motion *m, double t)
+static int is_recent(const ordernm_motion *m, scalar t)
 {
     return fabs(t - m->together_since) <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
 }
 
 /* An event that a step ends with just behind switches: is it another one in front of them? */
-static int compare_with_front(ordernm_motion *m, int e, double *row)
+static int compare_with_front(ordernm_motion *m, int e, scalar *row)
 {
     const int count = m->system->nswitches;
-    double *const z = m->error[0];
+    scalar *const z = m->error[0];
     if (!m->ntogether || !is_recent(m, row[0]) || m->row_known || !(m->ngroups || m->results->steps)) return 0;
-    memcpy(z, m->next, m->values*sizeof(double));
-    memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(double));
-    memcpy(m->switches_kept, m->modes, count*sizeof(double));
+    memcpy(z, m->next, m->values*sizeof(scalar));
+    memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(scalar));
+    memcpy(m->switches_kept, m->modes, count*sizeof(scalar));
     for (int i = 0; i < m->ntogether; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
     const int status = describe(m, row[0], z, m->known_row);
-    memcpy(m->modes, m->switches_kept, count*sizeof(double));
+    memcpy(m->modes, m->switches_kept, count*sizeof(scalar));
     if (!status) note_coincidence(m, e, compare_sides(m, e, row, m->known_row, m->passing_time));
     return status;
 }
@@ -425,7 +425,7 @@ int ordernm_compare_events(ordernm_motion *m)
     ordernm_results *const r = m->results;
     const long size = ordernm_event_size(m->problem);
     for (long i = r->events_count - 1; i >= 0 && is_recent(m, r->events[i*size]); --i) {
-        double *const row = r->events + i*size;
+        scalar *const row = r->events + i*size;
         if (row[size - 1] < 0.0 || !(m->ngroups || r->steps)) continue;
         const int status = describe(m, m->t, m->z, m->known_row);
         if (status) return status;
@@ -445,10 +445,10 @@ int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop)
         if (m->happened[e] == 0.0) continue;
         *stop |= p->events[e].stop;
         if (!r->events) continue;
-        double *const row = r->events + r->events_count*size;
+        scalar *const row = r->events + r->events_count*size;
         const int status = m->row_known ? 0 : describe(m, step->event_time, m->next, row);
         if (status) return status;
-        if (m->row_known) memcpy(row, m->known_row, (size - 1)*sizeof(double));
+        if (m->row_known) memcpy(row, m->known_row, (size - 1)*sizeof(scalar));
         row[size - 1] = m->paces[e];
         const int unknown = compare_with_front(m, e, row);
         if (unknown) return unknown;

@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-static void stage(ordernm_motion *m, const row *r, double h, double *z)
+static void stage(ordernm_motion *m, const row *r, scalar h, scalar *z)
 {
     ordernm_combine(m->size, z, m->z, h, r->count, r->which, r->factor, m->rate);
 }
@@ -19,25 +19,25 @@ void ordernm_keep_stage(ordernm_motion *m, int i)
     if (!m->results->steps) return;
     ordernm_note_precise(m, i);
     const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
-    double *const at = m->stages + (i - 1)*(state + nq);
-    memcpy(at, m->trial, state*sizeof(double));
-    memcpy(at + state, m->q, nq*sizeof(double));
+    scalar *const at = m->stages + (i - 1)*(state + nq);
+    memcpy(at, m->trial, state*sizeof(scalar));
+    memcpy(at + state, m->q, nq*sizeof(scalar));
 }
 
-static void keep(const ordernm_motion *m, double *row)
+static void keep(const ordernm_motion *m, scalar *row)
 {
     const long state = m->ny + m->nx + m->nd, begins = m->head + state, ends = ordernm_step_size(m->problem) - state;
     row[2] = m->precise_stages;
     row[3] = 0.0;
-    memcpy(row + begins, m->stages, (ends - begins)*sizeof(double));
-    memcpy(row + ends, m->rate[0], state*sizeof(double));
+    memcpy(row + begins, m->stages, (ends - begins)*sizeof(scalar));
+    memcpy(row + ends, m->rate[0], state*sizeof(scalar));
 }
 
 static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 /* ---- Dormand and Prince's method of order 8. ---- */
 
-static int dop853_step(ordernm_motion *m, double h, double *error)
+static int dop853_step(ordernm_motion *m, scalar h, scalar *error)
 {
     for (int i = 1; i < 12; ++i) {
         stage(m, dop853_rows + i, h, m->trial);
@@ -54,7 +54,7 @@ static int dop853_step(ordernm_motion *m, double h, double *error)
     return 0;
 }
 
-static int dop853_complete(ordernm_motion *m, double h)
+static int dop853_complete(ordernm_motion *m, scalar h)
 {
     for (int i = 13; i < 16; ++i) {
         stage(m, dop853_rows + i, h, m->trial);
@@ -65,9 +65,9 @@ static int dop853_complete(ordernm_motion *m, double h)
 }
 
 /* Factors of the rates in the state at t + theta h. */
-static void dop853_weights(double theta, double *w)
+static void dop853_weights(scalar theta, scalar *w)
 {
-    const double x = theta, y = 1.0 - theta;
+    const scalar x = theta, y = 1.0 - theta;
     for (int i = 0; i < 16; ++i) {
         w[i] = y*(dop853_dense[0][i] + x*(dop853_dense[1][i] + y*(dop853_dense[2][i] + x*dop853_dense[3][i])));
         w[i] = i == 0 || i == 12 ? w[i] - 1.0 : w[i];
@@ -82,19 +82,19 @@ static void dop853_weights(double theta, double *w)
     for (int i = 0; i < 16; ++i) w[i] *= x;
 }
 
-static void dop853_interpolate(ordernm_motion *m, double h, double theta, double *z)
+static void dop853_interpolate(ordernm_motion *m, scalar h, scalar theta, scalar *z)
 {
-    double w[16];
+    scalar w[16];
     dop853_weights(theta, w);
     ordernm_combine(m->size, z, m->z, h, 16, every, w, m->rate);
 }
 
-const method ordernm_dop853 = {DOP853_STAGES, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
+const scheme ordernm_dop853 = {DOP853_STAGES, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
     dop853_weights, 0, 0.4667, keep};
 
 /* ---- The classical method of order 4. ---- */
 
-static int rk4_step(ordernm_motion *m, double h, double *error)
+static int rk4_step(ordernm_motion *m, scalar h, scalar *error)
 {
     for (int i = 1; i < 4; ++i) {
         stage(m, rk4_rows + i, h, m->trial);
@@ -108,26 +108,26 @@ static int rk4_step(ordernm_motion *m, double h, double *error)
     return 0;
 }
 
-static int rk4_complete(ordernm_motion *m, double h)
+static int rk4_complete(ordernm_motion *m, scalar h)
 {
     (void)m, (void)h;
     return 0;
 }
 
 /* The same of Hermite's cubic through both ends. */
-static void rk4_weights(double theta, double *w)
+static void rk4_weights(scalar theta, scalar *w)
 {
-    const double x = theta, y = 1.0 - theta;
+    const scalar x = theta, y = 1.0 - theta;
     for (int i = 0; i < 4; ++i) w[i] = x*x*(3.0 - 2.0*x)*rk4_rows[4].factor[i];
     w[0] += x*y*y;
     w[4] = -x*x*y;
 }
 
-static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z)
+static void rk4_interpolate(ordernm_motion *m, scalar h, scalar theta, scalar *z)
 {
-    double w[5];
+    scalar w[5];
     rk4_weights(theta, w);
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {RK4_STAGES, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep};
+const scheme ordernm_rk4 = {RK4_STAGES, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep};

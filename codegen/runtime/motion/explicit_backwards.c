@@ -11,63 +11,63 @@
 
 /* The first rate of a step, from the end of its row: made again it would differ by rounding, which is much near a pose where a
  * loop loses rank. */
-static void first_rate(ordernm_motion *m, const double *step)
+static void first_rate(ordernm_motion *m, const scalar *step)
 {
     const long state = m->ny + m->nx + m->nd;
-    memcpy(m->rate[0], step + ordernm_step_size(m->problem) - state, state*sizeof(double));
+    memcpy(m->rate[0], step + ordernm_step_size(m->problem) - state, state*sizeof(scalar));
 }
 
 /* The stages of a step, as they were, and their rates: where something else than the step's end is a sum of them. */
-static int stages(ordernm_adjoint *a, const double *step, int count)
+static int stages(ordernm_adjoint *a, const scalar *step, int count)
 {
     ordernm_motion *const m = a->motion;
-    const method *const method = m->method;
-    const double h = step[1];
+    const scheme *const method = m->method;
+    const scalar h = step[1];
     first_rate(m, step);
     ordernm_expand(m, m->z); /* loops are closed between steps */
-    memcpy(a->stage[0], m->z, m->values*sizeof(double));
-    if (!m->identity) memcpy(a->q[0], m->q, m->system->nq*sizeof(double));
+    memcpy(a->stage[0], m->z, m->values*sizeof(scalar));
+    if (!m->identity) memcpy(a->q[0], m->q, m->system->nq*sizeof(scalar));
     for (int i = 1; i < count; ++i) {
         const row *const r = method->rows + i;
         ordernm_combine(m->values, a->stage[i], m->z, h, r->count, r->which, r->factor, m->rate);
-        const double t = m->t + method->times[i]*h;
+        const scalar t = m->t + method->times[i]*h;
         const int status = ordernm_rates(m, t, a->stage[i], m->rate[i]);
         if (status) return status;
         ordernm_note_precise(m, i);
-        if (!m->identity) memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
+        if (!m->identity) memcpy(a->q[i], m->q, m->system->nq*sizeof(scalar));
     }
     return 0;
 }
 
 /* The same from a row of steps. */
-static void stages_kept(ordernm_adjoint *a, const double *step)
+static void stages_kept(ordernm_adjoint *a, const scalar *step)
 {
     ordernm_motion *const m = a->motion;
     const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
-    const double *at = step + m->head + state;
-    memcpy(a->stage[0], m->z, state*sizeof(double));
-    memcpy(a->q[0], m->q, nq*sizeof(double));
+    const scalar *at = step + m->head + state;
+    memcpy(a->stage[0], m->z, state*sizeof(scalar));
+    memcpy(a->q[0], m->q, nq*sizeof(scalar));
     for (int i = 1; i < m->method->stages; ++i, at += state + nq) {
-        memcpy(a->stage[i], at, state*sizeof(double));
-        memcpy(a->q[i], at + state, nq*sizeof(double));
+        memcpy(a->stage[i], at, state*sizeof(scalar));
+        memcpy(a->q[i], at + state, nq*sizeof(scalar));
     }
 }
 
 /* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
-static int group_backwards(ordernm_adjoint *a, int n, double h, int within)
+static int group_backwards(ordernm_adjoint *a, int n, scalar h, int within)
 {
     ordernm_motion *const m = a->motion;
-    const method *const method = m->method;
+    const scheme *const method = m->method;
     const long size = (long)a->n*a->width;
-    double *const lambda = a->lambda + n*size;
+    scalar *const lambda = a->lambda + n*size;
     const row *const end = method->rows + method->stages;
     const int count = within ? method->all : method->stages;
     int status;
-    for (int i = 0; i < count; ++i) memset(a->kappa[i], 0, size*sizeof(double));
+    for (int i = 0; i < count; ++i) memset(a->kappa[i], 0, size*sizeof(scalar));
     for (int j = 0; j < end->count; ++j) ordernm_accumulate(a->kappa[end->which[j]], h*end->factor[j], lambda, size);
     while (ordernm_samples_left(a, n)) {
-        const double at = a->gradients->times[a->sampled[n] - 1];
-        double factor[MOST_STAGES];
+        const scalar at = a->gradients->times[a->sampled[n] - 1];
+        scalar factor[MOST_STAGES];
         static const int every[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
         method->weights((at - m->t)/h, factor);
         ordernm_combine(m->values, m->trial, m->z, h, method->all, every, factor, m->rate);
@@ -78,7 +78,7 @@ static int group_backwards(ordernm_adjoint *a, int n, double h, int within)
     for (int i = count - 1; i >= 0; --i) {
         if (!ordernm_any(a->kappa[i], size)) continue;
         const row *const r = method->rows + i;
-        const double t = m->t + method->times[i]*h;
+        const scalar t = m->t + method->times[i]*h;
         m->precise = m->precise_stages >> i & 1u;
         if ((status = ordernm_rates_transposed(a, n, t, a->stage[i], a->q[i], a->kappa[i], a->nu))) return status;
         if ((status = ordernm_integrals_transposed(a, n, t, a->stage[i], a->q[i], a->kappa[i], a->nu))) return status;
@@ -88,10 +88,10 @@ static int group_backwards(ordernm_adjoint *a, int n, double h, int within)
     return 0;
 }
 
-int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
+int ordernm_explicit_backwards(ordernm_adjoint *a, const scalar *step)
 {
     ordernm_motion *const m = a->motion;
-    const double h = step[1];
+    const scalar h = step[1];
     int within = 0, status;
     m->precise_stages = (unsigned)step[2];
     for (int n = 0; n < a->ngroups; ++n) within |= ordernm_samples_left(a, n);
@@ -111,15 +111,15 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
     return 0;
 }
 
-int ordernm_explicit_replay(ordernm_motion *m, int first, double *step)
+int ordernm_explicit_replay(ordernm_motion *m, int first, scalar *step)
 {
     if (first) {
         first_rate(m, step);
         m->precise_stages = (unsigned)step[2];
     }
-    const method *const method = m->method;
+    const scheme *const method = m->method;
     const row *const end = method->rows + method->stages;
-    const double h = step[1];
+    const scalar h = step[1];
     for (int i = 1; i < method->stages; ++i) {
         const row *const r = method->rows + i;
         ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);

@@ -5,23 +5,23 @@
 #include <string.h>
 
 /* The first knot behind t, with what rounding makes of it. */
-double ordernm_next_knot(const ordernm_motion *m, double t)
+scalar ordernm_next_knot(const ordernm_motion *m, scalar t)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     if (!in->knots) return INFINITY;
     const long n = in->count + in->degree + 1;
-    const double least = t + 1e-12*(fabs(t) + 1e-3);
+    const scalar least = t + 1e-12*(fabs(t) + 1e-3);
     for (long i = 0; i < n; ++i)
         if (in->knots[i] > least) return in->knots[i];
     return INFINITY;
 }
 
 /* The piece of the spline that a step lies in; count is behind the last knot, degree - 1 before the first. */
-void ordernm_find_segment(ordernm_motion *m, double t, double h)
+void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     if (!in->knots) return;
-    const double middle = t + 0.5*h;
+    const scalar middle = t + 0.5*h;
     long low = in->degree, high = in->count - 1;
     while (low < high) {
         const long at = (low + high + 1)/2;
@@ -33,15 +33,15 @@ void ordernm_find_segment(ordernm_motion *m, double t, double h)
 
 /* The B-splines that are not zero at t, degree + 1 of them, or their time derivatives of some order; returns the number of the first
  * (de Boor). */
-static long b_splines(const ordernm_motion *m, double t, int order, double *value)
+static long b_splines(const ordernm_motion *m, scalar t, int order, scalar *value)
 {
     const ordernm_inputs *in = &m->problem->inputs;
-    const double *knot = in->knots;
+    const scalar *knot = in->knots;
     const int degree = in->degree, outside = m->segment < degree || m->segment >= in->count;
     const long at = m->segment < degree ? degree : m->segment < in->count ? m->segment : in->count - 1;
-    const double first = knot[degree], last = knot[in->count];
-    const double x = t < first ? first : t > last ? last : t;
-    double left[ORDERNM_MOST_DEGREE + 1], right[ORDERNM_MOST_DEGREE + 1];
+    const scalar first = knot[degree], last = knot[in->count];
+    const scalar x = t < first ? first : t > last ? last : t;
+    scalar left[ORDERNM_MOST_DEGREE + 1], right[ORDERNM_MOST_DEGREE + 1];
     if (order && (outside || order > degree)) {
         for (int i = 0; i <= degree; ++i) value[i] = 0.0;
         return at - degree;
@@ -50,19 +50,19 @@ static long b_splines(const ordernm_motion *m, double t, int order, double *valu
     for (int j = 1; j <= degree - order; ++j) {
         left[j] = x - knot[at + 1 - j];
         right[j] = knot[at + j] - x;
-        double saved = 0.0;
+        scalar saved = 0.0;
         for (int i = 0; i < j; ++i) {
-            const double part = value[i]/(right[i + 1] + left[j - i]);
+            const scalar part = value[i]/(right[i + 1] + left[j - i]);
             value[i] = saved + right[i + 1]*part;
             saved = left[j - i]*part;
         }
         value[j] = saved;
     }
     for (int j = degree - order + 1; j <= degree; ++j) { /* differences of those of a degree less */
-        double before = 0.0;
+        scalar before = 0.0;
         for (int i = 0; i <= j; ++i) {
-            const double *const from = knot + at - j + i;
-            const double here = i < j ? value[i]/(from[j + 1] - from[1]) : 0.0;
+            const scalar *const from = knot + at - j + i;
+            const scalar here = i < j ? value[i]/(from[j + 1] - from[1]) : 0.0;
             value[i] = j*(before - here);
             before = here;
         }
@@ -71,7 +71,7 @@ static long b_splines(const ordernm_motion *m, double t, int order, double *valu
 }
 
 /* The B-splines at t, and where prescribed motion reads inputs their first and second derivatives; returns the number of the first. */
-long ordernm_input_weights(const ordernm_motion *m, double t, double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1])
+long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1])
 {
     const int orders = m->system->nmoving ? ORDERNM_ORDERS : 1;
     long first = 0;
@@ -90,13 +90,13 @@ int ordernm_signal_of(const ordernm_system *s, int input, int *order)
 }
 
 /* Time derivatives of all inputs. */
-void ordernm_input_rates(ordernm_motion *m, double t, double *rates)
+void ordernm_input_rates(ordernm_motion *m, scalar t, scalar *rates)
 {
     const ordernm_inputs *const in = &m->problem->inputs;
     const ordernm_system *const s = m->system;
-    memset(rates, 0, s->ninputs*sizeof(double));
+    memset(rates, 0, s->ninputs*sizeof(scalar));
     if (!in->knots || !in->values) return;
-    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
+    scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
     long first = 0;
     for (int order = 0; order < (s->nmoving ? ORDERNM_ORDERS : 1); ++order) first = b_splines(m, t, order + 1, value[order]);
     for (int i = 0; i < s->ninputs; ++i) {
@@ -106,14 +106,14 @@ void ordernm_input_rates(ordernm_motion *m, double t, double *rates)
     }
 }
 
-const double *ordernm_inputs_at(ordernm_motion *m, double t)
+const scalar *ordernm_inputs_at(ordernm_motion *m, scalar t)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     const ordernm_system *const s = m->system;
     const int n = ordernm_signals(s);
     if (!n || !in->values) return m->inputs; /* zeros */
     if (!in->knots && !s->nmoving) return in->values;
-    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
+    scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
     const long first = ordernm_input_weights(m, t, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
@@ -125,19 +125,19 @@ const double *ordernm_inputs_at(ordernm_motion *m, double t)
 }
 
 /* Their derivatives along the directions of a group. */
-double *ordernm_input_directions(ordernm_motion *m, double t, const group *g)
+scalar *ordernm_input_directions(ordernm_motion *m, scalar t, const group *g)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     const ordernm_system *const s = m->system;
     const int n = ordernm_signals(s), width = g->width;
     if (!n || !in->directions) return m->dinputs; /* zeros */
-    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
+    scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
     const long first = ordernm_input_weights(m, t, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
         const int signal = ordernm_signal_of(s, i, &order);
         for (int l = 0; l < width; ++l) {
-            double sum = 0.0;
+            scalar sum = 0.0;
             if (l < g->used && m->lost[(g - m->groups)*LANES + l] == 0.0)
                 for (int b = 0; b <= in->degree; ++b)
                     sum += value[order][b]*in->directions[((g->first + l)*in->count + first + b)*n + signal];

@@ -5,11 +5,11 @@
 #include "inside.h"
 
 #ifdef __GNUC__
-typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
+typedef scalar eight __attribute__((vector_size(64), aligned(8), may_alias));
 #endif
 
 /* x -= sum(a[j]*y[j]) of so many; x and y[j] are numbers or LANES of them. */
-static inline void subtract(double *x, const double *a, const double *y, int count, int width)
+static inline void subtract(scalar *x, const scalar *a, const scalar *y, int count, int width)
 {
     int j = 0;
 #ifdef __GNUC__
@@ -29,7 +29,7 @@ static inline void subtract(double *x, const double *a, const double *y, int cou
 }
 
 /* x -= f*y, so many numbers. */
-static inline void subtract_row(double *x, double f, const double *y, int count)
+static inline void subtract_row(scalar *x, scalar f, const scalar *y, int count)
 {
     int j = 0;
 #ifdef __GNUC__
@@ -40,17 +40,17 @@ static inline void subtract_row(double *x, double f, const double *y, int count)
 
 /* Rows exchanged, then L\U in place: L with ones on its diagonal, U with its diagonal inverted. Return 1 if a pivot is zero or not
  * finite. */
-int ordernm_factorise(int n, double *a, int *pivot);
-int ordernm_factorise_complex(int n, double *re, double *im, int *pivot);
+int ordernm_factorise(int n, scalar *a, int *pivot);
+int ordernm_factorise_complex(int n, scalar *re, scalar *im, int *pivot);
 
 /* x, [n][width], from right sides to solutions, by factors; of the matrix, and of its transpose. */
-void ordernm_solve(int n, const double *a, const int *pivot, double *x, int width);
-void ordernm_solve_transposed(int n, const double *a, const int *pivot, double *x, int width);
+void ordernm_solve(int n, const scalar *a, const int *pivot, scalar *x, int width);
+void ordernm_solve_transposed(int n, const scalar *a, const int *pivot, scalar *x, int width);
 
 /* The same of complex numbers x + iy; z is for -y. */
-void ordernm_solve_complex(int n, const double *re, const double *im, const int *pivot, double *x, double *y, double *z,
+void ordernm_solve_complex(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y, scalar *z,
     int width);
-void ordernm_solve_complex_transposed(int n, const double *re, const double *im, const int *pivot, double *x, double *y,
+void ordernm_solve_complex_transposed(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y,
     int width);
 
 #endif

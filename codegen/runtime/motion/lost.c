@@ -9,15 +9,15 @@
 #include <string.h>
 
 /* Derivatives of rates on both sides of a switch that differ by less, relative to the largest, are the same. */
-static const double AGREE = 1e-10;
+static const scalar AGREE = 1e-10;
 
 /* Halves of a step, until what is left of it is a moment. A jump is such a part of what rates change by in the step, and between the two
  * stages that it is between, and more than such a part of the rates; in the time of the motion it changes the state by so many errors
  * allowed. It is looked for in so many steps behind one that was refused, and in all steps of constant size. */
 enum { HALVES = 40, SUSPECTS = 4 };
-static const double PART_OF_STEP = 0.5, PART_OF_CONSTANT_STEP = 0.8, PART_OF_CHANGE = 0.25, PART_OF_RATE = 1e-9, ERRORS_ALLOWED = 10.0;
+static const scalar PART_OF_STEP = 0.5, PART_OF_CONSTANT_STEP = 0.8, PART_OF_CHANGE = 0.25, PART_OF_RATE = 1e-9, ERRORS_ALLOWED = 10.0;
 
-static void clear(const ordernm_motion *m, const group *g, int lane, double *z)
+static void clear(const ordernm_motion *m, const group *g, int lane, scalar *z)
 {
     for (long i = 0; i < m->ny + m->nx; ++i) z[g->at + i*g->width + lane] = 0.0;
 }
@@ -25,7 +25,7 @@ static void clear(const ordernm_motion *m, const group *g, int lane, double *z)
 static void lose(ordernm_motion *m, int n, int lane)
 {
     const group *const g = m->groups + n;
-    double *const states[] = {m->z, m->next, m->rate[0], m->rate[m->method->stages]};
+    scalar *const states[] = {m->z, m->next, m->rate[0], m->rate[m->method->stages]};
     m->lost[n*LANES + lane] = NAN;
     for (int i = 0; i < 4; ++i) clear(m, g, lane, states[i]);
     for (int i = 0; i < m->system->np; ++i) g->dp[i*g->width + lane] = 0.0;
@@ -38,15 +38,15 @@ static void note(ordernm_motion *m, int why, int which)
     ordernm_results *const r = m->results;
     if (r->lost_count == r->lost_capacity) return;
     const long size = ordernm_row_size(m->problem);
-    double *const row = r->lost + r->lost_count*size;
-    memset(row, 0, size*sizeof(double));
+    scalar *const row = r->lost + r->lost_count*size;
+    memset(row, 0, size*sizeof(scalar));
     if (ordernm_report(m, m->t, m->z, row)) row[0] = m->t;
     r->lost_why[2*r->lost_count] = why;
     r->lost_why[2*r->lost_count++ + 1] = which;
 }
 
 /* Loses directions that are not finite in a state, or in rates; which ones have none in the function of rates is not asked. */
-void ordernm_lose_infinite(ordernm_motion *m, const double *z)
+void ordernm_lose_infinite(ordernm_motion *m, const scalar *z)
 {
     int some = 0;
     if (!m->ngroups || ordernm_all_finite(z + m->values, m->size - m->values)) return;
@@ -63,7 +63,7 @@ void ordernm_lose_infinite(ordernm_motion *m, const double *z)
 /* ---- Rest at switches. ---- */
 
 /* The switches whose functions are zero at both ends of the step: their numbers in m->together, and how many. */
-static int resting(ordernm_motion *m, double end)
+static int resting(ordernm_motion *m, scalar end)
 {
     int count = 0;
     for (int i = 0; i < m->nheld; ++i) {
@@ -81,9 +81,9 @@ static int resting(ordernm_motion *m, double end)
 }
 
 /* Whether rates, or their derivatives along a direction, are different. */
-static int differ(const ordernm_motion *m, const group *g, int lane, const double *a, const double *b)
+static int differ(const ordernm_motion *m, const group *g, int lane, const scalar *a, const scalar *b)
 {
-    double largest = 0.0, apart = 0.0;
+    scalar largest = 0.0, apart = 0.0;
     if (ordernm_rates_jump(m, a, b)) return 1;
     for (long i = 0; i < m->ny + m->nx; ++i) {
         const long at = g->at + i*g->width + lane;
@@ -94,7 +94,7 @@ static int differ(const ordernm_motion *m, const group *g, int lane, const doubl
 }
 
 /* Rates along all groups where the resting switches have the modes of a direction, times `side`. */
-static int on_a_side(ordernm_motion *m, int count, double side, double *rates)
+static int on_a_side(ordernm_motion *m, int count, scalar side, scalar *rates)
 {
     for (int i = 0; i < count; ++i) m->modes[m->resting[i]] = side*m->speeds[i];
     const int status = ordernm_rates_of(m, m->t, m->z, rates, m->ngroups, m->groups, RATES | INTEGRALS);
@@ -104,9 +104,9 @@ static int on_a_side(ordernm_motion *m, int count, double side, double *rates)
 
 /* A disturbed motion leaves a switch that this one rests at, to one side or the other: along directions that it leaves it with, the rates
  * of both have to agree with those at rest. */
-static void look_at_rest(ordernm_motion *m, double end)
+static void look_at_rest(ordernm_motion *m, scalar end)
 {
-    double *const rest = m->at_pose, *const one = m->error[0], *const other = m->error[1];
+    scalar *const rest = m->at_pose, *const one = m->error[0], *const other = m->error[1];
     const int count = resting(m, end);
     int which = -1, known = 0;
     if (count && !m->ngroups && !m->results->lost_count) note(m, ORDERNM_RESTS, m->resting[0]);
@@ -116,7 +116,7 @@ static void look_at_rest(ordernm_motion *m, double end)
             if (m->lost[n*LANES + l] != 0.0) continue;
             for (int i = 0; i < count; ++i) {
                 if (ordernm_switch_along(m, m->t, m->z, m->resting[i])) return;
-                const double x = m->switch_along[n*LANES + l];
+                const scalar x = m->switch_along[n*LANES + l];
                 m->speeds[i] = (x > 0.0) - (x < 0.0);
                 if (x != 0.0) leaves = m->resting[i];
             }
@@ -134,23 +134,23 @@ static void look_at_rest(ordernm_motion *m, double end)
 /* ---- Jumps without a switch. ---- */
 
 /* How much rates differ that count, and which entry does so most. */
-static double change(const ordernm_motion *m, const double *a, const double *b, int *most)
+static scalar change(const ordernm_motion *m, const scalar *a, const scalar *b, int *most)
 {
     const ordernm_problem *const p = m->problem;
-    double largest = 0.0;
+    scalar largest = 0.0;
     for (int i = 0; i < ordernm_counted(m); ++i) {
-        const double by = fabs(a[i] - b[i]);
-        const double of = (p->end - p->start)*by/(p->atol[i] + p->rtol*fabs(m->z[i]));
+        const scalar by = fabs(a[i] - b[i]);
+        const scalar of = (p->end - p->start)*by/(p->atol[i] + p->rtol*fabs(m->z[i]));
         if (by > PART_OF_RATE*(fabs(a[i]) + fabs(b[i])) && of > largest) largest = of, *most = i;
     }
     return largest;
 }
 
 /* Two stages of the step, the next one to the other in time, between whose rates the change is largest; how much it is. */
-static double widest_pair(const ordernm_motion *m, int pair[2], int *most)
+static scalar widest_pair(const ordernm_motion *m, int pair[2], int *most)
 {
     int order[MOST_STAGES];
-    double largest = 0.0;
+    scalar largest = 0.0;
     for (int i = 0; i < m->method->stages; ++i) {
         int at = i;
         for (; at > 0 && m->method->times[order[at - 1]] > m->method->times[i]; --at) order[at] = order[at - 1];
@@ -159,40 +159,40 @@ static double widest_pair(const ordernm_motion *m, int pair[2], int *most)
     order[m->method->stages] = m->method->stages;
     for (int i = 0; i < m->method->stages; ++i) {
         int which = 0;
-        const double of = change(m, m->rate[order[i]], m->rate[order[i + 1]], &which);
+        const scalar of = change(m, m->rate[order[i]], m->rate[order[i + 1]], &which);
         if (of > largest) largest = of, pair[0] = order[i], pair[1] = order[i + 1], *most = which;
     }
     return largest;
 }
 
 /* Values in the step, by the cubic through its ends. */
-static void between(ordernm_motion *m, double h, double x, double *z)
+static void between(ordernm_motion *m, scalar h, scalar x, scalar *z)
 {
-    const double y = 1.0 - x, *const first = m->rate[0], *const last = m->rate[m->method->stages];
+    const scalar y = 1.0 - x, *const first = m->rate[0], *const last = m->rate[m->method->stages];
     for (long i = 0; i < m->values; ++i)
         z[i] = y*y*((1.0 + 2.0*x)*m->z[i] + h*x*first[i]) + x*x*((3.0 - 2.0*x)*m->next[i] - h*y*last[i]);
 }
 
 /* Whether rates jump within the step, and which most: of its parts that is halved in which they change more, and so on. */
-static int jumps(ordernm_motion *m, double h, int *most)
+static int jumps(ordernm_motion *m, scalar h, int *most)
 {
-    double *low = m->error[0], *high = m->error[1], *middle = m->at_pose;
+    scalar *low = m->error[0], *high = m->error[1], *middle = m->at_pose;
     int pair[2] = {0, 0}, any;
-    double last = widest_pair(m, pair, most);
-    const double whole = change(m, m->rate[0], m->rate[m->method->stages], &any);
+    scalar last = widest_pair(m, pair, most);
+    const scalar whole = change(m, m->rate[0], m->rate[m->method->stages], &any);
     if (last < ERRORS_ALLOWED || last < (m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP)*whole) return 0;
-    double from = m->method->times[pair[0]], to = pair[1] == m->method->stages ? 1.0 : m->method->times[pair[1]];
-    const double least = fmax(PART_OF_CHANGE*last, ERRORS_ALLOWED);
-    memcpy(low, m->rate[pair[0]], m->values*sizeof(double));
-    memcpy(high, m->rate[pair[1]], m->values*sizeof(double));
+    scalar from = m->method->times[pair[0]], to = pair[1] == m->method->stages ? 1.0 : m->method->times[pair[1]];
+    const scalar least = fmax(PART_OF_CHANGE*last, ERRORS_ALLOWED);
+    memcpy(low, m->rate[pair[0]], m->values*sizeof(scalar));
+    memcpy(high, m->rate[pair[1]], m->values*sizeof(scalar));
     for (int k = 0; k < HALVES && last > least; ++k) {
-        const double theta = 0.5*(from + to);
+        const scalar theta = 0.5*(from + to);
         int left = 0, right = 0;
         between(m, h, theta, m->trial);
         if (ordernm_rates_of(m, m->t + theta*h, m->trial, middle, 0, 0, RATES | INTEGRALS)) return 0;
         if (m->nd && m->results->condition_here > m->poor) return 0; /* a loop loses rank there */
-        const double before = change(m, low, middle, &left), behind = change(m, middle, high, &right);
-        double **const end = before > behind ? &high : &low, *const free = *end;
+        const scalar before = change(m, low, middle, &left), behind = change(m, middle, high, &right);
+        scalar **const end = before > behind ? &high : &low, *const free = *end;
         *end = middle, middle = free;
         *(before > behind ? &to : &from) = theta;
         last = fmax(before, behind);
@@ -214,7 +214,7 @@ static int is_moved(const ordernm_motion *m, int n, int lane)
 }
 
 /* How the time of such a jump depends on a direction is not known. */
-static void look_for_jump(ordernm_motion *m, double h)
+static void look_for_jump(ordernm_motion *m, scalar h)
 {
     int most = 0, some = !m->ngroups && !m->results->lost_count;
     if (!jumps(m, h, &most)) return;
@@ -227,7 +227,7 @@ static void look_for_jump(ordernm_motion *m, double h)
 /* Loses directions that have no derivative behind the step that has been made. */
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step)
 {
-    const double condition = m->results->condition_here;
+    const scalar condition = m->results->condition_here;
     if (!m->ngroups && !m->results->lost) return;
     look_at_rest(m, step->end);
     if (m->rejected_before || m->jumps_at_end || !m->adaptive) m->suspects = SUSPECTS;

@@ -13,6 +13,8 @@
 #ifndef ORDERNM_MOTION_H
 #define ORDERNM_MOTION_H
 
+#include "scalar.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -22,16 +24,16 @@ extern "C" {
 /* Arguments and results of a function of a package, for its functions to pick theirs. Of what begins with d there is one row
  * for each entry, [n][width], with a number for each direction; transposes read derivatives there and write seeds. */
 typedef struct {
-    const double *q, *u, *p, *inputs;
-    double t;
-    double *dq, *du, *dp, *dinputs, *dt;
-    double *qdot, *udot, *dqdot, *dudot;
-    double *outputs, *doutputs;
-    const double *modes;      /* the signs of switching functions that are gone on with; 0 where they have */
-    double *switches, *dswitches;
-    double *full_u, *dfull_q, *dfull_u;
-    double *step, *position, *condition;
-    double *work;
+    const ordernm_scalar *q, *u, *p, *inputs;
+    ordernm_scalar t;
+    ordernm_scalar *dq, *du, *dp, *dinputs, *dt;
+    ordernm_scalar *qdot, *udot, *dqdot, *dudot;
+    ordernm_scalar *outputs, *doutputs;
+    const ordernm_scalar *modes; /* the signs of switching functions that are gone on with; 0 where they have */
+    ordernm_scalar *switches, *dswitches;
+    ordernm_scalar *full_u, *dfull_q, *dfull_u;
+    ordernm_scalar *step, *position, *condition;
+    ordernm_scalar *work;
     void *precise_work;       /* of long doubles */
 } ordernm_call;
 
@@ -68,8 +70,8 @@ typedef struct {
     const int *kept;                       /* conditions of closure that no others imply */
     int ndropped;
     const int *dropped;                    /* the others, which follow nearly ... */
-    double apart;                          /* ... and may be open by so much */
-    double slack;                          /* conditions that count may be open by so much where others imply them */
+    ordernm_scalar apart;                  /* ... and may be open by so much */
+    ordernm_scalar slack;                  /* conditions that count may be open by so much where others imply them */
     int split;                             /* a joint has independent and dependent speeds */
     int nswitches;                         /* switching functions, at whose zeros forces or outputs change their branch ... */
     const int *switch_kind;                /* ... see ORDERNM_SIGN ... */
@@ -101,15 +103,15 @@ enum { ORDERNM_MOST_DEGREE = 9 };
 typedef struct {
     int degree;
     long count;
-    const double *knots;      /* [count + degree + 1], or 0 */
-    const double *values;     /* [count][nsignals]; 0 for zeros */
-    const double *directions; /* [ndirections][count][nsignals]; 0 for zeros */
+    const ordernm_scalar *knots; /* [count + degree + 1], or 0 */
+    const ordernm_scalar *values; /* [count][nsignals]; 0 for zeros */
+    const ordernm_scalar *directions; /* [ndirections][count][nsignals]; 0 for zeros */
 } ordernm_inputs;
 
 /* An output that crosses a level. */
 typedef struct {
     int output;
-    double level;
+    ordernm_scalar level;
     int direction;            /* 1: upwards only, -1: downwards only, 0: both */
     int stop;                 /* the motion ends there */
 } ordernm_event;
@@ -117,24 +119,24 @@ typedef struct {
 typedef struct {
     const ordernm_system *system;
     int method;
-    const double *p;          /* [np] */
-    const double *q, *u;      /* the initial state, consistent */
+    const ordernm_scalar *p;  /* [np] */
+    const ordernm_scalar *q, *u; /* the initial state, consistent */
     int ndirections;
-    const double *dq, *du;    /* [ndirections][nq], [ndirections][nu]: its derivatives; 0 for zeros */
-    const double *dp;         /* [ndirections][np]; 0 for zeros */
+    const ordernm_scalar *dq, *du; /* [ndirections][nq], [ndirections][nu]: its derivatives; 0 for zeros */
+    const ordernm_scalar *dp; /* [ndirections][np]; 0 for zeros */
     ordernm_inputs inputs;
-    double start, end;
+    ordernm_scalar start, end;
     long ntimes;
-    const double *times;      /* where results are wanted, rising, from start to end; ntimes 0: at every step */
-    double step;              /* of ORDERNM_RK4; of others the first one, 0 to leave it to them */
+    const ordernm_scalar *times; /* where results are wanted, rising, from start to end; ntimes 0: at every step */
+    ordernm_scalar step;      /* of ORDERNM_RK4; of others the first one, 0 to leave it to them */
     int fixed;                /* other methods too make steps of this size only, whatever their errors */
-    double largest_step;      /* 0 for any */
+    ordernm_scalar largest_step; /* 0 for any */
     long most_steps;          /* 0 for any */
-    double poor;              /* condition of loops above which the motion stops with ORDERNM_POOR, between steps; 0 for any */
-    double looked_at;         /* until it has been below that, it stops only beyond three times this one */
-    double rtol;
-    const double *atol;       /* [nfree_q + nfree_u + nintegrals]; where nothing is independent, the nq coordinates behind them */
-    const double *atol_directions; /* [ndirections]: errors of sensitivities count too; 0: those of the state only */
+    ordernm_scalar poor;      /* condition of loops above which the motion stops with ORDERNM_POOR, between steps; 0 for any */
+    ordernm_scalar looked_at; /* until it has been below that, it stops only beyond three times this one */
+    ordernm_scalar rtol;
+    const ordernm_scalar *atol; /* [nfree_q + nfree_u + nintegrals]; where nothing is independent, the nq coordinates behind them */
+    const ordernm_scalar *atol_directions; /* [ndirections]: errors of sensitivities count too; 0: those of the state only */
     int nintegrals;
     const int *integrals;     /* outputs that are integrated over time */
     int nevents;
@@ -154,51 +156,51 @@ enum {
 
 /* Rows of results: t, q, u, outputs, integrals, then dq [ndirections][nq], du, doutputs, dintegrals. */
 typedef struct {
-    double *rows;
+    ordernm_scalar *rows;
     long capacity, count;
     /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. For ordernm_replay beside them what
      * the method knew before the first of them, ordernm_known_size doubles; not kept if known is 0. */
-    double *steps, *known;
+    ordernm_scalar *steps, *known;
     long steps_capacity, steps_count;
     /* Events that happened, and which; rows of ordernm_event_size: one as above, time derivatives of coordinates [nq], speeds [nu] and
      * outputs, derivatives of the time along directions, of an output that has jumped over its level, and how fast the output changed
      * on the whole in the step that the event was in, units/s; ORDERNM_JUMPED or ORDERNM_JUMPED_BY_STATE of one that has jumped, with
      * an input or at a switch. Such a row is that behind the jump. Not kept if events is 0. */
-    double *events;
+    ordernm_scalar *events;
     int *which;
     long events_capacity, events_count; /* twice as many as there are events may come at once */
     /* Poses at which a loop has lost rank and that the motion has passed: time, and coordinates [nq] beside it, near and farther away.
      * With derivatives only; not kept if flat is 0. */
-    double *flat;
+    ordernm_scalar *flat;
     long flat_capacity, flat_count;
     /* Where directions have no derivative from then on: a row of results, in which they are NaN, and why, see ORDERNM_INFINITE, and of which
      * switch or entry of the state. Without directions, the first place where that may be. Not kept if lost is 0. */
-    double *lost;
+    ordernm_scalar *lost;
     int *lost_why;            /* [lost_capacity][2] */
     long lost_capacity, lost_count;
-    double t;                 /* how far it has come */
+    ordernm_scalar t;         /* how far it has come */
     int singular;             /* what the function returned that failed */
     int grazed;               /* 0, or 1 + a switch that was touched only: derivatives do not exist from there on */
     int not_held;             /* 0, or 1 + a switch that was passed where rates beyond it have no value: its jump is not in derivatives */
     int together, together_with; /* 0, or 1 + the last two switches that were passed at one time, where rates or an event's output jump ... */
-    double together_at;       /* ... and when: the adjoint does not exist if the order matters */
+    ordernm_scalar together_at; /* ... and when: the adjoint does not exist if the order matters */
     int ordered;              /* the order matters along a direction: results have NaN for its derivatives from there on */
     int event_together;       /* 0, or 1 + an event that came at the same time as the switch together_with ... */
     int event_ordered;        /* ... and rows of events have NaN for derivatives that depend on which comes first */
     int moved;                /* 0, or 1 + a switch of prescribed motion that was passed ... */
-    double moved_at;          /* ... and when: if the velocity of that motion jumps there, the impulse on other bodies is missing from
+    ordernm_scalar moved_at;  /* ... and when: if the velocity of that motion jumps there, the impulse on other bodies is missing from
                                * results. Python's simulate finds such a jump beforehand, and ends the motion before it */
     int late;                 /* 0, or 1 + a switch that was passed at a pose where a loop loses rank, and no step can end ... */
-    double late_at;           /* ... and when: its old branch was kept for a tenth of a step more */
+    ordernm_scalar late_at;   /* ... and when: its old branch was kept for a tenth of a step more */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set: there is nothing in long double */
-    double condition;         /* the largest met, of the dependent coordinates by conditions */
-    double condition_here;    /* at the last step's end */
-    double next_step;         /* that would be tried there, s */
-    double coarse, coarsest, coarse_at; /* of ORDERNM_RK4 in models with loops: errors of steps, relative to the state, in all; the
+    ordernm_scalar condition; /* the largest met, of the dependent coordinates by conditions */
+    ordernm_scalar condition_here; /* at the last step's end */
+    ordernm_scalar next_step; /* that would be tried there, s */
+    ordernm_scalar coarse, coarsest, coarse_at; /* of ORDERNM_RK4 in models with loops: errors of steps, relative to the state, in all; the
                                * largest, and in the step from when on */
-    double stiffness;         /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
+    ordernm_scalar stiffness; /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
 
 /* Derivatives of rates are not finite; the motion stays where a switch is zero; rates jump where none is. */
@@ -220,7 +222,7 @@ long ordernm_head_size(const ordernm_problem *problem);
 long ordernm_known_size(const ordernm_problem *problem);
 
 /* Begins a motion; the problem, and what it points to, must stay as they are. */
-ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
+ordernm_motion *ordernm_begin(const ordernm_problem *problem, ordernm_scalar *room);
 
 /* Goes on: to the end, for about so many seconds (0 for any time), or until results are full. After ORDERNM_FULL, give more
  * room and call again. After ORDERNM_IMPRECISE, which is near a pose where a loop loses rank, give the system its
@@ -228,10 +230,10 @@ ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
 int ordernm_go(ordernm_motion *motion, ordernm_results *results, double seconds);
 
 /* Where the motion is: independent coordinates and speeds, dependent coordinates, zero for dependent speeds. */
-void ordernm_state(const ordernm_motion *motion, double *q, double *u);
+void ordernm_state(const ordernm_motion *motion, ordernm_scalar *q, ordernm_scalar *u);
 
 /* The same as a row of results. Returns 0, or what a function returned. */
-int ordernm_row(ordernm_motion *motion, ordernm_results *results, double *row);
+int ordernm_row(ordernm_motion *motion, ordernm_results *results, ordernm_scalar *row);
 
 /* ---- The discrete adjoint: gradients of sums of results, from the end to the beginning. ---- */
 
@@ -239,17 +241,17 @@ int ordernm_row(ordernm_motion *motion, ordernm_results *results, double *row);
 typedef struct {
     int nfunctionals;
     long ntimes;
-    const double *times;              /* rising; those of the motion, or others */
-    const double *weights;            /* [nfunctionals][ntimes][noutputs]; 0 for none */
+    const ordernm_scalar *times;      /* rising; those of the motion, or others */
+    const ordernm_scalar *weights;    /* [nfunctionals][ntimes][noutputs]; 0 for none */
     long nbehind;                     /* of outputs behind jumps of inputs or at switches, where events are: their times, rising, as in the */
-    const double *behind;             /* rows of events; steps begin there */
-    const double *behind_weights;     /* [nfunctionals][nbehind][noutputs] */
-    const double *time_weights;       /* [nfunctionals][nbehind]: of these times, where a switch makes them */
-    const double *integral_weights;   /* [nfunctionals][nintegrals]; 0 for none */
-    const double *end_q, *end_u;      /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
-    const double *whole_q, *whole_u;  /* [nq], [nu]: that state, where they are of all its entries, as where independents change; else 0 */
+    const ordernm_scalar *behind;     /* rows of events; steps begin there */
+    const ordernm_scalar *behind_weights; /* [nfunctionals][nbehind][noutputs] */
+    const ordernm_scalar *time_weights; /* [nfunctionals][nbehind]: of these times, where a switch makes them */
+    const ordernm_scalar *integral_weights; /* [nfunctionals][nintegrals]; 0 for none */
+    const ordernm_scalar *end_q, *end_u; /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
+    const ordernm_scalar *whole_q, *whole_u; /* [nq], [nu]: that state, where they are of all its entries, as where independents change; else 0 */
     /* Gradients by the independent entries of the initial state, by parameters, by the inputs' values. Begin with zeros. */
-    double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][nsignals] */
+    ordernm_scalar *q, *u, *p, *inputs; /* [nfunctionals][nq], [nu], [np], [count][nsignals] */
     long evaluations, transposes;
     int singular;
 } ordernm_gradients;
@@ -260,14 +262,14 @@ typedef struct ordernm_adjoint ordernm_adjoint;
  * through steps that ordernm_go has kept, given from the last part to the first one, each with its steps in their order. The
  * motion's problem may have no directions. */
 long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradients *gradients);
-ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, double *room);
-int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
+ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, ordernm_scalar *room);
+int ordernm_backwards(ordernm_adjoint *adjoint, const ordernm_scalar *steps, long count);
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
 /* Makes steps again that were kept: from the first row of steps, whose state is there, from the heads of all rows, which are
  * ORDERNM_STEP_HEAD numbers and, of switches, modes and what has been crossed, and from what was known before the first. */
 enum { ORDERNM_STEP_HEAD = 5 };
-int ordernm_replay(ordernm_motion *motion, const double *known, double *steps, long count);
+int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_scalar *steps, long count);
 
 #ifdef __cplusplus
 }

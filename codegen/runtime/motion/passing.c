@@ -11,11 +11,11 @@
 #include <string.h>
 
 /* A switching function that changes at less than this part of its pace in the step touches zero only. */
-static const double GRAZING = 1e-9;
+static const scalar GRAZING = 1e-9;
 
 /* In parts of the motion's time: switches that are passed within the first accumulate, one that is passed twice within the other has
  * rounding only to thank for it. */
-static const double ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
+static const scalar ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
 
 /* Counts switches with a jump that are passed, again and again in a time that is nothing beside the motion's. Kinks do not accumulate
  * by themselves: a motion that passes many of them in no time has a cause elsewhere, such as speeds that grow beyond all bounds. */
@@ -32,7 +32,7 @@ static void count(ordernm_motion *m, int k)
 /* Changes the mode of a switch whose function is zero at a state z. `before` holds the rates in front of it, `after` becomes those
  * behind it, and derivatives along directions in z become those behind it. With `follows`, switches other than those in m->crossed take
  * the modes of their functions. Returns what a function returned. */
-static int pass(ordernm_motion *m, double *z, int k, const double *before, double *after, int follows, double *speed)
+static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int follows, scalar *speed)
 {
     const long n = m->ny + m->nx;
     int status = ordernm_switch_speed(m, m->t, z, before, k, speed);
@@ -45,7 +45,7 @@ static int pass(ordernm_motion *m, double *z, int k, const double *before, doubl
     if (!ordernm_rates_jump(m, before, after) || !(fabs(*speed) > GRAZING*m->crossed[k])) return 0;
     for (int g = 0; g < m->ngroups; ++g) {
         const group *const of = m->groups + g;
-        double *const S = z + of->at;
+        scalar *const S = z + of->at;
         for (int i = 0; i < n; ++i)
             for (int l = 0; l < of->width; ++l)
                 S[i*of->width + l] += (before[i] - after[i])*m->passing_time[g*LANES + l];
@@ -61,19 +61,19 @@ static void gather(ordernm_motion *m, int k)
     if (!joins) {
         m->ntogether = m->together_jump = 0;
         m->together_since = m->t;
-        memcpy(m->z_before, m->z, m->size*sizeof(double));
-        memcpy(m->modes_before, m->modes, m->system->nswitches*sizeof(double));
+        memcpy(m->z_before, m->z, m->size*sizeof(scalar));
+        memcpy(m->modes_before, m->modes, m->system->nswitches*sizeof(scalar));
     }
     m->together[m->ntogether++] = k;
 }
 
 /* Whether derivatives along a direction, entry `at` of states, differ between two orders of switches, beside how they jump. */
-static int differ(const ordernm_motion *m, const group *of, int lane, const double *other)
+static int differ(const ordernm_motion *m, const group *of, int lane, const scalar *other)
 {
     for (long i = 0; i < m->ny + m->nx; ++i) {
         const long at = of->at + i*of->width + lane;
-        const double here = m->z[at], there = other[at], first = m->z_before[at];
-        const double allowed = ORDER_MATTERS*(fabs(here - first) + fabs(there - first)) + 1e-10*(fabs(here) + fabs(first));
+        const scalar here = m->z[at], there = other[at], first = m->z_before[at];
+        const scalar allowed = ORDER_MATTERS*(fabs(here - first) + fabs(there - first)) + 1e-10*(fabs(here) + fabs(first));
         if (!(fabs(here - there) <= allowed)) return 1;
     }
     return 0;
@@ -85,26 +85,26 @@ static int differ(const ordernm_motion *m, const group *of, int lane, const doub
 static int compare_orders(ordernm_motion *m)
 {
     const int n = m->ntogether, count = m->system->nswitches;
-    double *const z = m->error[0], *const rates = m->rate[1];
-    double *const kept = m->switches_kept;
+    scalar *const z = m->error[0], *const rates = m->rate[1];
+    scalar *const kept = m->switches_kept;
     int status = 0;
-    memcpy(kept, m->modes, count*sizeof(double));
+    memcpy(kept, m->modes, count*sizeof(scalar));
     for (int order = 1; order < 2*n && !status; ++order) {
-        double speed;
-        memcpy(z, m->z, m->values*sizeof(double));
-        memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(double));
+        scalar speed;
+        memcpy(z, m->z, m->values*sizeof(scalar));
+        memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(scalar));
         for (int i = 0; i < n; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
         status = ordernm_rates_of(m, m->t, z, rates, 0, 0, RATES | INTEGRALS);
         for (int i = 0; i < n && !status; ++i) {
             const int at = (order < n ? i : n - 1 - i) + order;
-            memcpy(m->trial, rates, m->values*sizeof(double));
+            memcpy(m->trial, rates, m->values*sizeof(scalar));
             status = pass(m, z, m->together[at%n], m->trial, rates, 0, &speed);
         }
         for (int g = 0; g < m->ngroups && !status; ++g)
             for (int l = 0; l < m->groups[g].used; ++l)
                 if (differ(m, m->groups + g, l, z)) m->lost[g*LANES + l] = m->switch_time[g*LANES + l] = NAN, m->results->ordered = 1;
     }
-    memcpy(m->modes, kept, count*sizeof(double));
+    memcpy(m->modes, kept, count*sizeof(scalar));
     return status;
 }
 
@@ -124,17 +124,17 @@ static void note_time(ordernm_motion *m, int k, int *timed)
 {
     if (!times_event(m, k)) return;
     for (int i = 0; i < m->ngroups*LANES; ++i) {
-        const double here = m->lost[i] + m->passing_time[i], first = m->switch_time[i];
+        const scalar here = m->lost[i] + m->passing_time[i], first = m->switch_time[i];
         m->switch_time[i] = !*timed || fabs(here - first) <= ORDER_MATTERS*(fabs(here) + fabs(first)) ? here : NAN;
     }
     *timed = 1;
 }
 
 /* The passed switches must not be pushed back to by the rates behind all of them. */
-static int slides(ordernm_motion *m, const double *after)
+static int slides(ordernm_motion *m, const scalar *after)
 {
     for (int k = 0; k < m->system->nswitches; ++k) {
-        double way;
+        scalar way;
         if (m->speeds[k] == 0.0) continue;
         const int status = ordernm_switch_speed(m, m->t, m->z, after, k, &way);
         if (status) return status;
@@ -150,18 +150,18 @@ static int slides(ordernm_motion *m, const double *after)
 int ordernm_pass_switches(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;
-    double *const before = m->trial, *const after = m->rate[0];
+    scalar *const before = m->trial, *const after = m->rate[0];
     int left = 0, status, timed = 0;
     for (int k = 0; k < s->nswitches; ++k) left += m->crossed[k] != 0.0;
-    memset(m->speeds, 0, s->nswitches*sizeof(double));
+    memset(m->speeds, 0, s->nswitches*sizeof(scalar));
     for (int k = 0; k < s->nswitches; ++k) {
         if (m->crossed[k] == 0.0) continue;
-        double speed;
+        scalar speed;
         const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
         if (s->drives[k] > 1) m->results->moved = k + 1, m->results->moved_at = m->t;
         gather(m, k);
         m->changed[k] = m->t;
-        memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(double));
+        memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
         if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
         note_time(m, k, &timed);
         if (!ordernm_rates_jump(m, before, after)) {

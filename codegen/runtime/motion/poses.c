@@ -9,16 +9,16 @@
 #include <string.h>
 
 /* What may be left of inverse conditions about a line where they are those beside a pose: poor ones that stay poor are not. */
-static const double STRAIGHT = 0.03;
+static const scalar STRAIGHT = 0.03;
 
 /* In parts of the step: no stage, nor its end, should be as near to a pose. The widest gap has twice as much on either side; and a
  * step that begins as near can only be tiny. */
-static const double NEAR = 0.1;
+static const scalar NEAR = 0.1;
 
 /* A straight line through so many points; where it is zero. Returns the squares of what is left, in units of the values. */
-static double zero_of_line(const double *t, const double *s, int n, double *zero)
+static scalar zero_of_line(const scalar *t, const scalar *s, int n, scalar *zero)
 {
-    double mean_t = 0.0, mean_s = 0.0, tt = 0.0, ts = 0.0, ss = 0.0;
+    scalar mean_t = 0.0, mean_s = 0.0, tt = 0.0, ts = 0.0, ss = 0.0;
     for (int i = 0; i < n; ++i) mean_t += t[i]/n, mean_s += s[i]/n;
     for (int i = 0; i < n; ++i) {
         tt += (t[i] - mean_t)*(t[i] - mean_t);
@@ -33,13 +33,13 @@ static double zero_of_line(const double *t, const double *s, int n, double *zero
 /* After a step was tried: if one of its stages had a poor condition, when the pose is that makes it so. There the inverse of the
  * condition changes sign, which it does not show: each place for it next to the poorest stage is tried, and that one taken where
  * the inverses are straightest. Returns whether a stage is too near to it. */
-int ordernm_find_pose(ordernm_motion *m, double h)
+int ordernm_find_pose(ordernm_motion *m, scalar h)
 {
     const int end = m->method->stages;
-    double time[MOST_STAGES], inverse[MOST_STAGES];
+    scalar time[MOST_STAGES], inverse[MOST_STAGES];
     int n = 0;
     for (int i = 0; i <= end; ++i) {
-        const double t = m->method->times[i]*h;
+        const scalar t = m->method->times[i]*h;
         const int at_end = i == end - 1 && m->method->times[i] == m->method->times[end]; /* an explicit method's last stage */
         if (!(m->conditions[i] > 0.0) || (at_end && m->conditions[end] > 0.0)) continue;
         int at = n++;
@@ -53,11 +53,11 @@ int ordernm_find_pose(ordernm_motion *m, double h)
     const int too_poor = n > 2 && inverse[worst]*m->too_poor <= 1.0;
     if (n < 3 || !(too_poor || (m->adaptive && !m->method->gives_rate && inverse[worst]*m->telling <= 1.0))) return 0;
     const int first = worst > 2 ? worst - 2 : 0, last = worst + 2 < n ? worst + 2 : n - 1;
-    double straightest = STRAIGHT, found = -INFINITY;
+    scalar straightest = STRAIGHT, found = -INFINITY;
     for (int sign = worst; sign <= worst + 1; ++sign) { /* behind it the inverse is positive */
-        double s[5], zero = -INFINITY;
+        scalar s[5], zero = -INFINITY;
         for (int i = first; i <= last; ++i) s[i - first] = i < sign ? -inverse[i] : inverse[i];
-        const double left = zero_of_line(time + first, s, last - first + 1, &zero);
+        const scalar left = zero_of_line(time + first, s, last - first + 1, &zero);
         if (left < straightest) straightest = left, found = zero;
     }
     if (!(found > -INFINITY)) return 0;
@@ -67,29 +67,29 @@ int ordernm_find_pose(ordernm_motion *m, double h)
 
 /* What doubles as constants change in errors at most, in units of their rounding times condition^3; by how much an error that comes
  * of the step's size gets smaller with it, at least. */
-static const double BY_CONSTANTS = 128*2.2e-16, SMALLER = 0.9, LESS = 0.5;
+static const scalar BY_CONSTANTS = 128*2.2e-16, SMALLER = 0.9, LESS = 0.5;
 
 /* Whether a step across a pose has an error that comes of rounding: of one that was smaller it is not less, and constants that are
  * doubles explain it. Smaller steps would only come nearer to the pose. */
-int ordernm_rounded_at_pose(const ordernm_motion *m, double h, double error)
+int ordernm_rounded_at_pose(const ordernm_motion *m, scalar h, scalar error)
 {
     if (!(m->pose > m->t && m->pose < m->t + h && fabs(m->pose - m->refused_pose) < h)) return 0;
     if (!(h < SMALLER*m->refused_step && error > LESS*m->refused_error)) return 0;
-    double condition = 0.0, rate = 0.0, size = 0.0;
+    scalar condition = 0.0, rate = 0.0, size = 0.0;
     for (int i = 0; i < m->method->stages; ++i)
         if (m->conditions[i] < LOST) condition = fmax(condition, m->conditions[i]);
     for (int i = 0; i < m->ny; ++i) rate = fmax(rate, fabs(m->rate[0][i])), size = fmax(size, fabs(m->z[i]));
-    const double loops = fmax(1.0, m->system->nloops), rounded = BY_CONSTANTS*loops*condition*condition*condition*h*rate;
+    const scalar loops = fmax(1.0, m->system->nloops), rounded = BY_CONSTANTS*loops*condition*condition*condition*h*rate;
     return error*(m->problem->atol[0] + m->problem->rtol*size) < rounded;
 }
 
 /* The size of a step that would be h, where a pose is near. A method of constant steps makes one that is shorter. */
-double ordernm_step_at_pose(const ordernm_motion *m, double h, double wall)
+scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall)
 {
-    const double gap = m->method->gap, left = m->pose - m->t, centred = left/gap, before = left - gap*h;
+    const scalar gap = m->method->gap, left = m->pose - m->t, centred = left/gap, before = left - gap*h;
     if (!(left > 1e-3*h) || h < 0.6*left || m->pose > wall - 0.05*left) return h;
     if (!m->adaptive) {
-        const double part = left/h;
+        const scalar part = left/h;
         if (fabs(part - gap) < 0.05 || fabs(part - 1.0 + gap) < 0.05) return h;
         return part > gap + 0.1 ? left - gap*h : left/(1.0 - gap);
     }
@@ -102,24 +102,24 @@ double ordernm_step_at_pose(const ordernm_motion *m, double h, double wall)
 
 /* Places beside one, in parts of the step, and weights of what is there: of Lagrange's polynomials through all six and through the
  * inner four. */
-static const double OFFSETS[BESIDE] = {-0.03, -0.02, -0.01, 0.01, 0.02, 0.03};
-static const double SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BESIDE] = {0.0, -1.0/6, 4.0/6, 4.0/6, -1.0/6, 0.0};
+static const scalar OFFSETS[BESIDE] = {-0.03, -0.02, -0.01, 0.01, 0.02, 0.03};
+static const scalar SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BESIDE] = {0.0, -1.0/6, 4.0/6, 4.0/6, -1.0/6, 0.0};
 
 /* How far both may be apart, in parts of the value or tolerances: derivatives that differ by more have none there. Nor have those
  * whose difference of both sides grows towards the pose, like that of 1/(t - pose). */
-static const double SAME = 1e-6, SAME_TOLERANCES = 1e3;
+static const scalar SAME = 1e-6, SAME_TOLERANCES = 1e3;
 
 /* Of the rows and states beside the pose, those at it. Returns -1 if values have none. */
-static int at_pose(ordernm_motion *m, double t, long size)
+static int at_pose(ordernm_motion *m, scalar t, long size)
 {
     const ordernm_problem *const p = m->problem;
     const long values = 1 + m->system->nq + m->system->nu + m->system->noutputs + m->nx, derivatives = ordernm_row_size(p);
     for (long i = 0; i < size; ++i) {
-        const double *const of = m->beside + i;
-        const double inner = fabs(of[3*size] - of[2*size]), outer = fabs(of[5*size] - of[0]);
-        double six = 0.0, four = 0.0;
+        const scalar *const of = m->beside + i;
+        const scalar inner = fabs(of[3*size] - of[2*size]), outer = fabs(of[5*size] - of[0]);
+        scalar six = 0.0, four = 0.0;
         for (int j = 0; j < BESIDE; ++j) six += SIX[j]*m->beside[j*size + i], four += FOUR[j]*m->beside[j*size + i];
-        const double allowed = fmax(SAME, SAME_TOLERANCES*p->rtol)*(1.0 + fabs(six));
+        const scalar allowed = fmax(SAME, SAME_TOLERANCES*p->rtol)*(1.0 + fabs(six));
         const int same = fabs(six - four) <= allowed && inner <= outer + allowed;
         if (!same && i < values) return -1;
         m->known_row[i] = same || i >= derivatives ? six : NAN;
@@ -131,26 +131,26 @@ static int at_pose(ordernm_motion *m, double t, long size)
 
 /* What a row, and the state, would be at the end of a step of size h: loops have lost rank there, but the motion is smooth, and it is
  * known beside. Returns -1 too if those steps are too large. */
-int ordernm_beside(ordernm_motion *m, double h, ordernm_describing *describe, long size)
+int ordernm_beside(ordernm_motion *m, scalar h, ordernm_describing *describe, long size)
 {
-    memset(m->at_pose, 0, m->size*sizeof(double));
+    memset(m->at_pose, 0, m->size*sizeof(scalar));
     for (int j = 0; j < BESIDE; ++j) {
-        const double made = h*(1.0 + OFFSETS[j]);
-        double error;
+        const scalar made = h*(1.0 + OFFSETS[j]);
+        scalar error;
         int status = m->method->step(m, made, &error);
         if (!status) status = describe(m, m->t + made, m->next, m->beside + j*size);
         if (status || !(error <= 1.0 || m->problem->fixed)) return status ? status : -1;
         for (long i = 0; i < m->size; ++i) m->at_pose[i] += SIX[j]*m->next[i];
     }
-    memcpy(m->next, m->at_pose, m->size*sizeof(double));
+    memcpy(m->next, m->at_pose, m->size*sizeof(scalar));
     return at_pose(m, m->t + h, size);
 }
 
 /* The same within the step that was made, which stays. */
-int ordernm_beside_within(ordernm_motion *m, double h, double part, long size)
+int ordernm_beside_within(ordernm_motion *m, scalar h, scalar part, long size)
 {
     for (int j = 0; j < BESIDE; ++j) {
-        const double at = part + OFFSETS[j];
+        const scalar at = part + OFFSETS[j];
         m->method->interpolate(m, h, at, m->trial);
         const int status = ordernm_report(m, m->t + at*h, m->trial, m->beside + j*size);
         if (status) return status;

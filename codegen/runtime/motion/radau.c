@@ -24,18 +24,18 @@ enum {
 };
 
 /* Newton's method converges so fast that J is kept. */
-static const double FAST = 1e-3;
+static const scalar FAST = 1e-3;
 
 /* What may be left of the stages' equations, in units of the errors allowed. */
-static const double SOLVED = 0.03;
+static const scalar SOLVED = 0.03;
 
 /* Stages are this much closer to the solution of their equations where there are directions. */
-static const double CLOSER = 1e-2;
+static const scalar CLOSER = 1e-2;
 
 /* Steps keep their size, and factors are kept, if they could be as many times as large. */
-static const double KEEP_BELOW = 1.2;
+static const scalar KEEP_BELOW = 1.2;
 
-static const double SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
+static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
 
 /* ---- Memory. ---- */
 
@@ -43,7 +43,7 @@ static const double SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
  * is all where at is 0. */
 size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
 {
-    memory of = {at, 0};
+    memory of = {(char *)at, 0};
     struct radau none, *const r = at ? m->radau : &none;
     const long square = (long)n*n;
     for (int i = 0; i < STAGES; ++i) {
@@ -52,16 +52,16 @@ size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
     }
     r->whole = ordernm_numbers(&of, STAGES*STAGES*square);
     r->of_whole = ordernm_numbers(&of, STAGES*(long)n*LANES);
-    r->whole_pivot = ordernm_take(&of, (STAGES*n + 1)*sizeof(int));
+    r->whole_pivot = (int *)ordernm_take(&of, (STAGES*n + 1)*sizeof(int));
     return of.used;
 }
 
 /* Lays out what the method needs of its own, from a cache line on; returns how many bytes, which is all where at is 0. */
 size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 {
-    memory of = {at, 0};
+    memory of = {(char *)at, 0};
     const ordernm_system *s = m->system;
-    struct radau none, *r = ordernm_take(&of, sizeof *r);
+    struct radau none, *r = (struct radau *)ordernm_take(&of, sizeof *r);
     if (!at) r = &none;
     memset(r, 0, sizeof *r);
     const int n = r->n = m->ny;
@@ -70,7 +70,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     reduction *const a = &r->of_step, *const b = &r->of_stages;
     int **indices[] = {&a->kept, &a->place, &a->reduced, &a->partner, &b->kept, &b->place, &b->reduced, &b->partner,
         &r->real_pivot, &r->pivot};
-    for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = ordernm_take(&of, (n + 1)*sizeof(int));
+    for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = (int *)ordernm_take(&of, (n + 1)*sizeof(int));
     r->column = ordernm_numbers(&of, square);
     r->jacobian = ordernm_numbers(&of, (long)n*n);
     /* In calls: three sweeps or more of every group against all columns, and S along every group. Factors of three times the order
@@ -103,7 +103,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 /* ---- Stages. ---- */
 
 /* Factors of Z[i] in the polynomial through the step's beginning and its stages, at theta: z + sum(weight*Z). */
-void ordernm_radau_weights(double theta, double *w)
+void ordernm_radau_weights(scalar theta, scalar *w)
 {
     for (int j = 0; j < STAGES; ++j) {
         w[j] = theta/TIME[j];
@@ -113,15 +113,15 @@ void ordernm_radau_weights(double theta, double *w)
 }
 
 /* Stages begin on the polynomial of the step before. */
-static void extrapolate(ordernm_motion *m, double h)
+static void extrapolate(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
     if (!r->accepted) {
-        for (int i = 0; i < STAGES; ++i) memset(r->stage[i], 0, m->size*sizeof(double));
+        for (int i = 0; i < STAGES; ++i) memset(r->stage[i], 0, m->size*sizeof(scalar));
         return;
     }
     for (int i = 0; i < STAGES; ++i) {
-        double w[STAGES];
+        scalar w[STAGES];
         ordernm_radau_weights(1.0 + TIME[i]*h/r->h_last, w);
         w[2] -= 1.0;
         for (long k = 0; k < m->size; ++k)
@@ -135,9 +135,9 @@ static int renew(ordernm_motion *m)
     struct radau *const r = m->radau;
     const int status = r->formed_here ? 0 : ordernm_radau_differentiate(m, m->t, m->z, r->jacobian, 0);
     if (status) return status;
-    if (r->formed_here) memcpy(r->jacobian, r->at_stage[2], (long)r->n*r->n*sizeof(double));
+    if (r->formed_here) memcpy(r->jacobian, r->at_stage[2], (long)r->n*r->n*sizeof(scalar));
     ordernm_radau_take_jacobian(r);
-    memcpy(r->of_jacobian, m->z, m->values*sizeof(double));
+    memcpy(r->of_jacobian, m->z, m->values*sizeof(scalar));
     r->t_of_jacobian = m->t;
     r->segment_of_jacobian = m->segment;
     r->jacobian_here = 1;
@@ -146,11 +146,11 @@ static int renew(ordernm_motion *m)
 
 /* Newton's method on the stages; limit is what may be left of the change, in units of errors allowed, and usual what has to be
  * reached where rounding keeps it from that. */
-static int iterate(ordernm_motion *m, double h, double limit, double usual)
+static int iterate(ordernm_motion *m, scalar h, scalar limit, scalar usual)
 {
     struct radau *const r = m->radau;
     const int n = r->n, fixed = m->problem->fixed, most = fixed ? FIXED_ITERATIONS : ITERATIONS;
-    double before = 0.0, ratio_before = 0.0;
+    scalar before = 0.0, ratio_before = 0.0;
     r->slowness_before = r->slowness;
     r->slowness = pow(fmax(r->slowness, DBL_EPSILON), 0.8);
     r->theta = FAST;
@@ -160,16 +160,16 @@ static int iterate(ordernm_motion *m, double h, double limit, double usual)
             if (status) return status;
         }
         ordernm_radau_correct(m, h, 0, 1);
-        double sum = 0.0;
+        scalar sum = 0.0;
         for (int i = 0; i < n; ++i)
             for (int j = 0; j < STAGES; ++j) {
-                const double x = r->right[j][i]/r->scale[i];
+                const scalar x = r->right[j][i]/r->scale[i];
                 sum += x*x;
             }
-        const double size = sqrt(sum/(STAGES*n));
+        const scalar size = sqrt(sum/(STAGES*n));
         if (!(size < INFINITY)) return DIVERGED;
         if (k > 1) {
-            const double ratio = size/before;
+            const scalar ratio = size/before;
             r->theta = k == 2 ? ratio : sqrt(ratio*ratio_before);
             ratio_before = ratio;
             if (!(r->theta < 0.99)) {
@@ -177,10 +177,10 @@ static int iterate(ordernm_motion *m, double h, double limit, double usual)
                 r->theta = 0.5;
             }
             r->slowness = r->theta/(1.0 - r->theta);
-            const double end = fixed ? 0.0 : r->slowness*size*pow(r->theta, ITERATIONS - 1 - k);
+            const scalar end = fixed ? 0.0 : r->slowness*size*pow(r->theta, ITERATIONS - 1 - k);
             if (end > limit && end > usual) {
                 /* It would take too many iterations: a step that is as much smaller as they are too slow. */
-                const double excess = fmin(fmax(end/limit, 1e-4), 20.0);
+                const scalar excess = fmin(fmax(end/limit, 1e-4), 20.0);
                 m->advice = 0.8*pow(excess, -1.0/(4 + ITERATIONS - 1 - k));
                 return DIVERGED;
             }
@@ -194,7 +194,7 @@ static int iterate(ordernm_motion *m, double h, double limit, double usual)
 }
 
 /* J and its factors as they are needed, then Newton's method; with J of an earlier state, once more with that of this one. */
-static int stages(ordernm_motion *m, double h, double limit, double usual)
+static int stages(ordernm_motion *m, scalar h, scalar limit, scalar usual)
 {
     struct radau *const r = m->radau;
     for (;;) {
@@ -212,7 +212,7 @@ static int stages(ordernm_motion *m, double h, double limit, double usual)
 /* ---- Steps. ---- */
 
 /* Integrals, of the values or along a group: the sums of what is integrated at the stages. */
-static int integrate(ordernm_motion *m, double h, const group *g, int closed)
+static int integrate(ordernm_motion *m, scalar h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
@@ -228,12 +228,12 @@ static int integrate(ordernm_motion *m, double h, const group *g, int closed)
 }
 
 /* The error along a group, or of the values: (REAL/h - J) error = REAL/h*(...). Integrals feed nothing back. */
-static void estimate(ordernm_motion *m, double h, const group *g, const double *rate)
+static void estimate(ordernm_motion *m, scalar h, const group *g, const scalar *rate)
 {
     const struct radau *const r = m->radau;
     const int width = g ? g->width : 1;
     const long at = g ? g->at : 0, n = (long)(m->ny + m->nx)*width;
-    double *const error = m->error[0] + at;
+    scalar *const error = m->error[0] + at;
     for (long k = 0; k < n; ++k)
         error[k] = rate[at + k]
             + (E[0]*r->stage[0][at + k] + E[1]*r->stage[1][at + k] + E[2]*r->stage[2][at + k])/h;
@@ -245,39 +245,39 @@ static void estimate(ordernm_motion *m, double h, const group *g, const double *
  * power of 2/3 of the tolerance; that trusts that terms of a series fall as they do in smooth motions of size one. Here they have
  * to be seen to fall: where each is less than that before by one factor, the change of an entry in the step and its error of the
  * fourth power say what that of the sixth is, change*(error/change)^(5/3). A tenth of that trust is used. */
-static void judge(ordernm_motion *m, double h, const group *g)
+static void judge(ordernm_motion *m, scalar h, const group *g)
 {
     const struct radau *const r = m->radau;
     const int width = g ? g->width : 1;
     const long at = g ? g->at : 0, n = (long)(m->ny + m->nx)*width;
     for (long k = at; k < at + n; ++k) {
-        double change = h*fabs(m->rate[0][k]);
+        scalar change = h*fabs(m->rate[0][k]);
         for (int i = 0; i < STAGES; ++i) change = fmax(change, fabs(r->stage[i][k]));
-        const double ratio = change/fabs(m->error[0][k]);
+        const scalar ratio = change/fabs(m->error[0][k]);
         if (ratio > 30.0) m->error[0][k] /= fmin(0.1*cbrt(ratio*ratio), r->leniency);
     }
 }
 
 /* What the next step should be, by the error of this one and of that before (K. Gustafsson). */
-static double next_step(const ordernm_motion *m, double h, double error)
+static scalar next_step(const ordernm_motion *m, scalar h, scalar error)
 {
     const struct radau *const r = m->radau;
     if (error != error) return 0.5;
-    const double effort = SAFETY*(1 + 2*ITERATIONS)/(r->iterations + 2*ITERATIONS);
-    const double safety = effort < SAFETY ? effort : SAFETY;
-    double quotient = pow(error, 0.25)/safety;
+    const scalar effort = SAFETY*(1 + 2*ITERATIONS)/(r->iterations + 2*ITERATIONS);
+    const scalar safety = effort < SAFETY ? effort : SAFETY;
+    scalar quotient = pow(error, 0.25)/safety;
     if (error < 1.0 && r->error_accepted > 0.0) {
-        const double predicted = r->h_accepted/h*pow(error*error/r->error_accepted, 0.25)/SAFETY;
+        const scalar predicted = r->h_accepted/h*pow(error*error/r->error_accepted, 0.25)/SAFETY;
         quotient = fmax(quotient, fmin(predicted, 1.0/LEAST_CHANGE));
     }
     return 1.0/fmin(fmax(quotient, 1.0/LARGEST_CHANGE), 1.0/LEAST_CHANGE);
 }
 
 /* The stages of a step that has been accepted serve the next one. */
-static void go_on(struct radau *r, double h)
+static void go_on(struct radau *r, scalar h)
 {
     for (int i = 0; i < STAGES; ++i) {
-        double *const before = r->last[i];
+        scalar *const before = r->last[i];
         r->last[i] = r->stage[i];
         r->stage[i] = before;
     }
@@ -294,18 +294,18 @@ static void begin_anew(struct radau *r)
 }
 
 /* Errors that count in Newton's method, and where it ends, see iterate. */
-static void limits(ordernm_motion *m, double *limit, double *usual)
+static void limits(ordernm_motion *m, scalar *limit, scalar *usual)
 {
     const struct radau *const r = m->radau;
     const ordernm_problem *const p = m->problem;
     for (int i = 0; i < r->n; ++i) r->scale[i] = p->atol[i] + p->rtol*fabs(m->z[i]);
-    const double least = 10.0*DBL_EPSILON/fmax(p->rtol, 1e-14);
+    const scalar least = 10.0*DBL_EPSILON/fmax(p->rtol, 1e-14);
     *usual = fmax(least, SOLVED);
     *limit = m->ngroups || p->fixed || m->results->steps ? fmax(least, CLOSER**usual) : *usual;
 }
 
 /* The step's end, from its stages, at which loops are closed where derivatives want them. */
-static int ends(ordernm_motion *m, double h)
+static int ends(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
     int status = m->nx ? integrate(m, h, 0, 0) : 0;
@@ -320,7 +320,7 @@ static int ends(ordernm_motion *m, double h)
 }
 
 /* Derivatives at the step's end along all directions. Returns CONVERGED, DIVERGED, or what a function returned. */
-static int ends_along(ordernm_motion *m, double h)
+static int ends_along(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
     const int closed = m->system->split ? 0 : KNOWN_CLOSED;
@@ -339,7 +339,7 @@ static int ends_along(ordernm_motion *m, double h)
 }
 
 /* What is left of the step before, and of its Jacobian, where this one begins. Returns what a function returned. */
-static int take_up(ordernm_motion *m, double h)
+static int take_up(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
     if (r->tried && m->t != r->t_tried) { /* the step that was tried last has been accepted */
@@ -360,13 +360,13 @@ static int take_up(ordernm_motion *m, double h)
     return 0;
 }
 
-static int radau_step(ordernm_motion *m, double h, double *error)
+static int radau_step(ordernm_motion *m, scalar h, scalar *error)
 {
     struct radau *const r = m->radau;
     const ordernm_problem *const p = m->problem;
     int status = take_up(m, h);
     if (status) return status;
-    double limit, usual;
+    scalar limit, usual;
     limits(m, &limit, &usual);
     extrapolate(m, h);
     status = stages(m, h, limit, usual);
@@ -379,7 +379,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     if ((status = ends(m, h))) return status;
     estimate(m, h, 0, m->rate[0]);
     judge(m, h, 0);
-    if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(double));
+    if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(scalar));
     *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
     if (*error > 1.0 && !p->fixed && (!r->accepted || m->rejected_before)) {
         /* Stiff components are filtered once more. */
@@ -400,7 +400,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         return 0;
     }
     if (!refused && p->atol_directions) *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
-    double change = next_step(m, h, *error);
+    scalar change = next_step(m, h, *error);
     if (p->fixed) *error = *error < INFINITY ? 0.0 : NAN;
     if (*error <= 1.0) {
         /* What is integrated has been found at this state already. */
@@ -415,61 +415,61 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     return 0;
 }
 
-static int radau_complete(ordernm_motion *m, double h)
+static int radau_complete(ordernm_motion *m, scalar h)
 {
     (void)m, (void)h;
     return 0;
 }
 
-static void radau_interpolate(ordernm_motion *m, double h, double theta, double *z)
+static void radau_interpolate(ordernm_motion *m, scalar h, scalar theta, scalar *z)
 {
     (void)h;
     static const int every[STAGES] = {0, 1, 2};
-    double w[STAGES];
+    scalar w[STAGES];
     ordernm_radau_weights(theta, w);
     ordernm_combine(m->size, z, m->z, 1.0, STAGES, every, w, m->radau->stage);
 }
 
-static const double TIMES[] = {0.0, 0.15505102572168219018, 0.64494897427831780982, 1.0};
+static const scalar TIMES[] = {0.0, 0.15505102572168219018, 0.64494897427831780982, 1.0};
 
 /* ---- Steps that are kept, and made again. ---- */
 
 /* What decides where Newton's method ends: whether J was made here, how fast it was expected to be; with the former, what stages
  * are in long double; then the stages. Before the first step of some, what it began with: the stages of the step before, and J, as the state that it was made at. */
-static void radau_keep(const ordernm_motion *m, double *row)
+static void radau_keep(const ordernm_motion *m, scalar *row)
 {
     const struct radau *const r = m->radau;
     const long state = m->ny + m->nx + m->nd;
     row[2] = r->jacobian_here + 2.0*m->precise_stages;
     row[3] = r->slowness_before;
-    double *to = row + m->head + state;
+    scalar *to = row + m->head + state;
     for (int i = 0; i < STAGES; ++i)
         for (long k = 0; k < state; ++k) *to++ = m->z[k] + r->stage[i][k];
-    double *const known = m->results->known;
+    scalar *const known = m->results->known;
     if (!known || m->results->steps_count) return;
     known[0] = r->accepted > 0;
     known[1] = r->h_last;
     known[2] = r->t_of_jacobian;
     known[3] = r->segment_of_jacobian;
-    memcpy(known + 4, r->of_jacobian, m->values*sizeof(double));
-    for (int i = 0; i < STAGES; ++i) memcpy(known + 4 + (1 + i)*m->values, r->last[i], m->values*sizeof(double));
+    memcpy(known + 4, r->of_jacobian, m->values*sizeof(scalar));
+    for (int i = 0; i < STAGES; ++i) memcpy(known + 4 + (1 + i)*m->values, r->last[i], m->values*sizeof(scalar));
 }
 
-int ordernm_radau_replay(ordernm_motion *m, const double *known, double *row)
+int ordernm_radau_replay(ordernm_motion *m, const scalar *known, scalar *row)
 {
     struct radau *const r = m->radau;
-    const double h = row[1];
+    const scalar h = row[1];
     int status;
     if (known) {
         r->accepted = known[0] != 0.0;
         r->h_last = known[1];
         const long segment = m->segment;
         m->segment = (long)known[3];
-        memcpy(r->of_jacobian, known + 4, m->values*sizeof(double));
+        memcpy(r->of_jacobian, known + 4, m->values*sizeof(scalar));
         if ((status = ordernm_radau_differentiate(m, known[2], r->of_jacobian, r->jacobian, 0))) return status;
         m->segment = segment;
         ordernm_radau_take_jacobian(r);
-        for (int i = 0; i < STAGES; ++i) memcpy(r->last[i], known + 4 + (1 + i)*m->values, m->values*sizeof(double));
+        for (int i = 0; i < STAGES; ++i) memcpy(r->last[i], known + 4 + (1 + i)*m->values, m->values*sizeof(scalar));
     } else {
         go_on(r, r->h_tried);
         if (m->switched) begin_anew(r);
@@ -479,11 +479,11 @@ int ordernm_radau_replay(ordernm_motion *m, const double *known, double *row)
     if ((unsigned)row[2] & 1u && (status = renew(m))) return status;
     if (r->h_factored != h && ordernm_radau_factorise(m, h)) return -1;
     r->slowness = row[3];
-    double limit, usual;
+    scalar limit, usual;
     limits(m, &limit, &usual);
     extrapolate(m, h);
     if ((status = iterate(m, h, limit, usual)) != CONVERGED) return status;
     return ends(m, h);
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, TIMES, 0, 1, 0.4, radau_keep};
+const scheme ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, TIMES, 0, 1, 0.4, radau_keep};

@@ -17,58 +17,58 @@ struct radau {
     int n;                    /* independent coordinates and speeds */
     int nq;                   /* coordinates among them */
     reduction of_step, of_stages;
-    double *column;           /* [order][count] of -J */
-    double *jacobian;         /* [n][n] */
+    scalar *column;           /* [order][count] of -J */
+    scalar *jacobian;         /* [n][n] */
     int formed;               /* Jacobians at the stages are, in every step */
-    double *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
-    double *whole, *of_whole; /* [3 n][3 n] factors of the three stages' equations, [3 n][LANES] their solutions */
+    scalar *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
+    scalar *whole, *of_whole; /* [3 n][3 n] factors of the three stages' equations, [3 n][LANES] their solutions */
     int *whole_pivot;
-    double *real, *re, *im;   /* factors of REAL/h - J and (RE + i IM)/h - J */
+    scalar *real, *re, *im;   /* factors of REAL/h - J and (RE + i IM)/h - J */
     int *real_pivot, *pivot;  /* rows that were exchanged */
-    double h_factored;        /* 0: there are no factors */
+    scalar h_factored;        /* 0: there are no factors */
     group columns;            /* seeds of J's columns, so many at a time */
-    double *seeded, *seeded_rate;
-    double *stage[STAGES], *last[STAGES]; /* Z of this step, and of the accepted one before */
-    double *right[STAGES], *scratch[5];   /* [n][LANES] */
-    double *scale;            /* [n] errors allowed */
-    double *infinite;         /* [n] 1 where a column of a Jacobian at the stages had entries that are not finite; zeros serve instead */
+    scalar *seeded, *seeded_rate;
+    scalar *stage[STAGES], *last[STAGES]; /* Z of this step, and of the accepted one before */
+    scalar *right[STAGES], *scratch[5];   /* [n][LANES] */
+    scalar *scale;            /* [n] errors allowed */
+    scalar *infinite;         /* [n] 1 where a column of a Jacobian at the stages had entries that are not finite; zeros serve instead */
     int tried, jacobian_here; /* J is that of z */
     int formed_here;          /* so is the Jacobian at the last stage of the step before */
     long segment;             /* of the inputs' spline in the step that was tried last */
     long accepted;            /* steps that there is a Z of */
-    double h_last, h_tried, t_tried;
-    double leniency;          /* largest estimate of an error, in units of what is allowed to the solution */
-    double slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
-    double slowness_before;   /* at the beginning of Newton's method in this step */
-    double *of_jacobian;      /* [values] the state that J was made at */
-    double t_of_jacobian;
+    scalar h_last, h_tried, t_tried;
+    scalar leniency;          /* largest estimate of an error, in units of what is allowed to the solution */
+    scalar slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
+    scalar slowness_before;   /* at the beginning of Newton's method in this step */
+    scalar *of_jacobian;      /* [values] the state that J was made at */
+    scalar t_of_jacobian;
     long segment_of_jacobian;
-    double theta;
+    scalar theta;
     int iterations;
-    double error_accepted, h_accepted;
+    scalar error_accepted, h_accepted;
 };
 
 enum { CONVERGED = -100, DIVERGED, INFINITE }; /* beside what functions return */
 
-static inline double ordernm_time_of_stage(double t, double h, int i) { return i == STAGES - 1 ? t + h : t + TIME[i]*h; }
+static inline scalar ordernm_time_of_stage(scalar t, scalar h, int i) { return i == STAGES - 1 ? t + h : t + TIME[i]*h; }
 
 /* radau.c */
-void ordernm_radau_weights(double theta, double *w);
-int ordernm_radau_replay(ordernm_motion *m, const double *known, double *row);
+void ordernm_radau_weights(scalar theta, scalar *w);
+int ordernm_radau_replay(ordernm_motion *m, const scalar *known, scalar *row);
 
 /* radau_equations.c */
-int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what);
-int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian, int precise);
+int ordernm_radau_rates(ordernm_motion *m, scalar h, int i, const group *g, int beginning, int what);
+int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, scalar *jacobian, int precise);
 void ordernm_radau_take_jacobian(struct radau *r);
-int ordernm_radau_factorise(ordernm_motion *m, double h);
-void ordernm_radau_solve_real(const struct radau *r, double *b, int width);
-void ordernm_radau_correct(ordernm_motion *m, double h, long at, int width);
-void ordernm_radau_precondition_transposed(const struct radau *r, double *const *right, double *const *mu, int width);
-int ordernm_radau_factorise_stages(struct radau *r, double h);
-void ordernm_radau_solve_stages(ordernm_motion *m, double h, long at, int width);
-void ordernm_radau_solve_transposed(const struct radau *r, double h, double *const *mu, int width);
+int ordernm_radau_factorise(ordernm_motion *m, scalar h);
+void ordernm_radau_solve_real(const struct radau *r, scalar *b, int width);
+void ordernm_radau_correct(ordernm_motion *m, scalar h, long at, int width);
+void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const *right, scalar *const *mu, int width);
+int ordernm_radau_factorise_stages(struct radau *r, scalar h);
+void ordernm_radau_solve_stages(ordernm_motion *m, scalar h, long at, int width);
+void ordernm_radau_solve_transposed(const struct radau *r, scalar h, scalar *const *mu, int width);
 
 /* radau_sensitivities.c */
-int ordernm_radau_along(ordernm_motion *m, double h, const group *g, int closed, int *formed);
+int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed);
 
 #endif

@@ -24,32 +24,32 @@ enum {
 };
 
 /* What a round changes the solution by, relative to it, when it is found. */
-static const double FOUND = 1e-13;
+static const scalar FOUND = 1e-13;
 
 /* Of each kind: rounds in which changes fall by less than this want better factors; changes that rounding may keep from falling. */
-static const double SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-14, 1e-14, 1e-9};
+static const scalar SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-14, 1e-14, 1e-9};
 
 /* The size of a change relative to that of the solution that it leads to, the largest of all lanes, in coordinates and in speeds; `loose` the same,
  * where what is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
-static double relative(const ordernm_adjoint *a, double h, double *const *change, double *const *mu, double *loose)
+static scalar relative(const ordernm_adjoint *a, scalar h, scalar *const *change, scalar *const *mu, scalar *loose)
 {
     const ordernm_motion *const m = a->motion;
     const int width = a->width, parts[] = {0, m->system->nfree_q, m->ny};
-    double size[2][LANES] = {{0.0}}, moved[2][LANES] = {{0.0}}, largest = 0.0;
+    scalar size[2][LANES] = {{0.0}}, moved[2][LANES] = {{0.0}}, largest = 0.0;
     for (int part = 0; part < 2; ++part)
         for (int j = 0; j < STAGES; ++j)
             for (int i = parts[part]; i < parts[part + 1]; ++i)
                 for (int l = 0; l < width; ++l) {
-                    const double x = change[j][i*width + l], y = mu[j][i*width + l] + x;
+                    const scalar x = change[j][i*width + l], y = mu[j][i*width + l] + x;
                     size[part][l] += y*y;
                     moved[part][l] += x*x;
                 }
     *loose = 0.0;
     for (int l = 0; l < width; ++l) {
-        const double other[] = {size[0][l] + size[1][l]/(h*h), size[1][l] + h*h*size[0][l]};
+        const scalar other[] = {size[0][l] + size[1][l]/(h*h), size[1][l] + h*h*size[0][l]};
         for (int part = 0; part < 2; ++part) {
             if (moved[part][l] == 0.0) continue;
-            const double x = moved[part][l]/size[part][l], y = moved[part][l]/other[part];
+            const scalar x = moved[part][l]/size[part][l], y = moved[part][l]/other[part];
             if (x != x || y != y) return NAN;
             largest = fmax(largest, x);
             *loose = fmax(*loose, y);
@@ -61,11 +61,11 @@ static double relative(const ordernm_adjoint *a, double h, double *const *change
 
 /* By factors of a kind, what right sides are the products of the equations' matrix with. Returns what a function returned, or
  * DIVERGED if a matrix is singular. */
-static int solve(ordernm_adjoint *a, double h, int factors, double *const *right, double *const *found)
+static int solve(ordernm_adjoint *a, scalar h, int factors, scalar *const *right, scalar *const *found)
 {
     ordernm_motion *const m = a->motion;
     struct radau *const r = m->radau;
-    const double t = m->t;
+    const scalar t = m->t;
     if (factors == FORMED) {
         for (int i = 0; i < STAGES && !r->formed_here; ++i) {
             const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(t, h, i), a->stage[i], r->at_stage[i], 0);
@@ -73,7 +73,7 @@ static int solve(ordernm_adjoint *a, double h, int factors, double *const *right
         }
         if (!r->formed_here && ordernm_radau_factorise_stages(r, h)) return DIVERGED;
         r->formed_here = 1;
-        for (int i = 0; i < STAGES; ++i) memcpy(found[i], right[i], (long)m->ny*a->width*sizeof(double));
+        for (int i = 0; i < STAGES; ++i) memcpy(found[i], right[i], (long)m->ny*a->width*sizeof(scalar));
         ordernm_radau_solve_transposed(r, h, found, a->width);
         return 0;
     }
@@ -89,18 +89,18 @@ static int solve(ordernm_adjoint *a, double h, int factors, double *const *right
 }
 
 /* Adds what stages' rates depend on, weighed by the solution of the equations, to lambda and to the gradients of a group. */
-static int equations_transposed(ordernm_adjoint *a, int n, double h, double *const *right, double *lambda)
+static int equations_transposed(ordernm_adjoint *a, int n, scalar h, scalar *const *right, scalar *lambda)
 {
     ordernm_motion *const m = a->motion;
     const long size = (long)m->ny*a->width;
-    double *const *const change = a->kappa + STAGES, *const *const mu = a->kappa + 2*STAGES;
+    scalar *const *const change = a->kappa + STAGES, *const *const mu = a->kappa + 2*STAGES;
     int factors = m->ny <= LARGEST_FORMED ? FORMED : OLD;
-    double before = 0.0, loose = INFINITY;
-    for (int j = 0; j < STAGES; ++j) memset(mu[j], 0, size*sizeof(double));
+    scalar before = 0.0, loose = INFINITY;
+    for (int j = 0; j < STAGES; ++j) memset(mu[j], 0, size*sizeof(scalar));
     for (int k = 0; k < ROUNDS; ++k) {
         int status = solve(a, h, factors, right, change);
         if (status && status != DIVERGED) return status;
-        const double changed = status ? NAN : relative(a, h, change, mu, &loose);
+        const scalar changed = status ? NAN : relative(a, h, change, mu, &loose);
         if (changed <= FOUND) return 0;
         if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) { /* nor is it a number where there are no factors */
             if (loose <= ROUNDED[factors] && !status) return 0;
@@ -114,7 +114,7 @@ static int equations_transposed(ordernm_adjoint *a, int n, double h, double *con
         for (int i = 0; i < STAGES; ++i)
             for (int j = 0; j < STAGES; ++j) ordernm_accumulate(right[i], -A_INVERSE[j][i]/h, change[j], size);
         for (int i = 0; i < STAGES; ++i) {
-            const double t = ordernm_time_of_stage(m->t, h, i);
+            const scalar t = ordernm_time_of_stage(m->t, h, i);
             m->precise = m->precise_stages >> i & 1u;
             if ((status = ordernm_rates_transposed(a, n, t, a->stage[i], a->q[i], change[i], a->nu))) return status;
             if (!ordernm_all_finite(a->nu, size)) return INFINITE;
@@ -126,17 +126,17 @@ static int equations_transposed(ordernm_adjoint *a, int n, double h, double *con
 }
 
 /* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
-static int group_backwards(ordernm_adjoint *a, int n, double h)
+static int group_backwards(ordernm_adjoint *a, int n, scalar h)
 {
     ordernm_motion *const m = a->motion;
     const long size = (long)m->ny*a->width, all = (long)a->n*a->width;
-    double *const lambda = a->lambda + n*all, *const *const right = a->kappa, *const gamma = a->kappa[STAGES];
+    scalar *const lambda = a->lambda + n*all, *const *const right = a->kappa, *const gamma = a->kappa[STAGES];
     int status;
-    for (int i = 0; i < STAGES; ++i) memset(right[i], 0, size*sizeof(double));
-    memcpy(right[STAGES - 1], lambda, size*sizeof(double));
+    for (int i = 0; i < STAGES; ++i) memset(right[i], 0, size*sizeof(scalar));
+    memcpy(right[STAGES - 1], lambda, size*sizeof(scalar));
     while (ordernm_samples_left(a, n)) {
-        const double at = a->gradients->times[a->sampled[n] - 1];
-        double w[STAGES];
+        const scalar at = a->gradients->times[a->sampled[n] - 1];
+        scalar w[STAGES];
         ordernm_radau_weights((at - m->t)/h, w);
         for (long k = 0; k < m->values; ++k)
             m->trial[k] = (1.0 - w[0] - w[1] - w[2])*m->z[k] + w[0]*a->stage[0][k] + w[1]*a->stage[1][k] + w[2]*a->stage[2][k];
@@ -145,10 +145,10 @@ static int group_backwards(ordernm_adjoint *a, int n, double h)
         for (int i = 0; i < STAGES; ++i) ordernm_accumulate(right[i], w[i], a->nu, size);
     }
     for (int i = 0; i < STAGES && m->nx; ++i) {
-        memset(gamma, 0, all*sizeof(double));
+        memset(gamma, 0, all*sizeof(scalar));
         ordernm_accumulate(gamma + size, h*A[STAGES - 1][i], lambda + size, all - size);
-        memset(a->nu, 0, all*sizeof(double));
-        const double t = ordernm_time_of_stage(m->t, h, i);
+        memset(a->nu, 0, all*sizeof(scalar));
+        const scalar t = ordernm_time_of_stage(m->t, h, i);
         m->precise = m->precise_stages >> i & 1u;
         if ((status = ordernm_integrals_transposed(a, n, t, a->stage[i], a->q[i], gamma, a->nu))) return status;
         ordernm_accumulate(right[i], 1.0, a->nu, size);
@@ -159,22 +159,22 @@ static int group_backwards(ordernm_adjoint *a, int n, double h)
     return 0;
 }
 
-int ordernm_radau_backwards(ordernm_adjoint *a, const double *row)
+int ordernm_radau_backwards(ordernm_adjoint *a, const scalar *row)
 {
     ordernm_motion *const m = a->motion;
     const long state = m->ny + m->nx + m->nd;
-    const double h = row[1];
+    const scalar h = row[1];
     int status;
     m->radau->jacobian_here = m->radau->formed_here = 0;
     m->precise_stages = (unsigned)row[2] >> 1;
     for (int i = 0; i < STAGES; ++i) {
-        double *const stage = a->stage[i];
-        memcpy(stage, row + m->head + (1 + i)*state, state*sizeof(double));
+        scalar *const stage = a->stage[i];
+        memcpy(stage, row + m->head + (1 + i)*state, state*sizeof(scalar));
         if (m->identity) continue;
         ordernm_call c;
         ordernm_arguments(m, ordernm_time_of_stage(m->t, h, i), stage, &c);
         if (m->system->split && (status = ordernm_close_loops(m, &c))) return status; /* others are as they were closed */
-        memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
+        memcpy(a->q[i], m->q, m->system->nq*sizeof(scalar));
     }
     if (m->system->split && (status = ordernm_settling_transposed(a, m->t + h, a->stage[STAGES - 1]))) return status;
     for (int n = 0; n < a->ngroups; ++n)

@@ -7,24 +7,24 @@
 /* ---- Jacobians. ---- */
 
 /* The Jacobian at a state whose loops are closed, by long doubles or not: so many columns at a time. Returns what a function returned. */
-int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian, int precise)
+int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, scalar *jacobian, int precise)
 {
     struct radau *const r = m->radau;
     const int n = r->n;
     ++m->results->jacobians;
-    memcpy(r->seeded, z, m->values*sizeof(double));
-    double *const seed = r->seeded + m->values;
-    const double *const rate = r->seeded_rate + m->values;
+    memcpy(r->seeded, z, m->values*sizeof(scalar));
+    scalar *const seed = r->seeded + m->values;
+    const scalar *const rate = r->seeded_rate + m->values;
     for (int first = 0; first < n; first += LANES) {
         const int count = n - first < LANES ? n - first : LANES;
-        memset(seed, 0, (long)n*LANES*sizeof(double));
+        memset(seed, 0, (long)n*LANES*sizeof(scalar));
         for (int l = 0; l < count; ++l) seed[(long)(first + l)*LANES + l] = 1.0;
         const int status = ordernm_rates_of(m, t, r->seeded, r->seeded_rate, 1, &r->columns,
             RATES | KNOWN_CLOSED | (precise ? PRECISE : 0));
         if (status) return status;
         for (int i = 0; i < n; ++i)
             for (int l = 0; l < count; ++l) {
-                const double x = rate[(long)i*LANES + l];
+                const scalar x = rate[(long)i*LANES + l];
                 jacobian[(long)i*n + first + l] = x - x == 0.0 ? x : 0.0;
                 if (x - x != 0.0) m->radau->infinite[first + l] = 1.0;
             }
@@ -34,14 +34,14 @@ int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, do
 
 /* Coordinates whose rates are speeds by some Jacobians are not solved for: x[e] = (b[e] + x[partner])/s where s is REAL/h, or the
  * complex one. Their columns of J, over s, are added to those of their partners, and times b[e]/s to right sides. */
-static void reduce(const struct radau *r, int count, double *const *jacobian, reduction *to)
+static void reduce(const struct radau *r, int count, scalar *const *jacobian, reduction *to)
 {
     const int n = r->n;
     to->order = to->count = 0;
     for (int i = 0; i < n; ++i) {
         int partner = i < r->nq ? n : -1;
         for (int c = 0; c < count && partner >= 0; ++c) {
-            const double *const row = jacobian[c] + (long)i*n;
+            const scalar *const row = jacobian[c] + (long)i*n;
             int found = 0, at = -1;
             for (int j = 0; j < n; ++j)
                 if (row[j] != 0.0) ++found, at = j;
@@ -73,16 +73,16 @@ void ordernm_radau_take_jacobian(struct radau *r)
 /* ---- Of a step: a real and a complex matrix, of one Jacobian. ---- */
 
 /* Returns 1 if a matrix is singular. */
-int ordernm_radau_factorise(ordernm_motion *m, double h)
+int ordernm_radau_factorise(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
     const reduction *const by = &r->of_step;
     const int k = by->order, n = r->n;
-    const double square = RE*RE + IM*IM;
+    const scalar square = RE*RE + IM*IM;
     ++m->results->factorizations;
     r->h_factored = 0.0;
     for (int i = 0; i < k; ++i) {
-        double *const real = r->real + (long)i*k, *const re = r->re + (long)i*k, *const im = r->im + (long)i*k;
+        scalar *const real = r->real + (long)i*k, *const re = r->re + (long)i*k, *const im = r->im + (long)i*k;
         for (int j = 0; j < k; ++j) {
             real[j] = re[j] = -r->jacobian[(long)by->kept[i]*n + by->kept[j]];
             im[j] = 0.0;
@@ -91,7 +91,7 @@ int ordernm_radau_factorise(ordernm_motion *m, double h)
         re[i] += RE/h;
         im[i] += IM/h;
         for (int e = 0; e < by->count; ++e) {
-            const double x = h*r->column[(long)i*by->count + e];
+            const scalar x = h*r->column[(long)i*by->count + e];
             real[by->partner[e]] += x/REAL;
             re[by->partner[e]] += x*(RE/square);
             im[by->partner[e]] -= x*(IM/square);
@@ -103,17 +103,17 @@ int ordernm_radau_factorise(ordernm_motion *m, double h)
 }
 
 /* Of b, [n][width], to what is factorised: b of what is kept, and columns times b/s of what is not. */
-static inline void take_kept(const struct radau *r, const double *b, const double *over, double *x, int width)
+static inline void take_kept(const struct radau *r, const scalar *b, const scalar *over, scalar *x, int width)
 {
     const reduction *const by = &r->of_step;
     for (int i = 0; i < by->order; ++i) {
-        double *const at = x + (long)i*width;
+        scalar *const at = x + (long)i*width;
         for (int l = 0; l < width; ++l) at[l] = b[(long)by->kept[i]*width + l];
         subtract(at, r->column + (long)i*by->count, over, by->count, width);
     }
 }
 
-static inline void give_kept(const struct radau *r, const double *x, double *b, int width)
+static inline void give_kept(const struct radau *r, const scalar *x, scalar *b, int width)
 {
     const reduction *const by = &r->of_step;
     for (int i = 0; i < by->order; ++i)
@@ -121,11 +121,11 @@ static inline void give_kept(const struct radau *r, const double *x, double *b, 
 }
 
 /* b, [n][width], from right sides to solutions of (REAL/h - J) x = b. */
-static inline void solve_real_lanes(const struct radau *r, double *b, int width)
+static inline void solve_real_lanes(const struct radau *r, scalar *b, int width)
 {
     const reduction *const by = &r->of_step;
-    const double inverse = r->h_factored/REAL;
-    double *const x = r->scratch[0], *const over = r->scratch[1];
+    const scalar inverse = r->h_factored/REAL;
+    scalar *const x = r->scratch[0], *const over = r->scratch[1];
     for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) over[e*width + l] = inverse*b[(long)by->reduced[e]*width + l];
     take_kept(r, b, over, x, width);
@@ -136,15 +136,15 @@ static inline void solve_real_lanes(const struct radau *r, double *b, int width)
     give_kept(r, x, b, width);
 }
 
-static inline void solve_complex_lanes(const struct radau *r, double *b, double *c, int width)
+static inline void solve_complex_lanes(const struct radau *r, scalar *b, scalar *c, int width)
 {
     const reduction *const by = &r->of_step;
-    const double square = RE*RE + IM*IM, re = r->h_factored*RE/square, im = -r->h_factored*IM/square;
-    double *const x = r->scratch[0], *const y = r->scratch[1], *const z = r->scratch[2];
-    double *const over = r->scratch[3], *const over_im = r->scratch[4];
+    const scalar square = RE*RE + IM*IM, re = r->h_factored*RE/square, im = -r->h_factored*IM/square;
+    scalar *const x = r->scratch[0], *const y = r->scratch[1], *const z = r->scratch[2];
+    scalar *const over = r->scratch[3], *const over_im = r->scratch[4];
     for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) {
-            const double p = b[(long)by->reduced[e]*width + l], q = c[(long)by->reduced[e]*width + l];
+            const scalar p = b[(long)by->reduced[e]*width + l], q = c[(long)by->reduced[e]*width + l];
             over[e*width + l] = re*p - im*q;
             over_im[e*width + l] = re*q + im*p;
         }
@@ -153,7 +153,7 @@ static inline void solve_complex_lanes(const struct radau *r, double *b, double 
     ordernm_solve_complex(by->order, r->re, r->im, r->pivot, x, y, z, width);
     for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) {
-            const double p = x[(long)by->partner[e]*width + l], q = y[(long)by->partner[e]*width + l];
+            const scalar p = x[(long)by->partner[e]*width + l], q = y[(long)by->partner[e]*width + l];
             b[(long)by->reduced[e]*width + l] = over[e*width + l] + re*p - im*q;
             c[(long)by->reduced[e]*width + l] = over_im[e*width + l] + re*q + im*p;
         }
@@ -161,14 +161,14 @@ static inline void solve_complex_lanes(const struct radau *r, double *b, double 
     give_kept(r, y, c, width);
 }
 
-void ordernm_radau_solve_real(const struct radau *r, double *b, int width)
+void ordernm_radau_solve_real(const struct radau *r, scalar *b, int width)
 {
     if (width == 1) solve_real_lanes(r, b, 1);
     else if (width == LANES) solve_real_lanes(r, b, LANES);
     else solve_real_lanes(r, b, width);
 }
 
-static void solve_complex(const struct radau *r, double *b, double *c, int width)
+static void solve_complex(const struct radau *r, scalar *b, scalar *c, int width)
 {
     if (width == 1) solve_complex_lanes(r, b, c, 1);
     else if (width == LANES) solve_complex_lanes(r, b, c, LANES);
@@ -177,11 +177,11 @@ static void solve_complex(const struct radau *r, double *b, double *c, int width
 
 /* The same of the transposes: of right sides, those of reduced coordinates over s are added to those of their partners; the
  * coordinates' solutions follow from their columns. */
-static inline void solve_transposed_lanes(const struct radau *r, double *b, double *c, double *d, int width)
+static inline void solve_transposed_lanes(const struct radau *r, scalar *b, scalar *c, scalar *d, int width)
 {
     const reduction *const by = &r->of_step;
-    const double h = r->h_factored, square = RE*RE + IM*IM, real = h/REAL, re = h*RE/square, im = -h*IM/square;
-    double *const u = r->scratch[0], *const x = r->scratch[1], *const y = r->scratch[2];
+    const scalar h = r->h_factored, square = RE*RE + IM*IM, real = h/REAL, re = h*RE/square, im = -h*IM/square;
+    scalar *const u = r->scratch[0], *const x = r->scratch[1], *const y = r->scratch[2];
     for (int i = 0; i < by->order*width; ++i) {
         const long of = (long)by->kept[i/width]*width + i%width;
         u[i] = b[of], x[i] = c[of], y[i] = d[of];
@@ -196,7 +196,7 @@ static inline void solve_transposed_lanes(const struct radau *r, double *b, doub
     ordernm_solve_transposed(by->order, r->real, r->real_pivot, u, width);
     ordernm_solve_complex_transposed(by->order, r->re, r->im, r->pivot, x, y, width);
     for (int i = 0; i < by->order; ++i) {
-        const double *const column = r->column + (long)i*by->count;
+        const scalar *const column = r->column + (long)i*by->count;
         for (int e = 0; e < by->count; ++e) {
             const long of = (long)by->reduced[e]*width;
             subtract_row(b + of, column[e], u + (long)i*width, width);
@@ -207,7 +207,7 @@ static inline void solve_transposed_lanes(const struct radau *r, double *b, doub
     for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) {
             const long of = (long)by->reduced[e]*width + l;
-            const double p = c[of], q = d[of];
+            const scalar p = c[of], q = d[of];
             b[of] *= real;
             c[of] = re*p - im*q;
             d[of] = re*q + im*p;
@@ -219,14 +219,14 @@ static inline void solve_transposed_lanes(const struct radau *r, double *b, doub
 }
 
 /* Of stages at so many entries from `at` on, a correction to right: solutions of (L/h - J) dW = T^-1 rate - L/h W. */
-static void correction(ordernm_motion *m, double h, long at, int width)
+static void correction(ordernm_motion *m, scalar h, long at, int width)
 {
     struct radau *const r = m->radau;
-    const double *const x = r->stage[0] + at, *const y = r->stage[1] + at, *const z = r->stage[2] + at;
-    const double *const f = m->rate[1] + at, *const g = m->rate[2] + at, *const k = m->rate[3] + at;
-    const double real = REAL/h, re = RE/h, im = IM/h;
+    const scalar *const x = r->stage[0] + at, *const y = r->stage[1] + at, *const z = r->stage[2] + at;
+    const scalar *const f = m->rate[1] + at, *const g = m->rate[2] + at, *const k = m->rate[3] + at;
+    const scalar real = REAL/h, re = RE/h, im = IM/h;
     for (int i = 0; i < r->n*width; ++i) {
-        double w[STAGES], s[STAGES];
+        scalar w[STAGES], s[STAGES];
         for (int j = 0; j < STAGES; ++j) {
             w[j] = INVERSE[j][0]*x[i] + INVERSE[j][1]*y[i] + INVERSE[j][2]*z[i];
             s[j] = INVERSE[j][0]*f[i] + INVERSE[j][1]*g[i] + INVERSE[j][2]*k[i];
@@ -240,14 +240,14 @@ static void correction(ordernm_motion *m, double h, long at, int width)
 }
 
 /* Corrects the stages, and leaves what has been added to them in r->right. */
-void ordernm_radau_correct(ordernm_motion *m, double h, long at, int width)
+void ordernm_radau_correct(ordernm_motion *m, scalar h, long at, int width)
 {
     struct radau *const r = m->radau;
     correction(m, h, at, width);
     for (int i = 0; i < r->n*width; ++i) {
-        const double w[STAGES] = {r->right[0][i], r->right[1][i], r->right[2][i]};
+        const scalar w[STAGES] = {r->right[0][i], r->right[1][i], r->right[2][i]};
         for (int j = 0; j < STAGES; ++j) {
-            const double change = T[j][0]*w[0] + T[j][1]*w[1] + T[j][2]*w[2];
+            const scalar change = T[j][0]*w[0] + T[j][1]*w[1] + T[j][2]*w[2];
             r->stage[j][at + i] += change;
             r->right[j][i] = change;
         }
@@ -256,11 +256,11 @@ void ordernm_radau_correct(ordernm_motion *m, double h, long at, int width)
 
 /* What right, [n][width] of each stage, is the product of the stages' matrix M^T with, were J the same at all of them; as the
  * transformation is transposed too, the complex pair is conjugate to that above. */
-void ordernm_radau_precondition_transposed(const struct radau *r, double *const *right, double *const *mu, int width)
+void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const *right, scalar *const *mu, int width)
 {
     const int n = r->n*width;
     for (int i = 0; i < n; ++i) {
-        const double x = right[0][i], y = right[1][i], z = right[2][i];
+        const scalar x = right[0][i], y = right[1][i], z = right[2][i];
         mu[0][i] = T[0][0]*x + T[1][0]*y + T[2][0]*z;
         mu[1][i] = T[0][1]*x + T[1][1]*y + T[2][1]*z;
         mu[2][i] = -(T[0][2]*x + T[1][2]*y + T[2][2]*z);
@@ -269,7 +269,7 @@ void ordernm_radau_precondition_transposed(const struct radau *r, double *const 
     else if (width == LANES) solve_transposed_lanes(r, mu[0], mu[1], mu[2], LANES);
     else solve_transposed_lanes(r, mu[0], mu[1], mu[2], width);
     for (int i = 0; i < n; ++i) {
-        const double x = mu[0][i], y = mu[1][i], z = -mu[2][i];
+        const scalar x = mu[0][i], y = mu[1][i], z = -mu[2][i];
         for (int j = 0; j < STAGES; ++j) mu[j][i] = INVERSE[0][j]*x + INVERSE[1][j]*y + INVERSE[2][j]*z;
     }
 }
@@ -278,7 +278,7 @@ void ordernm_radau_precondition_transposed(const struct radau *r, double *const 
 
 /* A^-1 dZ/h - J dZ at each stage with its own J: all three at once. Coordinates whose rates are speeds are h A times the speeds'
  * and their own right sides. Returns 1 if the matrix is singular. */
-int ordernm_radau_factorise_stages(struct radau *r, double h)
+int ordernm_radau_factorise_stages(struct radau *r, scalar h)
 {
     const int n = r->n;
     reduction *const by = &r->of_stages;
@@ -286,9 +286,9 @@ int ordernm_radau_factorise_stages(struct radau *r, double h)
     const int k = by->order, size = STAGES*k;
     for (int i = 0; i < STAGES; ++i)
         for (int a = 0; a < k; ++a) {
-            double *const row = r->whole + (long)(i*k + a)*size;
-            const double *const J = r->at_stage[i] + (long)by->kept[a]*n;
-            memset(row, 0, size*sizeof(double));
+            scalar *const row = r->whole + (long)(i*k + a)*size;
+            const scalar *const J = r->at_stage[i] + (long)by->kept[a]*n;
+            memset(row, 0, size*sizeof(scalar));
             for (int b = 0; b < k; ++b) row[i*k + b] = -J[by->kept[b]];
             for (int j = 0; j < STAGES; ++j) {
                 row[j*k + a] += A_INVERSE[i][j]/h;
@@ -299,7 +299,7 @@ int ordernm_radau_factorise_stages(struct radau *r, double h)
 }
 
 /* dZ of a group, from `at` on, from what rates are along S, r->along. */
-static inline void solve_stages_lanes(ordernm_motion *m, double h, long at, int width)
+static inline void solve_stages_lanes(ordernm_motion *m, scalar h, long at, int width)
 {
     const struct radau *const r = m->radau;
     const reduction *const by = &r->of_stages;
@@ -312,16 +312,16 @@ static inline void solve_stages_lanes(ordernm_motion *m, double h, long at, int 
             }
     for (int i = 0; i < STAGES; ++i)
         for (int a = 0; a < k; ++a) {
-            double *const x = r->of_whole + (long)(i*k + a)*width;
-            const double *const J = r->at_stage[i] + (long)by->kept[a]*n;
+            scalar *const x = r->of_whole + (long)(i*k + a)*width;
+            const scalar *const J = r->at_stage[i] + (long)by->kept[a]*n;
             for (int l = 0; l < width; ++l) x[l] = r->along[i][(long)by->kept[a]*width + l];
             for (int e = 0; e < by->count; ++e)
                 for (int l = 0; l < width; ++l) x[l] += J[by->reduced[e]]*r->stage[i][at + (long)by->reduced[e]*width + l];
         }
     ordernm_solve(STAGES*k, r->whole, r->whole_pivot, r->of_whole, width);
-    const double *const x = r->of_whole, *const y = x + (long)k*width, *const z = y + (long)k*width;
+    const scalar *const x = r->of_whole, *const y = x + (long)k*width, *const z = y + (long)k*width;
     for (int i = 0; i < STAGES; ++i) {
-        double *const to = r->stage[i] + at;
+        scalar *const to = r->stage[i] + at;
         for (int a = 0; a < k; ++a)
             for (int l = 0; l < width; ++l) to[(long)by->kept[a]*width + l] = r->of_whole[(long)(i*k + a)*width + l];
         for (int e = 0; e < by->count; ++e)
@@ -331,12 +331,12 @@ static inline void solve_stages_lanes(ordernm_motion *m, double h, long at, int 
             }
     }
     /* the rates at the step's end, for the error of the next one */
-    const double *const u = r->stage[0] + at, *const v = r->stage[1] + at, *const w = r->stage[2] + at;
-    double *const rate = m->rate[STAGES] + at;
+    const scalar *const u = r->stage[0] + at, *const v = r->stage[1] + at, *const w = r->stage[2] + at;
+    scalar *const rate = m->rate[STAGES] + at;
     for (int i = 0; i < n*width; ++i) rate[i] = (A_INVERSE[2][0]*u[i] + A_INVERSE[2][1]*v[i] + A_INVERSE[2][2]*w[i])/h;
 }
 
-void ordernm_radau_solve_stages(ordernm_motion *m, double h, long at, int width)
+void ordernm_radau_solve_stages(ordernm_motion *m, scalar h, long at, int width)
 {
     if (width == 1) solve_stages_lanes(m, h, at, 1);
     else if (width == LANES) solve_stages_lanes(m, h, at, LANES);
@@ -345,13 +345,13 @@ void ordernm_radau_solve_stages(ordernm_motion *m, double h, long at, int width)
 
 /* mu[i], [n][width], from right sides to solutions of M^T mu = right, where M dZ = right are the equations of the stages' changes,
  * M = A^-1/h - J. */
-void ordernm_radau_solve_transposed(const struct radau *r, double h, double *const *mu, int width)
+void ordernm_radau_solve_transposed(const struct radau *r, scalar h, scalar *const *mu, int width)
 {
     const reduction *const by = &r->of_stages;
     const int n = r->n, k = by->order;
     for (int i = 0; i < STAGES; ++i) {
-        double *const x = r->of_whole + (long)i*k*width;
-        for (int a = 0; a < k; ++a) memcpy(x + (long)a*width, mu[i] + (long)by->kept[a]*width, width*sizeof(double));
+        scalar *const x = r->of_whole + (long)i*k*width;
+        for (int a = 0; a < k; ++a) memcpy(x + (long)a*width, mu[i] + (long)by->kept[a]*width, width*sizeof(scalar));
         for (int e = 0; e < by->count; ++e)
             for (int j = 0; j < STAGES; ++j)
                 subtract_row(x + (long)by->partner[e]*width, -h*A[j][i], mu[j] + (long)by->reduced[e]*width, width);
@@ -359,17 +359,17 @@ void ordernm_radau_solve_transposed(const struct radau *r, double h, double *con
     ordernm_solve_transposed(STAGES*k, r->whole, r->whole_pivot, r->of_whole, width);
     for (int i = 0; i < STAGES; ++i)
         for (int a = 0; a < k; ++a) {
-            const double *const x = r->of_whole + (long)(i*k + a)*width;
-            const double *const J = r->at_stage[i] + (long)by->kept[a]*n;
-            memcpy(mu[i] + (long)by->kept[a]*width, x, width*sizeof(double));
+            const scalar *const x = r->of_whole + (long)(i*k + a)*width;
+            const scalar *const J = r->at_stage[i] + (long)by->kept[a]*n;
+            memcpy(mu[i] + (long)by->kept[a]*width, x, width*sizeof(scalar));
             for (int e = 0; e < by->count; ++e)
                 subtract_row(mu[i] + (long)by->reduced[e]*width, -J[by->reduced[e]], x, width);
         }
     for (int e = 0; e < by->count; ++e) {
-        double *const x = mu[0] + (long)by->reduced[e]*width, *const y = mu[1] + (long)by->reduced[e]*width;
-        double *const z = mu[2] + (long)by->reduced[e]*width;
+        scalar *const x = mu[0] + (long)by->reduced[e]*width, *const y = mu[1] + (long)by->reduced[e]*width;
+        scalar *const z = mu[2] + (long)by->reduced[e]*width;
         for (int l = 0; l < width; ++l) {
-            const double u = h*x[l], v = h*y[l], w = h*z[l];
+            const scalar u = h*x[l], v = h*y[l], w = h*z[l];
             x[l] = A[0][0]*u + A[1][0]*v + A[2][0]*w;
             y[l] = A[0][1]*u + A[1][1]*v + A[2][1]*w;
             z[l] = A[0][2]*u + A[1][2]*v + A[2][2]*w;
@@ -381,7 +381,7 @@ void ordernm_radau_solve_transposed(const struct radau *r, double h, double *con
 
 /* Rates at a stage, along one group or none, whose directions are as at the stage or as at the step's beginning; what predictions
  * of dependent coordinates are there is kept. */
-int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what)
+int ordernm_radau_rates(ordernm_motion *m, scalar h, int i, const group *g, int beginning, int what)
 {
     struct radau *const r = m->radau;
     const long predicted = m->ny + m->nx;

@@ -15,32 +15,32 @@
 enum { SWEEPS = 15 };
 
 /* What is left of sensitivities' equations, relative to them; what rounding may leave of them, relative to their size. */
-static const double SWEPT = 1e-14, ROUNDED = 1e-12;
+static const scalar SWEPT = 1e-14, ROUNDED = 1e-12;
 
 /* Of sweeps, however fast others made changes fall: what is small may fall more slowly. */
-static const double LEAST_SLOWNESS = 1e-2;
+static const scalar LEAST_SLOWNESS = 1e-2;
 
 /* The largest change of a group's directions relative to their size, in coordinates and in speeds; `loose` the same, where what
  * is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
-static double change_of(const ordernm_motion *m, const group *g, double h, double *loose)
+static scalar change_of(const ordernm_motion *m, const group *g, scalar h, scalar *loose)
 {
     const struct radau *const r = m->radau;
     const int width = g->width, parts[] = {0, m->system->nfree_q, m->ny};
-    double size[2][LANES] = {{0.0}}, change[2][LANES] = {{0.0}}, largest = 0.0;
+    scalar size[2][LANES] = {{0.0}}, change[2][LANES] = {{0.0}}, largest = 0.0;
     for (int part = 0; part < 2; ++part)
         for (int i = parts[part]; i < parts[part + 1]; ++i)
             for (int l = 0; l < width; ++l) {
                 const long k = (long)i*width + l, at = g->at + k;
-                const double S = m->z[at], end = S + r->stage[2][at];
+                const scalar S = m->z[at], end = S + r->stage[2][at];
                 size[part][l] += S*S + end*end;
                 for (int j = 0; j < STAGES; ++j) change[part][l] += r->right[j][k]*r->right[j][k];
             }
     *loose = 0.0;
     for (int l = 0; l < g->used; ++l) {
-        const double other[] = {size[0][l] + h*h*size[1][l], size[1][l] + size[0][l]/(h*h)};
+        const scalar other[] = {size[0][l] + h*h*size[1][l], size[1][l] + size[0][l]/(h*h)};
         for (int part = 0; part < 2; ++part) {
             if (change[part][l] == 0.0) continue;
-            const double x = change[part][l]/size[part][l], y = change[part][l]/other[part];
+            const scalar x = change[part][l]/size[part][l], y = change[part][l]/other[part];
             if (!(x <= largest)) largest = x;
             if (!(y <= *loose)) *loose = y;
             if (x != x || y != y) return NAN;
@@ -51,13 +51,13 @@ static double change_of(const ordernm_motion *m, const group *g, double h, doubl
 }
 
 /* The Jacobians at the stages, and their equations' factors. */
-static int form(ordernm_motion *m, double h)
+static int form(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
-    memset(r->infinite, 0, r->n*sizeof(double));
+    memset(r->infinite, 0, r->n*sizeof(scalar));
     for (int i = 0; i < STAGES; ++i) {
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
-        const double t = ordernm_time_of_stage(m->t, h, i);
+        const scalar t = ordernm_time_of_stage(m->t, h, i);
         const int status = ordernm_radau_differentiate(m, t, m->trial, r->at_stage[i], m->precise_stages >> i & 1u);
         if (status) return status;
     }
@@ -69,7 +69,7 @@ static int has_values(const struct radau *r, const group *g, int lane)
 {
     int none = 0, finite = 1;
     for (int i = 0; i < STAGES; ++i) {
-        const double *const Z = r->stage[i] + g->at;
+        const scalar *const Z = r->stage[i] + g->at;
         none |= !ordernm_finite_along(r->along[i], r->n, g->width, lane);
         finite &= ordernm_finite_along(Z, r->n, g->width, lane);
         for (int k = 0; k < r->n; ++k) none |= r->infinite[k] != 0.0 && Z[k*g->width + lane] != 0.0;
@@ -79,13 +79,13 @@ static int has_values(const struct radau *r, const group *g, int lane)
 }
 
 /* The stages' derivatives along the directions of a group, by Jacobians that have been formed. */
-static int along_formed(ordernm_motion *m, double h, const group *g)
+static int along_formed(ordernm_motion *m, scalar h, const group *g)
 {
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
         const int status = ordernm_radau_rates(m, h, i, g, 1, RATES | KNOWN_CLOSED);
         if (status) return status;
-        memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(double));
+        memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(scalar));
     }
     ordernm_radau_solve_stages(m, h, g->at, g->width);
     for (int l = 0; l < g->width; ++l)
@@ -94,10 +94,10 @@ static int along_formed(ordernm_motion *m, double h, const group *g)
 }
 
 /* The stages' derivatives along the directions of a group; they begin anywhere. */
-static int sweep(ordernm_motion *m, double h, const group *g, int closed)
+static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
-    double before = 0.0;
+    scalar before = 0.0;
     r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
     for (int k = 1; k <= SWEEPS; ++k) {
         for (int i = 0; i < STAGES; ++i) {
@@ -105,11 +105,11 @@ static int sweep(ordernm_motion *m, double h, const group *g, int closed)
             if (status) return status;
         }
         ordernm_radau_correct(m, h, g->at, g->width);
-        double loose;
-        const double size = change_of(m, g, h, &loose);
+        scalar loose;
+        const scalar size = change_of(m, g, h, &loose);
         if (size != size) return DIVERGED;
         if (k > 1) {
-            const double theta = size/before;
+            const scalar theta = size/before;
             if (size < INFINITY && theta < 1.0) r->sweep_slowness = theta/(1.0 - theta);
             if (!(theta < 0.5) && loose <= ROUNDED) return CONVERGED;
             if (theta > 2.0 && k > 3) return DIVERGED;
@@ -122,7 +122,7 @@ static int sweep(ordernm_motion *m, double h, const group *g, int closed)
 
 /* The stages' derivatives along the directions of a group. `formed` tells whether Jacobians are those at the stages of this step, as
  * another group has left them. */
-int ordernm_radau_along(ordernm_motion *m, double h, const group *g, int closed, int *formed)
+int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed)
 {
     struct radau *const r = m->radau;
     int status = DIVERGED;

@@ -5,17 +5,17 @@
 #include <string.h>
 
 /* Time derivatives of all coordinates, of quaternions of length one, of speeds and of outputs. */
-int ordernm_report_rates(ordernm_motion *m, double t, const double *z, double *rates)
+int ordernm_report_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *rates)
 {
     const ordernm_system *const s = m->system;
-    double *const qdot = rates, *const udot = qdot + s->nq, *const outputs = udot + s->nu;
+    scalar *const qdot = rates, *const udot = qdot + s->nq, *const outputs = udot + s->nu;
     int status = ordernm_rates_of(m, t, z, m->trial, 0, 0, RATES);
     if (status) return status;
-    memcpy(qdot, m->identity ? m->trial : m->qdot, s->nq*sizeof(double));
-    memcpy(udot, m->identity ? m->trial + s->nq : m->udot, s->nu*sizeof(double));
-    const double *const q = m->identity ? z : m->q;
+    memcpy(qdot, m->identity ? m->trial : m->qdot, s->nq*sizeof(scalar));
+    memcpy(udot, m->identity ? m->trial + s->nq : m->udot, s->nu*sizeof(scalar));
+    const scalar *const q = m->identity ? z : m->q;
     for (int i = 0; i < s->nquaternions; ++i) {
-        double e[4];
+        scalar e[4];
         memcpy(e, q + s->quaternion[i], sizeof e);
         ordernm_normalise(e, qdot + s->quaternion[i], 1);
     }
@@ -25,32 +25,32 @@ int ordernm_report_rates(ordernm_motion *m, double t, const double *z, double *r
     if ((status = ordernm_along_time(m, t, z, m->trial, &c))) return status;
     c.outputs = m->outputs, c.doutputs = m->doutputs;
     if ((status = ORDERNM_OF(m, output_sensitivities[ORDERNM_ONE])(&c))) return status;
-    memcpy(outputs, m->doutputs, s->noutputs*sizeof(double));
+    memcpy(outputs, m->doutputs, s->noutputs*sizeof(scalar));
     return 0;
 }
 
 /* Derivatives along the directions of a group, in a row of results whose values are there. */
-static int report_along(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c, double *row)
+static int report_along(ordernm_motion *m, scalar t, const scalar *z, const group *g, ordernm_call *c, scalar *row)
 {
     const ordernm_system *const s = m->system;
     const long n = m->problem->ndirections, nq = s->nq, nu = s->nu, ny = s->noutputs, nx = m->nx;
-    double *const dq = row + 1 + nq + nu + ny + nx, *const du = dq + n*nq, *const dy = du + n*nu, *const dx = dy + n*ny;
-    const double *const S = z + g->at, *const lost = m->lost + (g - m->groups)*LANES;
+    scalar *const dq = row + 1 + nq + nu + ny + nx, *const du = dq + n*nq, *const dy = du + n*nu, *const dx = dy + n*ny;
+    const scalar *const S = z + g->at, *const lost = m->lost + (g - m->groups)*LANES;
     const int width = g->width;
     int status;
     ordernm_seeds(m, t, z, g, c);
-    double *of_q = c->dq, *of_u = c->du;
+    scalar *of_q = c->dq, *of_u = c->du;
     if (!m->identity) {
         c->full_u = m->qdot;
         c->dfull_q = of_q = m->full_dq;
         c->dfull_u = of_u = m->full_du;
         if ((status = ORDERNM_OF(m, completion_sensitivities[g->index])(c))) return status;
     } else if (s->nquaternions) {
-        memcpy(m->full_dq, of_q, nq*width*sizeof(double));
+        memcpy(m->full_dq, of_q, nq*width*sizeof(scalar));
         of_q = m->full_dq;
     }
     for (int i = 0; i < s->nquaternions; ++i) {
-        double e[4];
+        scalar e[4];
         memcpy(e, c->q + s->quaternion[i], sizeof e);
         ordernm_normalise(e, of_q + s->quaternion[i]*width, width);
     }
@@ -70,17 +70,17 @@ static int report_along(ordernm_motion *m, double t, const double *z, const grou
 }
 
 /* A row of results at a state: its loops closed, quaternions of length one. */
-int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
+int ordernm_report(ordernm_motion *m, scalar t, const scalar *z, scalar *row)
 {
     const ordernm_system *s = m->system;
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
     if (status) return status;
-    double *q = row + 1, *u = q + s->nq, *outputs = u + s->nu, *integrals = outputs + s->noutputs;
+    scalar *q = row + 1, *u = q + s->nq, *outputs = u + s->nu, *integrals = outputs + s->noutputs;
     row[0] = t;
-    memcpy(q, c.q, s->nq*sizeof(double));
-    memcpy(u, c.u, s->nu*sizeof(double));
+    memcpy(q, c.q, s->nq*sizeof(scalar));
+    memcpy(u, c.u, s->nu*sizeof(scalar));
     for (int i = 0; i < s->nquaternions; ++i) ordernm_normalise(q + s->quaternion[i], 0, 0);
     if (!m->identity) {
         c.full_u = u;

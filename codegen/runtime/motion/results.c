@@ -13,7 +13,7 @@ int ordernm_failed(ordernm_results *r, int status)
 }
 
 /* Rates of these entries have no value. */
-int ordernm_not_finite(ordernm_motion *m, const double *rate)
+int ordernm_not_finite(ordernm_motion *m, const scalar *rate)
 {
     for (int i = 0; i < ordernm_counted(m); ++i)
         if (rate[i]*0.0 != 0.0) m->results->component = i;
@@ -28,14 +28,14 @@ int ordernm_wants_precise(ordernm_motion *m)
     return wanted;
 }
 
-static void keep_row(ordernm_results *r, const double *row, long size)
+static void keep_row(ordernm_results *r, const scalar *row, long size)
 {
-    memcpy(r->rows + r->count*size, row, size*sizeof(double));
+    memcpy(r->rows + r->count*size, row, size*sizeof(scalar));
     ++r->count;
 }
 
 /* Results at a state; the reason where there are none. Those at a pose that a step ends at are known. */
-int ordernm_keep(ordernm_motion *m, double t, const double *z)
+int ordernm_keep(ordernm_motion *m, scalar t, const scalar *z)
 {
     const int known = m->row_known && m->known_row[0] == t;
     const int status = known ? 0 : ordernm_report(m, t, z, m->row);
@@ -46,14 +46,14 @@ int ordernm_keep(ordernm_motion *m, double t, const double *z)
 }
 
 /* Results at the times within the step that has been made. Without room for them the step is made again. */
-int ordernm_sample(ordernm_motion *m, double end)
+int ordernm_sample(ordernm_motion *m, scalar end)
 {
     const ordernm_problem *const p = m->problem;
-    const double h = end - m->t;
+    const scalar h = end - m->t;
     while (m->sampled < p->ntimes && p->times[m->sampled] <= end) {
         if (m->results->count == m->results->capacity) return ORDERNM_FULL;
-        const double t = p->times[m->sampled];
-        const double *z = m->next;
+        const scalar t = p->times[m->sampled];
+        const scalar *z = m->next;
         if (t < end) {
             if (!m->complete) {
                 const int status = m->method->complete(m, h);
@@ -78,20 +78,20 @@ int ordernm_sample(ordernm_motion *m, double end)
     return ORDERNM_ENDED;
 }
 
-void ordernm_keep_step(const ordernm_motion *m, double h)
+void ordernm_keep_step(const ordernm_motion *m, scalar h)
 {
     ordernm_results *const r = m->results;
-    double *const row = r->steps + r->steps_count*ordernm_step_size(m->problem);
+    scalar *const row = r->steps + r->steps_count*ordernm_step_size(m->problem);
     row[0] = m->t;
     row[1] = h;
     row[4] = m->best;
     ordernm_keep_modes(m, row + ORDERNM_STEP_HEAD);
-    memcpy(row + m->head, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
+    memcpy(row + m->head, m->z, (m->ny + m->nx + m->nd)*sizeof(scalar));
     m->method->keep(m, row);
     ++r->steps_count;
 }
 
-int ordernm_row(ordernm_motion *m, ordernm_results *results, double *row)
+int ordernm_row(ordernm_motion *m, ordernm_results *results, scalar *row)
 {
     m->results = results;
     ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));

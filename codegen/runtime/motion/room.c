@@ -5,13 +5,13 @@
 #include <string.h>
 
 /* Conditions below it are not poor, whatever is asked for. */
-static const double LEAST_POOR = 10.0;
+static const scalar LEAST_POOR = 10.0;
 
-static const double LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
+static const scalar LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
 
-static const method *method_of(const ordernm_problem *p)
+static const scheme *method_of(const ordernm_problem *p)
 {
-    const method *const methods[] = {&ordernm_rk4, &ordernm_dop853, &ordernm_radau}; /* in the order of their numbers */
+    const scheme *const methods[] = {&ordernm_rk4, &ordernm_dop853, &ordernm_radau}; /* in the order of their numbers */
     return methods[ordernm_kind(p)];
 }
 
@@ -28,7 +28,7 @@ static void lay_out_groups(ordernm_motion *m, memory *of, int at)
     const ordernm_problem *const p = m->problem;
     const ordernm_system *const s = m->system;
     m->ngroups = (p->ndirections + LANES - 1)/LANES;
-    m->groups = ordernm_take(of, (m->ngroups + 1)*sizeof(group));
+    m->groups = (group *)ordernm_take(of, (m->ngroups + 1)*sizeof(group));
     m->size = m->values;
     for (int n = 0; n < m->ngroups; ++n) {
         const int left = p->ndirections - n*LANES;
@@ -47,8 +47,8 @@ static void lay_out_arguments(ordernm_motion *m, memory *of)
 {
     const ordernm_system *const s = m->system;
     if (s->closing_step) m->precise_work = ordernm_take(of, precise_numbers(s)*sizeof(long double));
-    double **of_q[] = {&m->q, &m->qdot, &m->newton, &m->closed}, **of_u[] = {&m->u, &m->udot};
-    double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
+    scalar **of_q[] = {&m->q, &m->qdot, &m->newton, &m->closed}, **of_u[] = {&m->u, &m->udot};
+    scalar **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
     const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
     for (int i = 0; i < 4; ++i) *of_q[i] = ordernm_numbers(of, wider);
     for (int i = 0; i < 2; ++i) *of_u[i] = ordernm_numbers(of, s->nu);
@@ -66,8 +66,8 @@ static void lay_out_loops(ordernm_motion *m, memory *of)
 {
     const ordernm_system *const s = m->system;
     const long loops = m->identity ? 0 : s->nloops;
-    m->dependent = ordernm_take(of, (m->nd + 1)*sizeof(int));
-    m->turned = ordernm_take(of, (s->nquaternions + 1)*sizeof(int));
+    m->dependent = (int *)ordernm_take(of, (m->nd + 1)*sizeof(int));
+    m->turned = (int *)ordernm_take(of, (s->nquaternions + 1)*sizeof(int));
     m->lengths = ordernm_numbers(of, s->nquaternions);
     for (int i = 0; i < 5; ++i) m->probe[i] = ordernm_numbers(of, m->nd ? m->values : 0);
     m->position = ordernm_numbers(of, s->nclosure);
@@ -82,16 +82,16 @@ static void lay_out_switches(ordernm_motion *m, memory *of, int at)
     const ordernm_system *const s = m->system;
     const int switching = s->switches != 0;
     const long lanes = switching ? (long)m->ngroups*LANES : 0;
-    m->held = ordernm_take(of, (s->nswitches + 1)*sizeof(int));
+    m->held = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     if (at) ordernm_hold_switches(m);
-    double **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go, &m->speeds, &m->modes_before,
+    scalar **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go, &m->speeds, &m->modes_before,
         &m->switches_kept};
     for (int i = 0; i < 8; ++i) *of_switches[i] = ordernm_numbers(of, s->nswitches);
-    m->together = ordernm_take(of, (s->nswitches + 1)*sizeof(int));
-    m->resting = ordernm_take(of, (s->nswitches + 1)*sizeof(int));
+    m->together = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
+    m->resting = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->z_before = ordernm_numbers(of, switching ? m->size : 0);
     m->dswitches = ordernm_numbers(of, (long)s->nswitches*LANES);
-    double **of_lanes[] = {&m->switch_along, &m->switch_time, &m->passing_time};
+    scalar **of_lanes[] = {&m->switch_along, &m->switch_time, &m->passing_time};
     for (int i = 0; i < 3; ++i) *of_lanes[i] = ordernm_numbers(of, lanes);
 }
 
@@ -100,7 +100,7 @@ static void lay_out_events(ordernm_motion *m, memory *of)
     const ordernm_problem *const p = m->problem;
     const int most_watched = p->nevents + m->system->nswitches;
     m->nwatched = p->nevents + m->nheld;
-    double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part, &m->happened, &m->paces, &m->at_first};
+    scalar **of_events[] = {&m->crossing, &m->after, &m->within, &m->part, &m->happened, &m->paces, &m->at_first};
     for (int i = 0; i < 7; ++i) *of_events[i] = ordernm_numbers(of, most_watched);
     m->samples = ordernm_numbers(of, (long)EVENT_SAMPLES*most_watched);
 }
@@ -109,9 +109,9 @@ static void lay_out_events(ordernm_motion *m, memory *of)
  * larger than all else, and not among the `zeros` that a motion begins with, which would fill the caches. */
 static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
 {
-    memory of = {at, 0};
+    memory of = {(char *)at, 0};
     const ordernm_system *s = p->system;
-    ordernm_motion none, *m = ordernm_take(&of, sizeof *m);
+    ordernm_motion none, *m = (ordernm_motion *)ordernm_take(&of, sizeof *m);
     if (!at) m = &none;
     memset(m, 0, sizeof *m);
     m->problem = p;
@@ -126,10 +126,10 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     m->head = ordernm_head_size(p);
     lay_out_groups(m, &of, at != 0);
     for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
-    double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
+    scalar **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
     m->stages = ordernm_numbers(&of, ordernm_step_size(p));
-    double **rows[] = {&m->row, &m->known_row};
+    scalar **rows[] = {&m->row, &m->known_row};
     for (int i = 0; i < 2; ++i) *rows[i] = ordernm_numbers(&of, ordernm_event_size(p));
     lay_out_arguments(m, &of);
     lay_out_loops(m, &of);
@@ -147,17 +147,17 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
 long ordernm_room(const ordernm_problem *problem)
 {
     size_t zeros;
-    return (long)(lay_out(problem, 0, &zeros)/sizeof(double)) + 8;
+    return (long)(lay_out(problem, 0, &zeros)/sizeof(scalar)) + 8;
 }
 
-ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
+ordernm_motion *ordernm_begin(const ordernm_problem *p, scalar *room)
 {
     void *const line = ordernm_line(room);
     size_t zeros;
     lay_out(p, 0, &zeros);
     memset(line, 0, zeros);
     lay_out(p, line, &zeros);
-    ordernm_motion *const m = line;
+    ordernm_motion *const m = (ordernm_motion *)line;
     const ordernm_system *const s = p->system;
     for (int i = 0, free = 0, n = 0; i < s->nq; ++i) {
         if (free < s->nfree_q && s->free_q[free] == i) ++free;
@@ -170,7 +170,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     for (int i = 0; i < m->nd; ++i) m->z[m->ny + m->nx + i] = p->q[m->dependent[i]];
     for (int n = 0; n < m->ngroups; ++n) {
         const group *const g = m->groups + n;
-        double *const S = m->z + g->at;
+        scalar *const S = m->z + g->at;
         for (int l = 0; l < g->used; ++l) {
             const long k = g->first + l;
             for (int i = 0; p->dq && i < s->nfree_q; ++i) S[i*g->width + l] = p->dq[k*s->nq + s->free_q[i]];
@@ -184,10 +184,10 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     }
     m->t = p->start;
     /* rounding of conditions moves dependents in proportion to the condition, and rates to its square */
-    const double rounding = fmax(1.0, s->nloops);
+    const scalar rounding = fmax(1.0, s->nloops);
     m->poor = m->poor_rates = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
     /* in long double, where coordinates keep what is rounded, to its cube; predictions tell branches apart that differ by more */
-    const double by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
+    const scalar by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
     /* constants are doubles: lengths that ought to be the same are off by so much where they were turned */
     m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
@@ -199,7 +199,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     return m;
 }
 
-void ordernm_state(const ordernm_motion *m, double *q, double *u)
+void ordernm_state(const ordernm_motion *m, scalar *q, scalar *u)
 {
     const ordernm_system *s = m->system;
     for (int i = 0; i < s->nfree_q; ++i) q[s->free_q[i]] = m->z[i];

@@ -7,25 +7,25 @@
 enum { CLOSING_STEPS = 12 };
 
 /* What one more of Newton's steps leaves: its square, times the condition of the closure. */
-static const double CLOSED = 1e-15;
+static const scalar CLOSED = 1e-15;
 
 /* Scaled residual that rounding of coordinates of one may leave: an angle after many turns is known less well. */
-static const double ROUNDING = 1e-13;
+static const scalar ROUNDING = 1e-13;
 
 /* ---- Quaternions. ---- */
 
-static double length_of(const double *e)
+static scalar length_of(const scalar *e)
 {
     return sqrt(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);
 }
 
 /* Gives a quaternion length one, and its derivatives along so many directions what they are then. */
-void ordernm_normalise(double *e, double *de, int width)
+void ordernm_normalise(scalar *e, scalar *de, int width)
 {
-    const double length = length_of(e);
+    const scalar length = length_of(e);
     for (int i = 0; i < 4; ++i) e[i] /= length;
     for (int l = 0; l < width; ++l) {
-        double along = 0.0;
+        scalar along = 0.0;
         for (int i = 0; i < 4; ++i) {
             de[i*width + l] /= length;
             along += e[i]*de[i*width + l];
@@ -36,14 +36,14 @@ void ordernm_normalise(double *e, double *de, int width)
 
 /* Newton's method turns along tangents, so it makes quaternions longer, and predictions are of any length: dependent ones have length
  * one. What a joint shares with independent entries keeps the length that these have, `before`. */
-static void keep_lengths(ordernm_motion *m, const double *before)
+static void keep_lengths(ordernm_motion *m, const scalar *before)
 {
     const ordernm_system *const s = m->system;
     for (int i = 0; i < s->nquaternions; ++i) {
-        double *const e = m->q + s->quaternion[i];
+        scalar *const e = m->q + s->quaternion[i];
         if (m->turned[i]) ordernm_normalise(e, 0, 0);
         else if (s->split) {
-            const double by = before[i]/length_of(e);
+            const scalar by = before[i]/length_of(e);
             for (int k = 0; k < 4; ++k) e[k] *= by;
         }
     }
@@ -52,19 +52,19 @@ static void keep_lengths(ordernm_motion *m, const double *before)
 /* ---- The state of the system. ---- */
 
 /* All coordinates and speeds of a state, in m->q and m->u, the dependent ones as predicted. */
-void ordernm_expand(ordernm_motion *m, const double *z)
+void ordernm_expand(ordernm_motion *m, const scalar *z)
 {
     const ordernm_system *const s = m->system;
     if (m->identity) return;
     for (int i = 0; i < s->nfree_q; ++i) m->q[s->free_q[i]] = z[i];
     for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = z[s->nfree_q + i];
-    const double *predicted = z + m->ny + m->nx;
+    const scalar *predicted = z + m->ny + m->nx;
     for (int i = 0; i < m->nd; ++i) m->q[m->dependent[i]] = predicted[i];
 }
 
 /* Arguments of functions at a state; its coordinates and speeds are m->q and m->u unless z has them as they are. They are written
  * where they stay: a struct that is returned is copied in vectors right after its parts were written, for which processors wait. */
-void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_call *c)
+void ordernm_arguments(ordernm_motion *m, scalar t, const scalar *z, ordernm_call *c)
 {
     ordernm_expand(m, z);
     memset(c, 0, sizeof *c);
@@ -80,19 +80,19 @@ void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_cal
 }
 
 /* A row of as many numbers as there are lanes; sizes that compilers know cost no call. */
-static inline void copy_lanes(double *to, const double *from, int width)
+static inline void copy_lanes(scalar *to, const scalar *from, int width)
 {
     if (width == 1) *to = *from;
-    else if (width == LANES) memcpy(to, from, LANES*sizeof(double));
-    else memcpy(to, from, LANES/2*sizeof(double));
+    else if (width == LANES) memcpy(to, from, LANES*sizeof(scalar));
+    else memcpy(to, from, LANES/2*sizeof(scalar));
 }
 
 /* Seeds of a group. */
-void ordernm_seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c)
+void ordernm_seeds(ordernm_motion *m, scalar t, const scalar *z, const group *g, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
     const int width = g->width;
-    double *S = (double *)z + g->at;
+    scalar *S = (scalar *)z + g->at;
     c->dp = g->dp;
     c->dinputs = ordernm_input_directions(m, t, g);
     if (m->identity) {
@@ -112,24 +112,24 @@ static void note_dropped(ordernm_motion *m)
     const ordernm_system *const s = m->system;
     m->apart = 0.0;
     for (int i = 0; i < s->ndropped; ++i) {
-        const double x = fabs(m->position[s->dropped[i]]);
+        const scalar x = fabs(m->position[s->dropped[i]]);
         if (!(x <= m->apart)) m->apart = x, m->widest = s->dropped[i];
     }
 }
 
-static double largest_residual(const ordernm_motion *m)
+static scalar largest_residual(const ordernm_motion *m)
 {
-    double largest = 0.0;
+    scalar largest = 0.0;
     for (int i = 0; i < m->system->nkept; ++i) {
-        const double x = fabs(m->position[m->system->kept[i]]);
+        const scalar x = fabs(m->position[m->system->kept[i]]);
         if (!(x <= largest)) largest = x;
     }
     return largest;
 }
 
-static double left_by_rounding(const ordernm_motion *m)
+static scalar left_by_rounding(const ordernm_motion *m)
 {
-    double largest = 1.0;
+    scalar largest = 1.0;
     for (int i = 0; i < m->system->nq; ++i) largest = fmax(largest, fabs(m->q[i]));
     return ROUNDING*largest;
 }
@@ -142,7 +142,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
     const ordernm_system *s = m->system;
     if (!s->closing_step) return 0;
     ordernm_function *closing_step = s->closing_step;
-    double before = INFINITY;
+    scalar before = INFINITY;
     int precisely = m->precise = m->precise_values = 0;
     c->step = m->newton;
     c->position = m->position;
@@ -153,17 +153,17 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         ++m->results->closing_steps;
         const int singular = closing_step(c);
         if (singular) return singular;
-        const double residual = largest_residual(m);
+        const scalar residual = largest_residual(m);
         const int no_better = !(residual < 0.5*before);
         const int is_rounding = no_better && residual <= left_by_rounding(m);
         if (no_better && !is_rounding && residual > s->slack) return -1;
-        double step = 0.0;
+        scalar step = 0.0;
         for (int i = 0; i < s->nq; ++i) {
             m->q[i] += m->newton[i];
             if (!(fabs(m->newton[i]) <= step)) step = fabs(m->newton[i]);
         }
         keep_lengths(m, m->lengths);
-        double condition = 1.0;
+        scalar condition = 1.0;
         for (int i = 0; i < s->nloops; ++i)
             if (!(m->condition[i] <= condition)) condition = m->condition[i];
         if (condition > m->results->condition) m->results->condition = condition;
@@ -191,7 +191,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 
 /* Time derivatives of z and of its derivatives along some groups; all coordinates, loops closed, are in m->q then. Loops that are
  * known to be closed are as predictions say. Returns 0, what a function returned, or -1 if loops do not close. */
-int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what)
+int ordernm_rates_of(ordernm_motion *m, scalar t, const scalar *z, scalar *rate, int ngroups, const group *groups, int what)
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
@@ -209,7 +209,7 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     if (rates && !ngroups && (status = ORDERNM_VALUES_OF(m, state_rates)(&c))) return status;
     for (int n = 0; n < ngroups; ++n) {
         const group *g = groups + n;
-        double *S = rate + g->at;
+        scalar *S = rate + g->at;
         const int width = g->width;
         ordernm_seeds(m, t, z, g, &c);
         c.dqdot = m->identity ? S : m->dqdot;
@@ -239,24 +239,24 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     if (rates && !m->identity) {
         for (int i = 0; i < s->nfree_q; ++i) rate[i] = m->qdot[s->free_q[i]];
         for (int i = 0; i < s->nfree_u; ++i) rate[s->nfree_q + i] = m->udot[s->free_u[i]];
-        double *predicted = rate + m->ny + m->nx;
+        scalar *predicted = rate + m->ny + m->nx;
         for (int i = 0; i < m->nd; ++i) predicted[i] = m->qdot[m->dependent[i]];
     }
     return 0;
 }
 
-int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
+int ordernm_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *rate)
 {
     return ordernm_rates_of(m, t, z, rate, m->ngroups, m->groups, RATES | INTEGRALS);
 }
 
 /* The same at a step's end, from which the next one begins: its loops need not be closed a second time. */
-int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate)
+int ordernm_rates_at_end(ordernm_motion *m, scalar t, scalar *rate)
 {
     const int status = ordernm_rates(m, t, m->next, rate);
     m->precise_at_end = m->precise;
     if (status || m->identity) return status;
-    memcpy(m->closed, m->q, m->system->nq*sizeof(double));
+    memcpy(m->closed, m->q, m->system->nq*sizeof(scalar));
     m->closed_condition = m->results->condition_here;
     m->closed_known = 1;
     m->apart_at_end = m->apart;
@@ -268,21 +268,21 @@ int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate)
 /* What is done with a state between two steps: predictions become what closure asks for, and so do independent entries that a
  * joint shares with dependent ones. Returns 1 if more than predictions has changed: rates are computed anew then; -1 if loops do
  * not close. */
-int ordernm_settle(ordernm_motion *m, double t, double *z)
+int ordernm_settle(ordernm_motion *m, scalar t, scalar *z)
 {
     const ordernm_system *s = m->system;
     if (m->identity) return 0;
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
     if (m->closed_known) {
-        memcpy(m->q, m->closed, s->nq*sizeof(double));
+        memcpy(m->q, m->closed, s->nq*sizeof(scalar));
         m->results->condition_here = m->closed_condition;
         m->precise = m->precise_at_end;
         m->closed_known = 0;
     } else if (ordernm_close_loops(m, &c)) {
         return -1;
     }
-    double *predicted = z + m->ny + m->nx;
+    scalar *predicted = z + m->ny + m->nx;
     for (int i = 0; i < m->nd; ++i) predicted[i] = m->q[m->dependent[i]];
     if (!s->split) return 0;
     for (int i = 0; i < s->nfree_q; ++i) z[i] = m->q[s->free_q[i]];
@@ -290,7 +290,7 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
     for (int n = 0; n < m->ngroups; ++n) {
         const group *g = m->groups + n;
         const int width = g->width;
-        double *S = z + g->at;
+        scalar *S = z + g->at;
         ordernm_seeds(m, t, z, g, &c);
         c.dfull_q = m->full_dq;
         c.dfull_u = m->full_du;
@@ -302,9 +302,9 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
 
 /* Arguments of sensitivities at a state, loops closed, whose one direction is time: along rates of the independent entries. Returns
  * what a function returned, or -1 if loops do not close. */
-int ordernm_along_time(ordernm_motion *m, double t, const double *z, const double *rate, ordernm_call *c)
+int ordernm_along_time(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, ordernm_call *c)
 {
-    static const double one[LANES] = {1.0};
+    static const scalar one[LANES] = {1.0};
     const ordernm_system *const s = m->system;
     ordernm_arguments(m, t, z, c);
     const int status = ordernm_close_loops(m, c);
@@ -312,7 +312,7 @@ int ordernm_along_time(ordernm_motion *m, double t, const double *z, const doubl
     for (int i = 0; i < s->nfree_q; ++i) m->dq[s->free_q[i]] = rate[i];
     for (int i = 0; i < s->nfree_u; ++i) m->du[s->free_u[i]] = rate[s->nfree_q + i];
     ordernm_input_rates(m, t, m->input_rates);
-    c->dq = m->dq, c->du = m->du, c->dp = m->no_dp, c->dinputs = m->input_rates, c->dt = (double *)one;
+    c->dq = m->dq, c->du = m->du, c->dp = m->no_dp, c->dinputs = m->input_rates, c->dt = (scalar *)one;
     return 0;
 }
 

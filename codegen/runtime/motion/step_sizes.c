@@ -3,49 +3,49 @@
 
 #include <math.h>
 
-static const double SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
+static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
 /* How much of a step's size follows from the error of the step before: with it, and SAFETY, a third as many steps are made in vain
  * as without, and an error takes 7 % fewer evaluations (K. Gustafsson; Hairer, Wanner, Solving ODE II, IV.2). */
-static const double MEMORY = 0.04, LEAST_REMEMBERED = 1e-4;
+static const scalar MEMORY = 0.04, LEAST_REMEMBERED = 1e-4;
 
 /* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */
-static const double LIMIT_OF_STABILITY = 6.1;
+static const scalar LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 
 /* Of no step that is accepted: rates jump between its last two stages, which are both at its end. */
-static const double JUMPS = 1e3;
+static const scalar JUMPS = 1e3;
 
 /* The first step (E. Hairer, S. P. Norsett, G. Wanner, section II.4). Returns what a function returned. */
-int ordernm_first_step(ordernm_motion *m, double limit, double *h)
+int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h)
 {
     const ordernm_problem *const p = m->problem;
     const int n = ordernm_counted(m);
-    double size = 0.0, rate = 0.0, bend = 0.0;
+    scalar size = 0.0, rate = 0.0, bend = 0.0;
     *h = limit;
     if (!n) return 0;
     for (int i = 0; i < n; ++i) {
-        const double scale = p->atol[i] + p->rtol*fabs(m->z[i]);
+        const scalar scale = p->atol[i] + p->rtol*fabs(m->z[i]);
         size += m->z[i]/scale*(m->z[i]/scale);
         rate += m->rate[0][i]/scale*(m->rate[0][i]/scale);
     }
     size = sqrt(size/n);
     rate = sqrt(rate/n);
-    double first = size < 1e-5 || rate < 1e-5 ? 1e-6 : 0.01*size/rate;
+    scalar first = size < 1e-5 || rate < 1e-5 ? 1e-6 : 0.01*size/rate;
     if (first > limit) first = limit;
     static const int which[] = {0};
-    static const double one[] = {1.0};
+    static const scalar one[] = {1.0};
     ordernm_combine(m->size, m->trial, m->z, first, 1, which, one, m->rate);
     const int status = ordernm_rates(m, m->t + first, m->trial, m->rate[1]);
     if (status) return status;
     for (int i = 0; i < n; ++i) {
-        const double scale = p->atol[i] + p->rtol*fabs(m->z[i]);
-        const double of = (m->rate[1][i] - m->rate[0][i])/scale;
+        const scalar scale = p->atol[i] + p->rtol*fabs(m->z[i]);
+        const scalar of = (m->rate[1][i] - m->rate[0][i])/scale;
         bend += of*of;
     }
     bend = sqrt(bend/n)/first;
-    const double steepest = bend > rate ? bend : rate;
-    const double second = steepest <= 1e-15 ? (first*1e-3 > 1e-6 ? first*1e-3 : 1e-6)
+    const scalar steepest = bend > rate ? bend : rate;
+    const scalar second = steepest <= 1e-15 ? (first*1e-3 > 1e-6 ? first*1e-3 : 1e-6)
                                             : pow(0.01/steepest, 1.0/m->method->order);
     *h = 100.0*first < second ? 100.0*first : second;
     return 0;
@@ -53,16 +53,16 @@ int ordernm_first_step(ordernm_motion *m, double limit, double *h)
 
 /* Whether the limit of stability keeps an explicit method's steps small (E. Hairer, S. P. Norsett and G. Wanner, DOP853): where
  * its last two stages, both at the step's end, differ, their rates differ by the largest eigenvalue. */
-void ordernm_watch_stability(ordernm_motion *m, double h)
+void ordernm_watch_stability(ordernm_motion *m, scalar h)
 {
-    const double *const last = m->rate[m->method->stages - 1], *const end = m->rate[m->method->stages];
-    double rates = 0.0, states = 0.0;
+    const scalar *const last = m->rate[m->method->stages - 1], *const end = m->rate[m->method->stages];
+    scalar rates = 0.0, states = 0.0;
     for (int i = 0; i < m->ny; ++i) {
-        const double rate = end[i] - last[i], state = m->next[i] - m->trial[i];
+        const scalar rate = end[i] - last[i], state = m->next[i] - m->trial[i];
         rates += rate*rate;
         states += state*state;
     }
-    const double product = states > 0.0 ? h*sqrt(rates/states) : 0.0;
+    const scalar product = states > 0.0 ? h*sqrt(rates/states) : 0.0;
     m->jumps_at_end = product > JUMPS;
     if (product > LIMIT_OF_STABILITY) {
         m->near_steps = 0;
@@ -81,7 +81,7 @@ int ordernm_plan(ordernm_motion *m, trial *step)
     step->h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
     if (m->shorter > 0.0 && step->h > m->shorter) step->h = m->shorter;
     if (m->turning > 0.0 && step->h > m->turning) step->h = m->turning;
-    const double left = step->wall - m->t, wanted = step->h;
+    const scalar left = step->wall - m->t, wanted = step->h;
     if (m->nd && m->method->gap > 0.0) step->h = ordernm_step_at_pose(m, step->h, step->wall);
     step->to_pose = step->h != wanted;
     step->again = 0;
@@ -101,7 +101,7 @@ int ordernm_plan(ordernm_motion *m, trial *step)
 }
 
 /* By how much a step is made shorter whose error is too large, or that failed, which NAN stands for. */
-double ordernm_after_failure(const ordernm_motion *m, double error)
+scalar ordernm_after_failure(const ordernm_motion *m, scalar error)
 {
     return error == error ? fmax(LEAST_CHANGE, SAFETY*pow(error, -1.0/m->method->order)) : AFTER_FAILURE;
 }
@@ -109,8 +109,8 @@ double ordernm_after_failure(const ordernm_motion *m, double error)
 /* The next step's size. */
 void ordernm_resize(ordernm_motion *m, const trial *step)
 {
-    const double before = m->error_before > 0.0 ? m->error_before : LEAST_REMEMBERED;
-    double change = LARGEST_CHANGE;
+    const scalar before = m->error_before > 0.0 ? m->error_before : LEAST_REMEMBERED;
+    scalar change = LARGEST_CHANGE;
     if (step->error > 0.0) change = SAFETY*pow(step->error, 0.75*MEMORY - 1.0/m->method->order)*pow(before, MEMORY);
     m->error_before = fmax(step->error, LEAST_REMEMBERED);
     change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);

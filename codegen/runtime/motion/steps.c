@@ -8,13 +8,13 @@
  * some tens or hundreds, and both ways are to agree to rounding. A condition that is poor all the time comes of a mechanism's
  * proportions and does no such harm, so what is poor is as many times the best that has been met, by how long steps are: of the
  * method of order 8, of others; or this one in any case. And what no stage should have. */
-static const double WORSE_IN_LONG_STEPS = 2.5, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 50.0;
+static const scalar WORSE_IN_LONG_STEPS = 2.5, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 50.0;
 
 /* From here on derivatives are taken, of this motion or of steps that it keeps; `best` is the least condition at the beginning of
  * the steps so far. */
-void ordernm_take_derivatives(ordernm_motion *m, double best)
+void ordernm_take_derivatives(ordernm_motion *m, scalar best)
 {
-    const double worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;
+    const scalar worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;
     m->best = best;
     m->derived = 1;
     m->poor_rates = fmin(m->poor, fmin(worse*best, POOR_IN_ANY_CASE));
@@ -24,13 +24,13 @@ void ordernm_take_derivatives(ordernm_motion *m, double best)
 /* What is known of conditions where a step begins. */
 void ordernm_note_best(ordernm_motion *m)
 {
-    const double best = fmin(m->best, m->conditions[0]);
+    const scalar best = fmin(m->best, m->conditions[0]);
     if (m->derived && best < m->best) ordernm_take_derivatives(m, best);
 }
 
 /* The end of a step, before which the next knot of the inputs was that one, becomes the beginning of the next step; a state
  * at a pose is settled. Steps that are made again go this way too, for rounding to be the same. */
-int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled, const double *modes)
+int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, const scalar *modes)
 {
     int status;
     m->t = end;

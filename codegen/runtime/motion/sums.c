@@ -12,17 +12,17 @@ enum { WIDE = 2 };
 enum { WIDE = 1 };
 #endif
 #ifdef __GNUC__
-typedef double vector __attribute__((vector_size(8*WIDE), aligned(8*WIDE), may_alias));
+typedef scalar vector __attribute__((vector_size(8*WIDE), aligned(8*WIDE), may_alias));
 #else
-typedef double vector;
+typedef scalar vector;
 #endif
 
 /* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. Four vectors at a time, each with a name of
  * its own: sums in arrays would go through memory at -O2. */
-void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
-    double *const *rate)
+void ordernm_combine(long n, scalar *out, const scalar *z, scalar h, int count, const int *which, const scalar *factor,
+    scalar *const *rate)
 {
-    double by[MOST_STAGES];
+    scalar by[MOST_STAGES];
     for (int j = 0; j < count; ++j) by[j] = h*factor[j];
     long i = 0;
     for (; i + 4*WIDE <= n; i += 4*WIDE) {
@@ -48,17 +48,17 @@ void ordernm_combine(long n, double *out, const double *z, double h, int count, 
     }
 }
 
-int ordernm_all_finite(const double *x, long n)
+int ordernm_all_finite(const scalar *x, long n)
 {
-    double sum = 0.0;
+    scalar sum = 0.0;
     for (long i = 0; i < n; ++i) sum += 0.0*x[i];
     return sum == 0.0;
 }
 
 /* Whether the derivatives of n entries along a direction are finite. */
-int ordernm_finite_along(const double *S, long n, int width, int lane)
+int ordernm_finite_along(const scalar *S, long n, int width, int lane)
 {
-    double sum = 0.0;
+    scalar sum = 0.0;
     for (long i = 0; i < n; ++i) sum += 0.0*S[i*width + lane];
     return sum == 0.0;
 }

@@ -9,38 +9,38 @@
 #include <string.h>
 
 /* Rates that differ by less, relative to their size, do not jump. */
-static const double SAME = 1e-13;
+static const scalar SAME = 1e-13;
 
 /* As near to zero at the beginning, in the time of the motion, a switching function is taken as zero. */
-static const double AT_ZERO = 1e-13;
+static const scalar AT_ZERO = 1e-13;
 
 enum { FEW_REFUSED = 3 };
 
-static const double TURN_OF_A_STEP = 2.0; /* rad */
+static const scalar TURN_OF_A_STEP = 2.0; /* rad */
 
-static double sign_of(double x) { return (x > 0.0) - (x < 0.0); }
+static scalar sign_of(scalar x) { return (x > 0.0) - (x < 0.0); }
 
-static const double HALF_A_TURN = 3.14159265358979323846;
+static const scalar HALF_A_TURN = 3.14159265358979323846;
 
 /* How far a switch is from where its mode changes, positive on the side of the mode. */
-double ordernm_side(const ordernm_motion *m, int k)
+scalar ordernm_side(const ordernm_motion *m, int k)
 {
-    const double x = m->switches[k];
+    const scalar x = m->switches[k];
     if (m->modes[k] == 0.0) return LEAST_SIDE; /* it is let go */
     return m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN*HALF_A_TURN - x*x : m->modes[k]*x;
 }
 
 /* The mode behind the place where a switch changes it, or where it is by the state when it is beyond. */
-double ordernm_other_mode(const ordernm_motion *m, int k)
+scalar ordernm_other_mode(const ordernm_motion *m, int k)
 {
     if (m->system->switch_kind[k] == ORDERNM_TURN) return m->switches[k] > 0.0 ? -HALF_A_TURN : HALF_A_TURN;
     return -m->modes[k];
 }
 
 /* The mode by the state, from the switching function without a mode. */
-static double mode_of(const ordernm_motion *m, int k)
+static scalar mode_of(const ordernm_motion *m, int k)
 {
-    const double x = m->switches[k];
+    const scalar x = m->switches[k];
     if (m->system->switch_kind[k] == ORDERNM_TURN) return x != 0.0 ? x : LEAST_SIDE;
     return sign_of(x);
 }
@@ -65,7 +65,7 @@ void ordernm_hold_switches(ordernm_motion *m)
 }
 
 /* All switching functions at a state, in the modes at hand. Returns what a function returned. */
-int ordernm_switching(ordernm_motion *m, double t, const double *z)
+int ordernm_switching(ordernm_motion *m, scalar t, const scalar *z)
 {
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
@@ -76,7 +76,7 @@ int ordernm_switching(ordernm_motion *m, double t, const double *z)
 }
 
 /* How fast a switching function changes along rates. Returns what a function returned. */
-int ordernm_switch_speed(ordernm_motion *m, double t, const double *z, const double *rate, int k, double *found)
+int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, int k, scalar *found)
 {
     ordernm_call c;
     int status = ordernm_along_time(m, t, z, rate, &c);
@@ -88,7 +88,7 @@ int ordernm_switch_speed(ordernm_motion *m, double t, const double *z, const dou
 }
 
 /* The derivatives of a switching function along all directions at a fixed time, LANES numbers for each group. */
-int ordernm_switch_along(ordernm_motion *m, double t, const double *z, int k)
+int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
@@ -98,13 +98,13 @@ int ordernm_switch_along(ordernm_motion *m, double t, const double *z, int k)
         ordernm_seeds(m, t, z, g, &c);
         c.switches = m->switches, c.dswitches = m->dswitches;
         status = ORDERNM_OF(m, switch_sensitivities[g->index])(&c);
-        memcpy(m->switch_along + n*LANES, m->dswitches + (long)k*g->width, g->width*sizeof(double));
+        memcpy(m->switch_along + n*LANES, m->dswitches + (long)k*g->width, g->width*sizeof(scalar));
     }
     return status;
 }
 
 /* Gives switches other than `but` the modes that their functions have. Those of which nobody knows the side stay. */
-int ordernm_follow(ordernm_motion *m, double t, const double *z, const double *crossed)
+int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed)
 {
     const int status = ordernm_switching(m, t, z);
     for (int i = 0; i < m->nheld && !status; ++i) {
@@ -115,7 +115,7 @@ int ordernm_follow(ordernm_motion *m, double t, const double *z, const double *c
     return status;
 }
 
-int ordernm_rates_jump(const ordernm_motion *m, const double *before, const double *after)
+int ordernm_rates_jump(const ordernm_motion *m, const scalar *before, const scalar *after)
 {
     for (int i = 0; i < m->ny + m->nx; ++i)
         if (fabs(before[i] - after[i]) > SAME*(fabs(before[i]) + fabs(after[i]))) return 1;
@@ -123,11 +123,11 @@ int ordernm_rates_jump(const ordernm_motion *m, const double *before, const doub
 }
 
 /* How far switching functions are from zero at the beginning of a step, on the side of their modes. */
-int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides)
+int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
 {
     const int status = ordernm_switching(m, t, z);
     for (int i = 0; i < m->nheld; ++i) {
-        const double side = ordernm_side(m, m->held[i]);
+        const scalar side = ordernm_side(m, m->held[i]);
         sides[i] = side > LEAST_SIDE ? side : LEAST_SIDE;
     }
     return status;
@@ -135,24 +135,24 @@ int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides)
 
 /* The modes at the beginning. Where a switching function is zero there, it is asked where it goes to with either mode. Returns 0, what
  * a function returned, or SLIDES with the switch in the results. */
-int ordernm_choose_modes(ordernm_motion *m, double t, const double *z)
+int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
 {
-    const double reach = AT_ZERO*(m->problem->end - m->problem->start);
-    double *const rate = m->trial;
+    const scalar reach = AT_ZERO*(m->problem->end - m->problem->start);
+    scalar *const rate = m->trial;
     int status;
     for (int k = 0; k < m->system->nswitches; ++k) m->modes[k] = 0.0, m->changed[k] = -INFINITY;
     if ((status = ordernm_switching(m, t, z))) return status;
     for (int i = 0; i < m->nheld; ++i) m->crossed[m->held[i]] = m->switches[m->held[i]];
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
-        const double g = m->crossed[k];
+        const scalar g = m->crossed[k];
         if (m->system->switch_kind[k] != ORDERNM_SIGN) {
             m->switches[k] = g;
             m->modes[k] = mode_of(m, k);
             continue;
         }
         const int side = g > 0.0 ? 1 : -1; /* with the other branch of prescribed motion loops may not close */
-        double way[3]; /* with the mode -1, 0, 1 */
+        scalar way[3]; /* with the mode -1, 0, 1 */
         for (int n = 0; n < 3; ++n) {
             const int mode = n == 0 ? side : n == 1 ? 0 : -side;
             m->modes[k] = mode;
@@ -169,15 +169,15 @@ int ordernm_choose_modes(ordernm_motion *m, double t, const double *z)
             return SLIDES;
         } else m->modes[k] = 1.0;
     }
-    memset(m->crossed, 0, m->system->nswitches*sizeof(double));
+    memset(m->crossed, 0, m->system->nswitches*sizeof(scalar));
     return 0;
 }
 
 /* A switching function comes to zero and turns, at the state in m->trial: derivatives do not exist where rates jump there. */
-void ordernm_touch(ordernm_motion *m, double t, int k)
+void ordernm_touch(ordernm_motion *m, scalar t, int k)
 {
-    const double mode = m->modes[k];
-    double *const one = m->error[0], *const other = m->error[1];
+    const scalar mode = m->modes[k];
+    scalar *const one = m->error[0], *const other = m->error[1];
     if (ordernm_rates_of(m, t, m->trial, one, 0, 0, RATES | INTEGRALS)) return;
     m->modes[k] = -mode;
     const int status = ordernm_rates_of(m, t, m->trial, other, 0, 0, RATES | INTEGRALS);
@@ -229,10 +229,10 @@ int ordernm_limit_turns(ordernm_motion *m)
     m->turning = 0.0;
     for (int i = 0; i < m->nheld; ++i) {
         if (m->system->switch_kind[m->held[i]] != ORDERNM_TURN) continue;
-        double speed;
+        scalar speed;
         const int status = ordernm_switch_speed(m, m->t, m->z, m->rate[0], m->held[i], &speed);
         if (status) return status;
-        const double longest = TURN_OF_A_STEP/fabs(speed);
+        const scalar longest = TURN_OF_A_STEP/fabs(speed);
         if (longest < INFINITY && (m->turning == 0.0 || longest < m->turning)) m->turning = longest;
     }
     return 0;
@@ -247,14 +247,14 @@ int ordernm_follow_inputs(ordernm_motion *m)
 /* ---- In rows of steps. ---- */
 
 /* Modes as they are kept with a step, and whether the switch has just been crossed. */
-void ordernm_keep_modes(const ordernm_motion *m, double *row)
+void ordernm_keep_modes(const ordernm_motion *m, scalar *row)
 {
     const int n = m->system->nswitches;
     for (int k = 0; k < n; ++k) row[k] = m->modes[k], row[n + k] = m->crossed[k] != 0.0;
 }
 
 /* Modes from such a row. */
-void ordernm_take_modes(ordernm_motion *m, const double *row)
+void ordernm_take_modes(ordernm_motion *m, const scalar *row)
 {
     const int n = m->system->nswitches;
     for (int k = 0; k < n; ++k) m->modes[k] = row[k], m->crossed[k] = row[n + k];

@@ -9,20 +9,20 @@
 
 /* The adjoint before the switches that are crossed where the next step begins, whose modes are those of a row; the modes at hand are
  * those before. Functionals may depend on the time of the last one. */
-int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row)
+int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, const scalar *row)
 {
     ordernm_motion *const m = a->motion;
     const int count = m->system->nswitches, n = m->ny + m->nx;
-    const double *const crossed = row + count;
+    const scalar *const crossed = row + count;
     int last = -1, status = 0;
     for (int k = 0; k < count; ++k)
         if (crossed[k] != 0.0) last = k;
     if (last < 0) return 0;
-    double *const first = m->crossed;
-    memcpy(first, m->modes, count*sizeof(double));
+    scalar *const first = m->crossed;
+    memcpy(first, m->modes, count*sizeof(scalar));
     for (int k = last; k >= 0 && !status; --k) {
         if (crossed[k] == 0.0) continue;
-        double *const after = m->next, *const before = m->trial, speed;
+        scalar *const after = m->next, *const before = m->trial, speed;
         for (int i = 0; i < count; ++i) m->modes[i] = k == last || (i <= k && crossed[i] != 0.0) ? row[i] : first[i];
         if ((status = ordernm_rates_of(m, t, z, after, 0, 0, RATES | INTEGRALS))) break;
         for (int i = 0; i < count; ++i) m->modes[i] = i < k && crossed[i] != 0.0 ? row[i] : first[i];
@@ -34,7 +34,7 @@ int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, c
         for (int g = 0; g < a->ngroups && !status; ++g) status = ordernm_switch_transposed(a, g, t, z, k, before, speed, timed);
     }
     a->timed = -1;
-    memcpy(m->modes, first, count*sizeof(double));
-    memset(m->crossed, 0, count*sizeof(double));
+    memcpy(m->modes, first, count*sizeof(scalar));
+    memset(m->crossed, 0, count*sizeof(scalar));
     return status;
 }

@@ -4,7 +4,7 @@
 #include <string.h>
 
 /* Adds what transposes gave, c->dq and so on, to an adjoint of the state and to the gradients of a group. */
-static void add(ordernm_adjoint *a, int n, const ordernm_call *c, double t, double *nu)
+static void add(ordernm_adjoint *a, int n, const ordernm_call *c, scalar t, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
@@ -13,17 +13,17 @@ static void add(ordernm_adjoint *a, int n, const ordernm_call *c, double t, doub
         for (int l = 0; l < width; ++l) nu[i*width + l] += c->dq[s->free_q[i]*width + l];
     for (int i = 0; i < s->nfree_u; ++i)
         for (int l = 0; l < width; ++l) nu[(s->nfree_q + i)*width + l] += c->du[s->free_u[i]*width + l];
-    double *const p = a->p + (long)n*s->np*width;
+    scalar *const p = a->p + (long)n*s->np*width;
     for (long i = 0; i < (long)s->np*width; ++i) p[i] += c->dp[i];
     if (!s->ninputs) return;
     const ordernm_inputs *const in = &m->problem->inputs;
-    double value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
+    scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
     const long first = ordernm_input_weights(m, t, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
         const int signal = ordernm_signal_of(s, i, &order);
         for (int b = 0; b <= in->degree; ++b) {
-            double *const entry = a->inputs + (((long)n*in->count + first + b)*ordernm_signals(s) + signal)*width;
+            scalar *const entry = a->inputs + (((long)n*in->count + first + b)*ordernm_signals(s) + signal)*width;
             for (int l = 0; l < width; ++l) entry[l] += value[order][b]*c->dinputs[i*width + l];
         }
     }
@@ -33,28 +33,28 @@ static void add(ordernm_adjoint *a, int n, const ordernm_call *c, double t, doub
 static void clear(ordernm_adjoint *a, ordernm_call *c)
 {
     const ordernm_system *const s = a->motion->system;
-    memset(a->dq, 0, s->nq*a->width*sizeof(double));
-    memset(a->du, 0, s->nu*a->width*sizeof(double));
-    memset(a->dp, 0, s->np*a->width*sizeof(double));
-    memset(a->dinputs, 0, s->ninputs*a->width*sizeof(double));
-    memset(c->dt, 0, a->width*sizeof(double));
+    memset(a->dq, 0, s->nq*a->width*sizeof(scalar));
+    memset(a->du, 0, s->nu*a->width*sizeof(scalar));
+    memset(a->dp, 0, s->np*a->width*sizeof(scalar));
+    memset(a->dinputs, 0, s->ninputs*a->width*sizeof(scalar));
+    memset(c->dt, 0, a->width*sizeof(scalar));
     c->dq = a->dq, c->du = a->du, c->dp = a->dp, c->dinputs = a->dinputs;
 }
 
 /* A state whose loops have been closed before. */
-static void closed(ordernm_adjoint *a, double t, const double *z, double *q, ordernm_call *c)
+static void closed(ordernm_adjoint *a, scalar t, const scalar *z, scalar *q, ordernm_call *c)
 {
     ordernm_arguments(a->motion, t, z, c);
     if (!a->motion->identity) c->q = q;
 }
 
 /* nu = f_z^T kappa at a state, and the gradients' parts; of independent coordinates and speeds. */
-int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu)
+int ordernm_rates_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
     const int width = a->width, index = a->index;
-    const size_t entry = width*sizeof(double);
+    const size_t entry = width*sizeof(scalar);
     ordernm_call c;
     closed(a, t, z, q, &c);
     int status;
@@ -81,7 +81,7 @@ int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *
 }
 
 /* Adds to nu what the rates of integrals, weighed by those entries of kappa, depend on at a state. */
-int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu)
+int ordernm_integrals_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
@@ -89,7 +89,7 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const doub
     if (!m->nx || !ordernm_any(kappa + m->ny*width, m->nx*width)) return 0;
     ordernm_call c;
     closed(a, t, z, q, &c);
-    memset(a->weights, 0, s->noutputs*width*sizeof(double));
+    memset(a->weights, 0, s->noutputs*width*sizeof(scalar));
     for (int i = 0; i < m->nx; ++i)
         for (int l = 0; l < width; ++l) a->weights[m->problem->integrals[i]*width + l] += kappa[(m->ny + i)*width + l];
     clear(a, &c);
@@ -101,13 +101,13 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const doub
 }
 
 /* The adjoint of a state from weights of its outputs, of a group of functionals, [nfunctionals][ntimes][noutputs], at one time. */
-static int outputs_transposed(ordernm_adjoint *a, int n, double t, const double *z, const double *weights, long ntimes, long time,
-    double *nu)
+static int outputs_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, const scalar *weights, long ntimes, long time,
+    scalar *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
     const int width = a->width;
-    memset(nu, 0, a->n*width*sizeof(double));
+    memset(nu, 0, a->n*width*sizeof(scalar));
     if (!weights) return 0;
     for (int i = 0; i < s->noutputs; ++i)
         for (int l = 0; l < width; ++l) {
@@ -129,7 +129,7 @@ static int outputs_transposed(ordernm_adjoint *a, int n, double t, const double 
 }
 
 /* The same at the last time that is left. */
-int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu)
+int ordernm_sample_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *nu)
 {
     const ordernm_gradients *const g = a->gradients;
     return outputs_transposed(a, n, t, z, g->weights, g->ntimes, --a->sampled[n], nu);
@@ -153,19 +153,19 @@ int ordernm_sample_behind(ordernm_adjoint *a)
 }
 
 /* The adjoint of a group before a switch where rates jump by -`jump`, whose switching function changes at a speed. */
-int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed,
+int ordernm_switch_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, int k, const scalar *jump, scalar speed,
     int timed)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
     const ordernm_gradients *const of = a->gradients;
     const int width = a->width;
-    double *const lambda = a->lambda + (long)n*a->n*width;
+    scalar *const lambda = a->lambda + (long)n*a->n*width;
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
     if (status) return status;
-    memset(m->dswitches, 0, s->nswitches*width*sizeof(double));
+    memset(m->dswitches, 0, s->nswitches*width*sizeof(scalar));
     for (int i = 0; i < a->n; ++i)
         for (int l = 0; l < width; ++l) m->dswitches[k*width + l] -= lambda[i*width + l]*jump[i]/speed;
     for (int l = 0; timed && l < width && n*width + l < of->nfunctionals; ++l)
@@ -179,7 +179,7 @@ int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double 
 }
 
 /* The transpose of what is done between steps to joints with independent and dependent speeds. */
-static int transposed_settling(ordernm_adjoint *a, int n, double t, const double *z, double *lambda)
+static int transposed_settling(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *lambda)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
@@ -191,19 +191,19 @@ static int transposed_settling(ordernm_adjoint *a, int n, double t, const double
     if (status) return status;
     clear(a, &c);
     c.full_u = m->udot;
-    memset(a->weights_q, 0, s->nq*width*sizeof(double));
+    memset(a->weights_q, 0, s->nq*width*sizeof(scalar));
     for (int i = 0; i < s->nfree_q; ++i)
-        memcpy(a->weights_q + s->free_q[i]*width, lambda + i*width, width*sizeof(double));
-    memset(a->weights_u, 0, s->nu*width*sizeof(double));
+        memcpy(a->weights_q + s->free_q[i]*width, lambda + i*width, width*sizeof(scalar));
+    memset(a->weights_u, 0, s->nu*width*sizeof(scalar));
     c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
     if ((status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c))) return status;
-    memset(lambda, 0, s->nfree_q*width*sizeof(double));
+    memset(lambda, 0, s->nfree_q*width*sizeof(scalar));
     add(a, n, &c, t, lambda);
-    memset(a->weights_q, 0, s->nq*width*sizeof(double));
+    memset(a->weights_q, 0, s->nq*width*sizeof(scalar));
     return 0;
 }
 
-int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z)
+int ordernm_settling_transposed(ordernm_adjoint *a, scalar t, const scalar *z)
 {
     int status = 0;
     for (int n = 0; n < a->ngroups && !status; ++n)
@@ -212,7 +212,7 @@ int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z)
 }
 
 /* Of weights of all entries of the state at the end, which was completed there, those of its independent entries. */
-int ordernm_completion_transposed(ordernm_adjoint *a, int n, double *lambda)
+int ordernm_completion_transposed(ordernm_adjoint *a, int n, scalar *lambda)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
@@ -232,7 +232,7 @@ int ordernm_completion_transposed(ordernm_adjoint *a, int n, double *lambda)
     m->precise = s->precise != 0; /* conditions are poor where independents change */
     const int status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c);
     if (!status) add(a, n, &c, m->t, lambda);
-    memset(a->weights_q, 0, s->nq*width*sizeof(double));
-    memset(a->weights_u, 0, s->nu*width*sizeof(double));
+    memset(a->weights_q, 0, s->nq*width*sizeof(scalar));
+    memset(a->weights_u, 0, s->nu*width*sizeof(scalar));
     return status;
 }

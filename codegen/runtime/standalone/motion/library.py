@@ -13,7 +13,7 @@ from ..files.build import Build, build_apart
 from ..files.user_cache import user_cache
 
 FOLDER = "motion"
-HEADER = "motion.h"
+HEADERS = ("scalar.h", "motion.h")
 
 _opened: dict[Path, tuple[Any, Any]] = {}
 _opening = threading.Lock()
@@ -39,7 +39,7 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
             with contextlib.suppress(RuntimeError):  # a user without a home; else packages share one library
                 build.places.insert(0, user_cache() / FOLDER)
             ffi = FFI()
-            ffi.cdef(declarations((folder / FOLDER / HEADER).read_text(encoding="utf-8")))
+            ffi.cdef(declarations("".join((folder / FOLDER / f).read_text(encoding="utf-8") for f in HEADERS)))
             path = build.library()
             try:
                 _opened[folder] = ffi.dlopen(str(path)), ffi
