@@ -275,7 +275,8 @@ def list_package(folder: Path, verbose: bool = False) -> list[str]:
     origin = f" from {manifest['origin']['file']}" if manifest.get("origin") else ""
     lines = [
         f"package {folder.absolute()}, generated{origin} by ordernm {manifest.get('version')}",
-        f"  target {manifest.get('target')}, layout {manifest.get('layout')}; {_code(folder, manifest)}",
+        f"  target {manifest.get('target')}, scalar {manifest.get('scalar', 'float64')}, "
+        f"layout {manifest.get('layout')}; {_code(folder, manifest)}",
         *_functions(manifest, verbose),
         *manifest.get("description", ()),
     ]

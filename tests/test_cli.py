@@ -556,3 +556,16 @@ def test_output_needs_no_unicode_terminal(here):
     assert run.returncode == 0 and "Traceback" not in run.stderr
     run = shell("show", "rod.yaml", cwd=here, PYTHONIOENCODING="ascii", LC_ALL="C")
     assert run.returncode == 0 and "revolute" in run.stdout
+
+
+def test_show_names_the_scalar_of_a_package(tmp_path, capsys):
+    file = Path(__file__).parents[1] / "examples" / "pendulum.yaml"
+    for scalar in ("float64", "float32"):
+        folder = tmp_path / scalar
+        assert (
+            main(["generate", str(file), "--scalar", scalar, "--output", str(folder), "--no-check", "--no-compile"])
+            == 0
+        )
+        capsys.readouterr()
+        assert main(["show", str(folder)]) == 0
+        assert f"scalar {scalar}, layout" in capsys.readouterr().out
