@@ -336,7 +336,8 @@ class Package:
         wanted = [shapes[r] if r in shapes else lead + self._shapes[r.removeprefix("d")] for r in returned]
         taken: dict[str, Array] = {}
         if out is not None:
-            taken = dict(zip(returned, places(out, returned, wanted, dtype), strict=True))
+            called = [r.replace("J_", "J.") for r in returned]
+            taken = dict(zip(returned, places(out, called, wanted, dtype), strict=True))
         # results that would be written over what is read are moved in the end
         direct = {} if overlap([*taken.values()], {**task.arrays, **seeds.of}) else taken
         skipped = {*f.results[1:]}.difference(returned) if f.name in SELECTIVE else ()
