@@ -19,12 +19,9 @@ from .words import INITIAL, OTHER_WIDTHS
 
 
 def closing(w: Shared) -> list[Procedure]:
-    u, full_u, dfull_q, dfull_u, dq, du = w.of("u", "full_u", "dfull_q", "dfull_u", "dq", "du")
-    position, velocity, dposition, step = w.of("position", "velocity", "dposition", "step")
-    condition = w.one("condition")
-    given = u.called("given_u")
-    state, seeds = w.of("q", "u", *w.p), w.of("dq", "du", *(f"d{name}" for name in w.p))
-    places = w.of("q", *w.p)
+    position, velocity, step, condition = w.of("position", "velocity", "step", "condition")
+    given = w.one("u").called("given_u")
+    state, places = w.of("q", "u", *w.p), w.of("q", *w.p)
     return [
         Procedure(
             "closure",
@@ -60,6 +57,16 @@ def closing(w: Shared) -> list[Procedure]:
                 *run("residuals", "correct", "condition_numbers"),
             ),
         ),
+        *_completing(w),
+    ]
+
+
+def _completing(w: Shared) -> list[Procedure]:
+    """Speeds and seeds of dependent coordinates, and what complete seeds leave open."""
+    u, full_u, dfull_q, dfull_u, dq, du = w.of("u", "full_u", "dfull_q", "dfull_u", "dq", "du")
+    position, velocity, dposition = w.of("position", "velocity", "dposition")
+    state, seeds = w.of("q", "u", *w.p), w.of("dq", "du", *(f"d{name}" for name in w.p))
+    return [
         Procedure(
             "completion",
             "Speeds, the dependent ones as velocity closure asks.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...program.procedure import (
+    Array,
     Bind,
     Check,
     Columns,
@@ -23,43 +24,32 @@ from .words import JOINT_FORCES
 
 
 def mass(w: Shared) -> list[Procedure]:
-    udot, force, du, dforce, b, x = w.of("udot", "force", "du", "dforce", "b", "x")
-    dM, M, dx, db, dudot, inverse = w.of("dM", "M", "dx", "db", "dudot", "inverse_M")
-    right = b.tangent("b")  # the sweeps that solve take right sides and give solutions per direction
-    resting: tuple[Step, ...] = (w.start, w.at_rest, *run("kinematics"))
-    factors: tuple[Step, ...] = (*resting, *run("triangularize"), Check())
-    solve = run("solve_in", "balance_back")
-    at_rest: tuple[Step, ...] = (Own(du), Zero(du), Own(dforce), *w.turns)
-    one_by_one: tuple[Step, ...] = (
-        Own(right),
-        Zero(right),
-        Own(dforce),
-        Columns(right, run("mass_out", "mass_in"), (Take(M, dforce, symmetric=True),)),
-    )
-    all_at_once: tuple[Step, ...] = one_by_one
-    inverse_one_by_one: tuple[Step, ...] = (
-        Own(right),
-        Zero(right),
-        Own(dudot),
-        Columns(right, solve, (Take(inverse, dudot, symmetric=True),)),
-    )
-    inverse_at_once: tuple[Step, ...] = inverse_one_by_one
+    udot, force, dforce, b, dudot = w.of("udot", "force", "dforce", "b", "dudot")
+    dM, M, inverse = w.of("dM", "M", "inverse_M")
+    right = b.tangent("b")
+
+    def by_columns(sweeps: tuple[Step, ...], found: Array, into: Array) -> tuple[Step, ...]:
+        """Steps that find a symmetric matrix column by column, from unit right sides."""
+        return (Own(right), Zero(right), Own(found), Columns(right, sweeps, (Take(into, found, symmetric=True),)))
+
+    matrix = by_columns(run("mass_out", "mass_in"), dforce, M)
+    inverted = by_columns(_SOLVE, dudot, inverse)
     if columns.applies(w.system):
-        all_at_once = (Together((*run("composite"), columns.mass(w)), one_by_one),)
-        inverse_at_once = (Together((columns.inverse_mass(w),), inverse_one_by_one),)
+        matrix = (Together((*run("composite"), columns.mass(w)), matrix),)
+        inverted = (Together((columns.inverse_mass(w),), inverted),)
     return [
         *w.pair(
             ("mass_matrix", "mass_matrix_sensitivities"),
             ("Mass matrix, row by row.", "Mass matrix and its total derivative along seeds."),
             ["q", *w.p],
             ["M"],
-            (w.start, *all_at_once),
+            (w.start, *matrix),
             (
-                *resting,
+                *_resting(w),
                 Own(udot),
                 Zero(udot),
                 Own(force),
-                *at_rest,
+                *_seeds_at_rest(w),
                 Columns(udot, (w.mass_tangent,), (Take(M, force), Take(dM, dforce))),
             ),
         ),
@@ -68,28 +58,52 @@ def mass(w: Shared) -> list[Procedure]:
             "Inverse of the mass matrix in O(n^2), row by row.",
             w.of("q", *w.p),
             (inverse,),
-            (*factors, *inverse_at_once),
+            (*_factors(w), *inverted),
         ),
-        *w.pair(
-            ("solve_mass", "solve_mass_sensitivities"),
-            ("Solution of M x = b in O(n).", "Solution of M x = b and its total derivative along seeds."),
-            ["q", *w.p, "b"],
-            ["x"],
-            (*factors, Single(solve, ((right, b),), ((dudot, x),))),
-            (
-                *factors,
-                Single(solve, ((right, b),), ((dudot, x),)),
-                Bind(udot, x),
-                Own(force),
-                *at_rest,
-                w.mass_tangent,
-                Combine(dforce, (db,), (dforce,)),
-                Bind(right, dforce),
-                Bind(dudot, dx),
-                *solve,
-            ),
-        ),
+        *_solution(w),
     ]
+
+
+_SOLVE = run("solve_in", "balance_back")
+"""Sweeps that take right sides and give solutions, per direction."""
+
+
+def _resting(w: Shared) -> tuple[Step, ...]:
+    return (w.start, w.at_rest, *run("kinematics"))
+
+
+def _factors(w: Shared) -> tuple[Step, ...]:
+    return (*_resting(w), *run("triangularize"), Check())
+
+
+def _seeds_at_rest(w: Shared) -> tuple[Step, ...]:
+    du, dforce = w.of("du", "dforce")
+    return (Own(du), Zero(du), Own(dforce), *w.turns)
+
+
+def _solution(w: Shared) -> list[Procedure]:
+    """The solution of M x = b, and with its derivative."""
+    udot, force, dforce, b, x, dx, db, dudot = w.of("udot", "force", "dforce", "b", "x", "dx", "db", "dudot")
+    right = b.tangent("b")
+    values: tuple[Step, ...] = (*_factors(w), Single(_SOLVE, ((right, b),), ((dudot, x),)))
+    return w.pair(
+        ("solve_mass", "solve_mass_sensitivities"),
+        ("Solution of M x = b in O(n).", "Solution of M x = b and its total derivative along seeds."),
+        ["q", *w.p, "b"],
+        ["x"],
+        values,
+        (
+            *values,
+            Bind(udot, x),
+            Own(force),
+            *_seeds_at_rest(w),
+            w.mass_tangent,
+            Combine(dforce, (db,), (dforce,)),
+            Bind(right, dforce),
+            Bind(dudot, dx),
+            *_SOLVE,
+        ),
+    )
 
 
 def inverse_dynamics(w: Shared) -> list[Procedure]:
