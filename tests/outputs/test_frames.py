@@ -219,6 +219,7 @@ def solver(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
     )
 
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 WITH_POINTS = TREE.replace("outputs:\n", "")
 
 
@@ -310,6 +311,27 @@ def test_points_in_c_are_those_from_frames(solver: codegen.Solver, batch: tuple[
                 )
                 np.testing.assert_allclose(a.position, b.position, rtol=1e-13, atol=1e-13)
                 np.testing.assert_allclose(a.velocity, b.velocity, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("states", [1, 2, 3])
+def test_directions_that_all_states_share(tmp_path: Path, states: int) -> None:
+    """As many directions as states, and one point that parameters move: NumPy has no axes to tell these apart by size."""
+    of = codegen.load(
+        codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "m", "numpy", functions=("frames",)).folder
+    )
+    rng = np.random.default_rng(states)
+    q, u = of.assemble(of.initial[0] + 0.02 * rng.normal(size=(states, of.nq)), rng.normal(size=(states, of.nu)))
+    for count in (1, 2, 3):
+        seeds = {"dq": rng.normal(size=(count, of.nq)), "dp": rng.normal(size=(count, of.np))}
+        for along in (seeds, {"dp": seeds["dp"]}):
+            _, found = of.point_sensitivities(q, u, **along)
+            _, apart = of.point_sensitivities(q, u, **{n: d[:, None] for n, d in along.items()})
+            assert found.position.shape == apart.position.shape == (count, states, 1, 3)
+            for i in range(states):
+                _, alone = of.point_sensitivities(q[i], u[i], **along)
+                for x in (found, apart):
+                    np.testing.assert_allclose(x.position[:, i], alone.position, rtol=1e-14, atol=1e-14)
+                    np.testing.assert_allclose(x.velocity[:, i], alone.velocity, rtol=1e-14, atol=1e-14)
 
 
 def test_a_place_that_depends_on_parameters_counts(solver: codegen.Solver) -> None:

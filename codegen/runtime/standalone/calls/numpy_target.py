@@ -49,7 +49,7 @@ class NumpyTarget(Target):
             return
         for place, x, shape in zip(task.out, found, f.shapes, strict=True):
             if place is not None:
-                place[...] = in_rows(x, shape)
+                place[...] = in_rows(x, shape, place.ndim)
 
     def _one_by_one(self, task: Task, failed: dict[int, SingularJointError]) -> None:
         """Each state of a batch alone: some of them cannot be computed."""
@@ -83,6 +83,6 @@ class NumpyTarget(Target):
             raise kind(error.link) from None
 
 
-def in_rows(x: Array, shape: Shape) -> Array:
-    """The same numbers with the last axes of that shape; the module has those of all bodies in one row."""
-    return x if len(shape) < 2 or x.shape[-len(shape) :] == shape else x.reshape(*x.shape[:-1], *shape)
+def in_rows(x: Array, shape: Shape, axes: int) -> Array:
+    """The same numbers with so many axes, the last of that shape; the module has those of all bodies in one row."""
+    return x if len(shape) < 2 or x.ndim == axes else x.reshape(*x.shape[:-1], *shape)

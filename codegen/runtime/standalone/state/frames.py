@@ -73,7 +73,8 @@ class Frames(Room):
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
         r = chosen.places(given[2])
         found = points_on(frames, r, chosen.names)
-        found_along = point_tangents(frames, moved, r, chosen.moved_places(given[2], along[2]), chosen.names)
+        dr = chosen.moved_places(given[2], along[2], values.rotation.ndim - 3)
+        found_along = point_tangents(frames, moved, r, dr, chosen.names)
         return (alone(found), alone(found_along)) if chosen.single else (found, found_along)
 
     def point_jacobians(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, points: Points) -> Array:
@@ -283,13 +284,15 @@ class _Chosen:
         found = self.solver._call("point_places", (None, None, p, None, 0.0))[0]
         return self._from(found, self.given)
 
-    def moved_places(self, p: Numbers, dp: Numbers) -> Array | float:
-        """Their derivatives, (k, ..., n, 3); 0.0 of places that do not move."""
+    def moved_places(self, p: Numbers, dp: Numbers, axes: int) -> Array | float:
+        """Their derivatives, (k, ..., n, 3), for states with so many axes; 0.0 of places that do not move."""
         if not self.moved or dp is None:
             return 0.0
         found = self.solver._call(
             "point_place_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None)
         )[1]
+        k, *states = found.shape[:-2]
+        found = found.reshape(k, *[1] * (axes - len(states)), *states, *found.shape[-2:])
         return self._from(found, np.zeros_like(self.given))
 
     def _from(self, found: Array, others: Array) -> Array:
