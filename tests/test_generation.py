@@ -125,6 +125,7 @@ def test_the_run_time_is_copied_as_it_is(written):
 
 
 OF_LOOPS = {
+    "trust/exact_loops",
     "state/loop_forces",
     "assembly/loops",
     "assembly/assembly",

@@ -43,7 +43,7 @@ def cost(text: str, layout: str = "kinds") -> tuple[int, int, int]:
 @pytest.mark.parametrize("n", [12, 50, 100])
 def test_operations_per_body_of_the_chain(n: int) -> None:
     udot, _, direction = cost(chain(n))
-    assert udot / n <= 240
+    assert udot / n <= 246  # with what is stored, which counts had left out
     assert direction / n <= 175
     assert direction <= 0.75 * udot
 
@@ -53,7 +53,7 @@ def test_one_function_per_link_saves_at_the_ends(n: int) -> None:
     udot, _, direction = cost(chain(n), "unrolled")
     shared_udot, _, shared_direction = cost(chain(n))
     assert udot < shared_udot and direction < shared_direction
-    assert udot / n <= 220
+    assert udot / n <= 225
     assert direction <= udot
 
 

@@ -138,16 +138,16 @@ static scalar change(const ordernm_motion *m, const scalar *a, const scalar *b, 
 {
     const ordernm_problem *const p = m->problem;
     scalar largest = 0.0;
-    for (int i = 0; i < ordernm_counted(m); ++i) {
-        const scalar by = fabs(a[i] - b[i]);
-        const scalar of = (p->end - p->start)*by/(p->atol[i] + p->rtol*fabs(m->z[i]));
-        if (by > PART_OF_RATE*(fabs(a[i]) + fabs(b[i])) && of > largest) largest = of, *most = i;
+    for (int i = 0, n = ordernm_counted(m); i < n; ++i) {
+        const scalar by = fabs(a[i] - b[i]), allowed = p->atol[i] + p->rtol*fabs(m->z[i]);
+        if (by > largest*allowed && by > PART_OF_RATE*(fabs(a[i]) + fabs(b[i]))) largest = by/allowed, *most = i;
     }
-    return largest;
+    return (p->end - p->start)*largest;
 }
 
-/* Two stages of the step, the next one to the other in time, between whose rates the change is largest; how much it is. */
-static scalar widest_pair(const ordernm_motion *m, int pair[2], int *most)
+/* Two stages of the step, the next one to the other in time, between whose rates the change is largest; how much it is, and the sum of
+ * all changes, which at a jump is hardly more. */
+static scalar widest_pair(const ordernm_motion *m, int pair[2], int *most, scalar *all)
 {
     int order[MOST_STAGES];
     scalar largest = 0.0;
@@ -160,6 +160,7 @@ static scalar widest_pair(const ordernm_motion *m, int pair[2], int *most)
     for (int i = 0; i < m->method->stages; ++i) {
         int which = 0;
         const scalar of = change(m, m->rate[order[i]], m->rate[order[i + 1]], &which);
+        *all += of;
         if (of > largest) largest = of, pair[0] = order[i], pair[1] = order[i + 1], *most = which;
     }
     return largest;
@@ -177,9 +178,8 @@ static void between(ordernm_motion *m, scalar h, scalar x, scalar *z)
 static int jumps(ordernm_motion *m, scalar h, int *most)
 {
     scalar *low = m->error[0], *high = m->error[1], *middle = m->at_pose;
-    int pair[2] = {0, 0}, any;
-    scalar last = widest_pair(m, pair, most);
-    const scalar whole = change(m, m->rate[0], m->rate[m->method->stages], &any);
+    int pair[2] = {0, 0};
+    scalar whole = 0.0, last = widest_pair(m, pair, most, &whole);
     if (last < ERRORS_ALLOWED || last < (m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP)*whole) return 0;
     scalar from = m->method->times[pair[0]], to = pair[1] == m->method->stages ? 1.0 : m->method->times[pair[1]];
     const scalar least = fmax(PART_OF_CHANGE*last, ERRORS_ALLOWED);

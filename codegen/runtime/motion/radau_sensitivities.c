@@ -78,6 +78,17 @@ static int has_values(const struct radau *r, const group *g, int lane)
     return none || finite;
 }
 
+/* Whether they have been found along all directions of a group, as they are almost always. */
+static int all_have_values(const struct radau *r, const group *g)
+{
+    const long size = (long)r->n*g->width;
+    for (int i = 0; i < STAGES; ++i)
+        if (!ordernm_all_finite(r->along[i], size) || !ordernm_all_finite(r->stage[i] + g->at, size)) return 0;
+    for (int k = 0; k < r->n; ++k)
+        if (r->infinite[k] != 0.0) return 0;
+    return 1;
+}
+
 /* The stages' derivatives along the directions of a group, by Jacobians that have been formed. */
 static int along_formed(ordernm_motion *m, scalar h, const group *g)
 {
@@ -88,6 +99,7 @@ static int along_formed(ordernm_motion *m, scalar h, const group *g)
         memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(scalar));
     }
     ordernm_radau_solve_stages(m, h, g->at, g->width);
+    if (all_have_values(r, g)) return CONVERGED;
     for (int l = 0; l < g->width; ++l)
         if (!has_values(r, g, l)) return DIVERGED;
     return CONVERGED;
