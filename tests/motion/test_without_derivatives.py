@@ -142,6 +142,19 @@ def test_a_jump_at_a_point_that_no_switch_finds(made: Callable[..., Made], name:
                 assert np.isfinite(before.gradients).all()
 
 
+@pytest.mark.parametrize("jump", [1e-3, 0.03, 1.0])
+@pytest.mark.parametrize("frequency", [30, 300])
+def test_a_small_jump_beside_rates_that_change_far_more(made: Callable[..., Made], frequency: int, jump: float) -> None:
+    bodies = "model: beside\nparameters: {s: 0.3, J: 1.0}\nbodies:\n" + "".join(map(BODY.format, ("x", "fast")))
+    forces = FORCE.format("x", "J*atan2(0, s - q.x)") + FORCE.format("fast", f"-{frequency}**2*q.fast")
+    outputs = "initial: {q: {fast: 1}, u: {x: 1}}\noutputs: {x: {value: q.x}}\n"
+    solver = made(parsed, bodies + "forces:\n" + forces + outputs).solver
+    for options in (*METHODS[:2], {**METHODS[2], "step": 0.001}):
+        found, messages = gradients(solver, [Final("x")], ["s"], p={"J": jump}, **options)
+        assert np.isnan(found.gradients).all(), options
+        assert any("jumps there at no switch" in m for m in messages)
+
+
 def test_steep_forces_are_no_jumps(made: Callable[..., Made]) -> None:
     """Neither is an angle that turns fast where the motion passes beside the point, at 1e-3."""
     forces = ["k*(q.x**2 + q.y**2)", "k*tanh(q.x/1e-3)", "k*q.x/sqrt(q.x**2 + q.y**2 + 1e-6)"]

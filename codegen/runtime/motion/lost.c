@@ -11,10 +11,11 @@
 /* Derivatives of rates on both sides of a switch that differ by less, relative to the largest, are the same. */
 static const scalar AGREE = 1e-10;
 
-/* Halves of a step, until what is left of it is a moment. A jump is such a part of what rates change by in the step, and between the two
- * stages that it is between, and more than such a part of the rates; in the time of the motion it changes the state by so many errors
- * allowed. It is looked for in so many steps behind one that was refused, and in all steps of constant size. */
-enum { HALVES = 40, SUSPECTS = 4 };
+/* A rate jumps where its change between two neighbouring stages is at least PART_OF_STEP of all its changes in the step, where at least
+ * PART_OF_CHANGE of it remains however often the time between is halved, where it exceeds PART_OF_RATE of the rate, and where over the whole
+ * motion it would move the state by ERRORS_ALLOWED tolerances. The search covers the SUSPECTS steps after a refused one, and every step of
+ * constant size; in a step it looks at no more than CANDIDATES rates. */
+enum { HALVES = 40, SUSPECTS = 4, CANDIDATES = 4 };
 static const scalar PART_OF_STEP = 0.5, PART_OF_CONSTANT_STEP = 0.8, PART_OF_CHANGE = 0.25, PART_OF_RATE = 1e-9, ERRORS_ALLOWED = 10.0;
 
 static void clear(const ordernm_motion *m, const group *g, int lane, scalar *z)
@@ -133,37 +134,36 @@ static void look_at_rest(ordernm_motion *m, scalar end)
 
 /* ---- Jumps without a switch. ---- */
 
-/* How much rates differ that count, and which entry does so most. */
-static scalar change(const ordernm_motion *m, const scalar *a, const scalar *b, int *most)
+/* How much a rate changes, in errors allowed over the whole motion. */
+static scalar change(const ordernm_motion *m, int i, scalar a, scalar b)
 {
     const ordernm_problem *const p = m->problem;
-    scalar largest = 0.0;
-    for (int i = 0, n = ordernm_counted(m); i < n; ++i) {
-        const scalar by = fabs(a[i] - b[i]), allowed = p->atol[i] + p->rtol*fabs(m->z[i]);
-        if (by > largest*allowed && by > PART_OF_RATE*(fabs(a[i]) + fabs(b[i]))) largest = by/allowed, *most = i;
-    }
-    return (p->end - p->start)*largest;
+    const scalar by = fabs(a - b);
+    return by > PART_OF_RATE*(fabs(a) + fabs(b)) ? (p->end - p->start)*by/(p->atol[i] + p->rtol*fabs(m->z[i])) : 0.0;
 }
 
-/* Two stages of the step, the next one to the other in time, between whose rates the change is largest; how much it is, and the sum of
- * all changes, which at a jump is hardly more. */
-static scalar widest_pair(const ordernm_motion *m, int pair[2], int *most, scalar *all)
+/* The stages of the step in the order of their times, and its end. */
+static void sort_stages(const ordernm_motion *m, int *order)
 {
-    int order[MOST_STAGES];
-    scalar largest = 0.0;
+    const scalar *const times = m->method->times;
     for (int i = 0; i < m->method->stages; ++i) {
         int at = i;
-        for (; at > 0 && m->method->times[order[at - 1]] > m->method->times[i]; --at) order[at] = order[at - 1];
+        for (; at > 0 && times[order[at - 1]] > times[i]; --at) order[at] = order[at - 1];
         order[at] = i;
     }
     order[m->method->stages] = m->method->stages;
-    for (int i = 0; i < m->method->stages; ++i) {
-        int which = 0;
-        const scalar of = change(m, m->rate[order[i]], m->rate[order[i + 1]], &which);
-        *all += of;
-        if (of > largest) largest = of, pair[0] = order[i], pair[1] = order[i + 1], *most = which;
+}
+
+/* Between which neighbouring stages a rate changes most; how much of all its changes in the step that is. */
+static scalar widest_pair(const ordernm_motion *m, const int *order, int i, int *widest)
+{
+    scalar largest = 0.0, all = 0.0;
+    for (int k = 0; k < m->method->stages; ++k) {
+        const scalar by = fabs(m->rate[order[k]][i] - m->rate[order[k + 1]][i]);
+        all += by;
+        if (by > largest) largest = by, *widest = k;
     }
-    return largest;
+    return all > 0.0 ? largest/all : 0.0;
 }
 
 /* Values in the step, by the cubic through its ends. */
@@ -174,31 +174,48 @@ static void between(ordernm_motion *m, scalar h, scalar x, scalar *z)
         z[i] = y*y*((1.0 + 2.0*x)*m->z[i] + h*x*first[i]) + x*x*((3.0 - 2.0*x)*m->next[i] - h*y*last[i]);
 }
 
-/* Whether rates jump within the step, and which most: of its parts that is halved in which they change more, and so on. */
-static int jumps(ordernm_motion *m, scalar h, int *most)
+/* Whether a rate jumps between two neighbouring stages: the half in which it changes more is halved, and so on. */
+static int jumps_between(ordernm_motion *m, scalar h, int i, int one, int other)
 {
-    scalar *low = m->error[0], *high = m->error[1], *middle = m->at_pose;
-    int pair[2] = {0, 0};
-    scalar whole = 0.0, last = widest_pair(m, pair, most, &whole);
-    if (last < ERRORS_ALLOWED || last < (m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP)*whole) return 0;
-    scalar from = m->method->times[pair[0]], to = pair[1] == m->method->stages ? 1.0 : m->method->times[pair[1]];
+    scalar low = m->rate[one][i], high = m->rate[other][i], last = change(m, i, low, high);
+    scalar from = m->method->times[one], to = other == m->method->stages ? 1.0 : m->method->times[other];
     const scalar least = fmax(PART_OF_CHANGE*last, ERRORS_ALLOWED);
-    memcpy(low, m->rate[pair[0]], m->values*sizeof(scalar));
-    memcpy(high, m->rate[pair[1]], m->values*sizeof(scalar));
     for (int k = 0; k < HALVES && last > least; ++k) {
         const scalar theta = 0.5*(from + to);
-        int left = 0, right = 0;
         between(m, h, theta, m->trial);
-        if (ordernm_rates_of(m, m->t + theta*h, m->trial, middle, 0, 0, RATES | INTEGRALS)) return 0;
+        if (ordernm_rates_of(m, m->t + theta*h, m->trial, m->at_pose, 0, 0, RATES | INTEGRALS)) return 0;
         if (m->nd && m->results->condition_here > m->poor) return 0; /* a loop loses rank there */
-        const scalar before = change(m, low, middle, &left), behind = change(m, middle, high, &right);
-        scalar **const end = before > behind ? &high : &low, *const free = *end;
-        *end = middle, middle = free;
-        *(before > behind ? &to : &from) = theta;
+        const scalar middle = m->at_pose[i], before = change(m, i, low, middle), behind = change(m, i, middle, high);
+        if (before > behind) high = middle, to = theta;
+        else low = middle, from = theta;
         last = fmax(before, behind);
-        *most = before > behind ? left : right;
     }
     return last > least;
+}
+
+/* Whether a rate jumps within the step, and which. Each one is compared with its own changes: others may change far more. Of those of which
+ * one change is most of all, a few are looked at. */
+static int jumps(ordernm_motion *m, scalar h, int *which)
+{
+    const scalar part = m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP;
+    int order[MOST_STAGES], entries[CANDIDATES], widest[CANDIDATES], count = 0;
+    scalar shares[CANDIDATES];
+    sort_stages(m, order);
+    for (int i = 0, n = ordernm_counted(m); i < n; ++i) {
+        int k = 0, at = count < CANDIDATES ? count : CANDIDATES - 1;
+        const scalar share = widest_pair(m, order, i, &k);
+        if (share < part || (count == CANDIDATES && share <= shares[at])) continue;
+        if (!(change(m, i, m->rate[order[k]][i], m->rate[order[k + 1]][i]) > ERRORS_ALLOWED)) continue;
+        count += count < CANDIDATES;
+        for (; at > 0 && shares[at - 1] < share; --at)
+            shares[at] = shares[at - 1], entries[at] = entries[at - 1], widest[at] = widest[at - 1];
+        shares[at] = share, entries[at] = i, widest[at] = k;
+    }
+    for (int c = 0; c < count; ++c) {
+        *which = entries[c];
+        if (jumps_between(m, h, *which, order[widest[c]], order[widest[c] + 1])) return 1;
+    }
+    return 0;
 }
 
 static int is_moved(const ordernm_motion *m, int n, int lane)
@@ -216,12 +233,12 @@ static int is_moved(const ordernm_motion *m, int n, int lane)
 /* How the time of such a jump depends on a direction is not known. */
 static void look_for_jump(ordernm_motion *m, scalar h)
 {
-    int most = 0, some = !m->ngroups && !m->results->lost_count;
-    if (!jumps(m, h, &most)) return;
+    int which = 0, some = !m->ngroups && !m->results->lost_count;
+    if (!jumps(m, h, &which)) return;
     for (int n = 0; n < m->ngroups; ++n)
         for (int l = 0; l < m->groups[n].used; ++l)
             if (m->lost[n*LANES + l] == 0.0 && is_moved(m, n, l)) lose(m, n, l), some = 1;
-    if (some) note(m, ORDERNM_JUMPS, most);
+    if (some) note(m, ORDERNM_JUMPS, which);
 }
 
 /* Loses directions that have no derivative behind the step that has been made. */
