@@ -61,9 +61,9 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
 
 
 def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False, tries: int = 0) -> Array:
-    """`assemble` for coordinates ``(1, nq + 1)``, from so many other dependents where the given ones do not lead to closure.
+    """`assemble` for coordinates ``(1, nq + 1)``; `tries` other dependents are tried where the given ones do not lead to closure.
 
-    With `nearly` loops may stay open by the model's tolerance where their dependents cannot close more of them.
+    With `nearly`, loops that their dependents cannot close may stay open by the model's tolerance.
     """
     for ear in partition.ears:
         geometry.follow(ear)

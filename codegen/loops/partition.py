@@ -192,15 +192,14 @@ class _Choice:
     def _chosen(self, q: Array) -> tuple[Sweep, list[Draft]]:
         """Ears at an assembled configuration, and at some near it unless that one is enough; keeps which loops are stuck."""
         geometry, order, self.stuck = self.geometry, self.order, []
-        doubtful = list(range(len(order)))
         try:
             sweep = Sweep(geometry, q, self.held, self.random)
             drafts = arrange(sweep, order)
             if all(d.certain for d in drafts):
                 return sweep, drafts
             doubtful = [i for d in drafts if not d.certain for i in d.loops]
-        except PartitionError:
-            pass  # the pose may be a special one
+        except PartitionError:  # the pose may be a special one: others nearby decide about every loop
+            doubtful = list(range(len(order)))
         configurations = [q, *self._nearby(q)]
         still = {i for i in doubtful if not _moves(geometry, i, configurations)}
         together = [loops for loops in self.shared if still.intersection(loops)]

@@ -19,7 +19,7 @@ CONSTANTS, ANGLES = "constants", "angles"
 GROUND, GROUND_AT_REST = "ground", "ground at rest"
 GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
 GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
-PASSING_ADJOINTS = "adjoints that are handed on"
+PASSING_ADJOINTS = "adjoints that links pass on"
 """What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
 accelerates by -g or, for the mass matrix, not at all; memory of directions, which is zero before sweeps run backwards."""
 

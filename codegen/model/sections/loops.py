@@ -91,8 +91,8 @@ def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> 
         what = _taken(reader, name, at)
         if what and name in written.names:
             message = (
-                f"{name} is a coordinate of the point here, and {what} of the file too; give that another name, since one cannot "
-                f"tell which is meant"
+                f"{name} is a coordinate of the point here, and also {what} of the file; give the latter another name, so that "
+                f"it is clear which one is meant"
             )
             reader.report(at, sub, message)
     tree = with_coordinates(written.tree)

@@ -84,5 +84,5 @@ class NumpyTarget(Target):
 
 
 def in_rows(x: Array, shape: Shape, axes: int) -> Array:
-    """The same numbers with so many axes, the last of that shape; the module has those of all bodies in one row."""
+    """The numbers with `axes` axes, of which `shape` are the last; the module returns those of all bodies in one row."""
     return x if len(shape) < 2 or x.ndim == axes else x.reshape(*x.shape[:-1], *shape)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -64,7 +65,7 @@ class Task(NamedTuple):
                     x[(slice(None), *place) if along else place] = math.nan
 
 
-class Target:
+class Target(ABC):
     """What computes the functions of a package: the compiled C, or the NumPy module."""
 
     name = ""
@@ -75,9 +76,9 @@ class Target:
         self.dtype = dtype_of(manifest)
         self.couplings = frozenset(manifest.get("couplings", ()))
 
+    @abstractmethod
     def run(self, task: Task) -> None:
         """Compute the results of a task."""
-        raise NotImplementedError
 
     def compute(
         self, f: Function, arrays: Mapping[str, Any], batch: Shape, seeds: Seeds = NO_SEEDS,

@@ -285,7 +285,7 @@ class _Chosen:
         return self._from(found, self.given)
 
     def moved_places(self, p: Numbers, dp: Numbers, axes: int) -> Array | float:
-        """Their derivatives, (k, ..., n, 3), for states with so many axes; 0.0 of places that do not move."""
+        """Their derivatives, (k, ..., n, 3), for batches of states with `axes` axes; 0.0 where no place moves."""
         if not self.moved or dp is None:
             return 0.0
         found = self.solver._call(
