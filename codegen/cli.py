@@ -17,15 +17,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from .ending import Ending
+from .ending import COMPILING_FAILED, MODEL_WRONG, NUMBERS_FAILED, OK, SIGNALLED, USAGE, Ending, Failure
 from .folders import OTHERS
 from .own_files import add_force
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
-
-OK, MODEL_WRONG, USAGE, COMPILING_FAILED, NUMBERS_FAILED = 0, 1, 2, 3, 4
-SIGNALLED = 128
-"""To which the number of a signal is added."""
 
 COMPUTING = ("simulate", "report", "bench")
 """Commands that may have large matrices."""
@@ -124,16 +120,11 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
     """``generate``."""
     from .generation import generate
     from .mechanics.procedures import UnknownFunctionError
-    from .runtime import CompileError, NoCompilerError, SingularJointError, TargetsDifferError
 
     if options.compile_all and options.target == "numpy":
-        raise Failure(
-            USAGE, "generate: --compile-all compiles the C, which --target numpy does not use; leave out one of them"
-        )
+        raise Failure("--compile-all compiles the C, which --target numpy does not use; leave out one of them")
     if options.scalar != "float64" and options.target != "c":
-        raise Failure(
-            USAGE, f"generate: --scalar {options.scalar} needs --target c: NumPy has float64; leave out one of them"
-        )
+        raise Failure(f"--scalar {options.scalar} needs --target c: NumPy has float64; leave out one of them")
     try:
         report = generate(
             options.model, options.output, options.target, options.layout, partitions=options.partitions,
@@ -146,13 +137,7 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
             progress=status, force=options.force,
         )  # fmt: skip
     except UnknownFunctionError as error:
-        raise Failure(USAGE, f"generate: {error}") from None
-    except SingularJointError as error:
-        raise Failure(MODEL_WRONG, str(error)) from None
-    except (CompileError, NoCompilerError) as error:
-        raise Failure(COMPILING_FAILED, f"generate: {error}") from None
-    except TargetsDifferError as error:
-        raise Failure(NUMBERS_FAILED, f"generate: {error}") from None
+        raise Failure(str(error)) from None
     status.close()
     print_report(report, options.verbose)
     return _verdict(report)
@@ -249,15 +234,13 @@ def run_new(options: argparse.Namespace, status: StatusLine) -> int:
     try:
         parse_model(text, str(path))
     except ModelError:  # the name is all that may be wrong with it: with blanks, a word of Python or C, ...
-        raise Failure(
-            USAGE, f"new: {path.stem!r} cannot name a model; call the file after one, such as pendulum.yaml"
-        ) from None
+        raise Failure(f"{path.stem!r} cannot name a model; call the file after one, such as pendulum.yaml") from None
     try:
         if os.path.lexists(path) and not options.force:
-            raise Failure(USAGE, f"new: {path} exists; choose another name, or --force to replace it")
+            raise Failure(f"{path} exists; choose another name, or --force to replace it")
         write_whole(path, lambda file: file.write(text.encode()))
     except OSError as error:
-        raise Failure(USAGE, f"new: cannot write {path}: {error.strerror or error}") from None
+        raise Failure(f"cannot write {path}: {error.strerror or error}") from None
     print(f"wrote {path}; now: generate {path}")
     return OK
 
@@ -271,9 +254,7 @@ def run_import(options: argparse.Namespace, status: StatusLine) -> int:
     try:
         found, target = run(options)
     except ExistsError as error:
-        raise Failure(USAGE, f"import: {error}") from None
-    except ImportError as error:
-        raise Failure(USAGE, f"import: {error}") from None
+        raise Failure(str(error)) from None
     status.close()
     for warning in found.warnings:
         _problem(warning)
@@ -289,20 +270,11 @@ def run_import(options: argparse.Namespace, status: StatusLine) -> int:
 
 def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm simulate``: a motion, its table, its file and its picture; Ctrl-C leaves what was computed until then."""
-    from .runtime import CompileError, NoCompilerError, PackageError, SingularJointError, TargetsDifferError
-    from .simulating import MotionError, RequestError, simulate
+    from .simulating import simulate
 
     remarks: list[str] = []
     try:
         run = simulate(options, status, remarks, width(sys.stdout))
-    except (RequestError, PackageError, ImportError) as error:
-        raise Failure(USAGE, f"simulate: {error}") from None
-    except (CompileError, NoCompilerError) as error:
-        raise Failure(COMPILING_FAILED, f"simulate: {error}") from None
-    except (MotionError, TargetsDifferError) as error:
-        raise Failure(NUMBERS_FAILED, f"simulate: {error}") from None
-    except SingularJointError as error:
-        raise Failure(MODEL_WRONG, str(error)) from None
     finally:
         status.close()
         for remark in remarks:
@@ -313,95 +285,21 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
 
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
-    from .reporting import Request, report
-    from .reporting.agreement import NoReportError, read
-    from .runtime import CompileError, NoCompilerError, SingularJointError
+    from .reporting.command import run
 
-    if not options.time > 0 or not options.time < float("inf"):
-        raise Failure(USAGE, f"report: --time is {options.time:g}; motions need a positive number of seconds")
-    request = Request(end=options.time)
-    target, whole, old = Path(options.output), Path(options.model).is_dir(), {}
-    try:
-        if options.compare is not None:  # before the work: the new report may take the place of the old one
-            old = _earlier_reports(options, status)
-        if whole:
-            return _run_gallery(options, request, old, status)
-        data = report(options.model, target, request=request, progress=status, force=options.force)
-    except NoReportError as error:
-        raise Failure(USAGE, f"report: --compare: {error}") from None
-    except ImportError as error:
-        raise Failure(USAGE, f"report: {error}") from None
-    except (CompileError, NoCompilerError) as error:
-        raise Failure(COMPILING_FAILED, f"report: {error}") from None
-    except SingularJointError as error:
-        raise Failure(MODEL_WRONG, str(error)) from None
+    lines, problems, code = run(options, status)
     status.close()
-    left_out = [f"left out: {s['text']}" for s in data["skipped"]]
-    write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
-    return _print_differences({name: (x, read(target)) for name, x in old.items()})
-
-
-def _earlier_reports(options: argparse.Namespace, status: StatusLine) -> dict[str, dict[str, Any]]:
-    """The reports to compare with, by name; NoReportError for those of other models or machines, with which nothing agrees."""
-    from .measure.machine import machine
-    from .model import load_model
-    from .reporting.agreement import NoReportError, incomparable, read, read_gallery
-
-    earlier, model = Path(options.compare), Path(options.model)
-    old = read_gallery(earlier) if model.is_dir() else {model.stem: read(earlier)}
-    status("reading", 0, 0)
-    here = {"machine": machine()}
-    for name, found in old.items():
-        file = model / f"{name}.yaml" if model.is_dir() else model
-        if not model.is_dir() or file.is_file():
-            new = here | {"model": load_model(file).name if file.is_file() else found["model"]}
-            if why := incomparable(found, new):
-                raise NoReportError(f"{earlier}: {why}")
-    return old
-
-
-def _run_gallery(options: argparse.Namespace, request: Any, old: dict[str, dict[str, Any]], status: StatusLine) -> int:
-    """Reports of a folder of models; what failed is said in the end."""
-    from .reporting import write_gallery
-    from .reporting.agreement import read_gallery
-
-    target = Path(options.output)
-    failed = write_gallery(Path(options.model), target, request, status, options.force)
-    status.close()
-    for name, why in failed.items():
-        _problem(f"report: {name}: {why}")
-    write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
-    new = read_gallery(target) if old else {}
-    for name in sorted(new.keys() ^ old.keys()) if old else ():
-        which = "earlier" if name in new else "new"
-        write_lines([f"{name}: there is no {which} report to compare"], sys.stdout)
-    differing = _print_differences({n: (x, new[n]) for n, x in old.items() if n in new})
-    return MODEL_WRONG if failed else differing
-
-
-def _print_differences(pairs: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> int:
-    """What reports say differently from earlier ones, by name."""
-    from .reporting.agreement import agreed, disagreements
-
-    found = {name: disagreements(*pair) for name, pair in pairs.items()}
-    for name, lines in found.items():
-        write_lines([f"{name}: {x}" for x in lines or [agreed(*pairs[name])]], sys.stdout)
-    return NUMBERS_FAILED if any(found.values()) else OK
+    for line in problems:
+        _problem(line)
+    write_lines(lines, sys.stdout, ["bold"])
+    return code
 
 
 def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm bench``: problems with known answers, measured."""
-    from .bench.catalogue import UnknownProblemError
     from .bench.command import bench
-    from .bench.results import ResultsError
-    from .runtime import CompileError, NoCompilerError
 
-    try:
-        lines, failures = bench(options, status)
-    except (UnknownProblemError, ResultsError) as error:
-        raise Failure(USAGE, f"bench: {error}") from None
-    except (CompileError, NoCompilerError) as error:
-        raise Failure(COMPILING_FAILED, f"bench: {error}") from None
+    lines, failures = bench(options, status)
     status.close()
     write_lines(lines, sys.stdout)
     for line in failures:
@@ -423,7 +321,7 @@ def _how_it_ended(run: Any, received: Sequence[int]) -> int:
     if isinstance(run.failed, OSError):
         raise run.failed
     if run.failed is not None:
-        raise Failure(USAGE, f"simulate: {run.failed}")
+        raise Failure(str(run.failed))
     if run.reached < run.end:
         _problem(f"simulate: ended {where}: {run.trajectory.ended}{left}")
         return NUMBERS_FAILED
@@ -443,24 +341,21 @@ def _be_short_lived(command: str) -> None:
     atexit.register(gc.freeze)
 
 
-class Failure(Exception):
-    """A command that ends with a message.
+def _expected() -> dict[type[Exception], int]:
+    """Errors of a package, of compilers and of extras that are not installed, each with its exit code."""
+    from .runtime.standalone import errors
 
-    Attributes
-    ----------
-    code : int
-    """
-
-    def __init__(self, code: int, message: str):
-        super().__init__(message)
-        self.code = code
+    return {
+        errors.CompileError: COMPILING_FAILED, errors.NoCompilerError: COMPILING_FAILED,
+        errors.TargetsDifferError: NUMBERS_FAILED, errors.SingularJointError: MODEL_WRONG,
+        errors.PackageError: USAGE, ImportError: USAGE,
+    }  # fmt: skip
 
 
 def _run(options: argparse.Namespace) -> int:
     """Run a command; its errors become messages and exit codes."""
     command, status = options.command, StatusLine(sys.stderr)
     try:
-        from .folders import FolderError
         from .model.errors import ModelError
         from .runtime.standalone.files.compiling import silent
 
@@ -472,12 +367,13 @@ def _run(options: argparse.Namespace) -> int:
         except ModelError as error:
             _wrong(error)
             return MODEL_WRONG
-        except FolderError as error:
-            _problem(f"{command}: {error}")
-            return USAGE
         except Failure as failure:
-            _problem(failure)
+            _problem(f"{command}: {failure}")
             return failure.code
+        except tuple(codes := _expected()) as error:
+            code = next(number for kind, number in codes.items() if isinstance(error, kind))
+            _problem(error if code == MODEL_WRONG else f"{command}: {error}")
+            return code
     except KeyboardInterrupt as interrupt:
         number = getattr(interrupt, "number", signal.SIGINT)
         how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
@@ -566,17 +462,10 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
     reported = commands.add_parser(
         "report", help="measure a model's speed and errors: a page with figures, and its numbers"
     )
-    reported.add_argument("model", help="model file (YAML), or a folder of them")
-    reported.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
-    reported.add_argument(
-        "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="how long motions are (default: 5)"
-    )
-    reported.add_argument(
-        "--compare",
-        metavar="OLD",
-        help="tell what an earlier report, or gallery, says differently: its folder, or report.json",
-    )
-    add_force(reported)
+    if wanted in (None, "report"):
+        from .reporting.command import add_arguments as add_report_arguments
+
+        add_report_arguments(reported)
     reported.set_defaults(run=run_report)
     benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
     if wanted in (None, "bench"):

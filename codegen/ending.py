@@ -1,4 +1,4 @@
-"""Signals that ask a command to end: at once, but for the time in which it writes what it has computed."""
+"""How a command ends: its exit code, and signals that end it at once, except while it writes what it has computed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,24 @@ import time
 from collections.abc import Iterator
 from types import FrameType
 
+OK, MODEL_WRONG, USAGE, COMPILING_FAILED, NUMBERS_FAILED = 0, 1, 2, 3, 4
+SIGNALLED = 128
+"""To which the number of a signal is added."""
+
 REPEATED = 1.0
 """Seconds within which a further signal says nothing new: ``timeout`` signals a process and then its group."""
+
+
+class Failure(Exception):
+    """A command that ends with a message, which the command's name precedes.
+
+    Attributes
+    ----------
+    code : int
+        The exit code.
+    """
+
+    code = USAGE
 
 
 class Terminated(KeyboardInterrupt):
@@ -69,4 +85,4 @@ class Ending:
                 signal.signal(number, kept)
 
 
-__all__ = ["Ending", "Terminated"]
+__all__ = ["Ending", "Failure", "Terminated"]

@@ -23,6 +23,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
+from .ending import Failure
+
 OTHERS = ("_second", "_third", "_fourth")
 """What the names of files and C functions of further partitions have after the model's."""
 
@@ -30,7 +32,7 @@ ATTEMPTS = 20
 """So often a place is tried for that other processes take meanwhile."""
 
 
-class FolderError(ValueError):
+class FolderError(Failure, ValueError):
     """The output folder cannot be written, or holds something that `generate` did not write."""
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from .cached_solver import read, solver_of
 from .choices import more_choices
+from .ending import NUMBERS_FAILED, Failure
 from .own_files import add_force, refuse_foreign_file
 from .terminal import StatusLine
 
@@ -36,12 +37,14 @@ ROWS, COLUMNS = 24, 6
 """Of the table of final values: so many outputs, and derivatives of each."""
 
 
-class RequestError(ValueError):
+class RequestError(Failure, ValueError):
     """What was asked for on the command line cannot be done."""
 
 
-class MotionError(ArithmeticError):
+class MotionError(Failure, ArithmeticError):
     """The motion cannot be computed: a loop does not close, a joint is singular, steps become too small."""
+
+    code = NUMBERS_FAILED
 
 
 BETWEEN = ("linear", "hold", "cubic", "quintic")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
+from ..ending import Failure
 from .problem import Family, Motion, Problem
 from .problems import (
     andrews,
@@ -40,7 +41,7 @@ KINDS = ("motions", "families")
 """Words that stand for all problems of a kind."""
 
 
-class UnknownProblemError(ValueError):
+class UnknownProblemError(Failure, ValueError):
     """A name that no problem has."""
 
 

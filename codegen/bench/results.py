@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..ending import Failure
 from ..measure import tables
 from ..runtime.standalone.files.whole_file import MARK, write_whole
 
@@ -14,7 +15,7 @@ FORMAT = 1
 """Raised when figures change their names or meaning."""
 
 
-class ResultsError(ValueError):
+class ResultsError(Failure, ValueError):
     """A file does not hold results of the benchmark."""
 
 

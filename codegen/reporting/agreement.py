@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..ending import Failure
 from ..measure.core import FIXED_WORK
 
 SPREAD = 0.15
@@ -51,7 +52,7 @@ MOST_LINES = 12
 """So many differences of a part are listed."""
 
 
-class NoReportError(Exception):
+class NoReportError(Failure):
     """A file or folder that holds no report."""
 
 
