@@ -1,10 +1,39 @@
-"""Cells of tables, and tables in Markdown."""
+"""Cells of tables, tables, and sections of pages, in Markdown."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+
+    def markdown(self) -> list[str]:
+        """Its parts in Markdown."""
+        return [
+            *[f"### {self.title}"][: bool(self.title)],
+            markdown(self.head, self.rows),
+            *[self.note][: bool(self.note)],
+        ]
+
+
+@dataclass(frozen=True)
+class Section:
+    """Sentences, names of figures, tables."""
+
+    title: str
+    text: Sequence[str]
+    figures: Sequence[str] = ()
+    tables: Sequence[Table] = ()
 
 
 def error(x: float | None) -> str:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import html
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
-from ..emit.templates import render
 from ..folders import FolderError
-from ..measure.tables import number, seconds
+from ..measure.tables import Section, Table, number, seconds
 from ..model.errors import ModelError
 from ..own_files import refuse_foreign_file
 from ..runtime.standalone.errors import AssemblyError, CompileError
-from ..runtime.standalone.files.whole_file import MARK
 from . import pages
 from .measuring import Progress, Request, report
 
@@ -30,6 +28,10 @@ HEAD = [
     "left out",
 ]
 
+MADE = (
+    "Times per state of a batch; errors against the generic engine in extended precision, the worst of all states. Each report "
+    "says what it left out."
+)
 
 FAILURES = (ModelError, FolderError, CompileError, AssemblyError, np.linalg.LinAlgError, ArithmeticError)
 """Errors that are of one model, and leave the others as they are."""
@@ -99,7 +101,9 @@ def _refuse_foreign(target: Path, names: set[str], force: bool) -> None:
 
 
 def _write(folder: Path, target: Path, rows: list[list[str]], failed: dict[str, str]) -> None:
-    lines = [{"name": html.escape(r[0]), "cells": [html.escape(c) for c in r[1:]]} for r in rows]
-    told = [{"name": html.escape(n), "why": html.escape(why)} for n, why in failed.items()]
-    context = {"title": html.escape(folder.resolve().name), "mark": MARK, "head": HEAD, "rows": lines, "failed": told}
-    (target / pages.PAGE).write_text(render("report/gallery.html.jinja", context), encoding="utf-8")
+    links = [[Markup('<a href="{0}/index.html">{0}</a>').format(r[0]), *r[1:]] for r in rows]
+    sections = [
+        Section("Models", [f"No report of {name}: {why}" for name, why in failed.items()], (), [Table("", HEAD, links)])
+    ]
+    text = pages.page(f"Reports of {folder.resolve().name}", MADE, sections, {})
+    (target / pages.PAGE).write_text(text, encoding="utf-8")

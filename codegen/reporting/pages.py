@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
 from pathlib import Path
@@ -10,18 +9,12 @@ from typing import Any
 
 from ..emit.templates import render
 from ..folders import FolderError, write_folder
-from ..measure.tables import number, seconds
+from ..measure.tables import Section, Table, number, seconds
 from ..runtime.standalone.files.manifest import file_digest
 from ..runtime.standalone.files.whole_file import MARK
 from . import agreement, figures, processes
 
 PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "figures"
-
-Table = dict[str, Any]
-"""``title``, ``head``, ``rows`` of text, ``note``."""
-
-Section = dict[str, Any]
-"""``title``, ``text`` (sentences), ``figures`` (names), ``tables``."""
 
 
 def need() -> None:
@@ -89,43 +82,28 @@ def texts(data: dict[str, Any]) -> dict[str, str]:
     """Files of a report by name."""
     drawn = figures.figures(data)
     sections = tables(data)
-    head = {"title": html.escape(data["model"]), "data": data}
-    page = head | {"sections": [_for_html(s, drawn) for s in sections]}
-    plain = head | {"title": data["model"], "sections": [_for_markdown(s, drawn) for s in sections]}
+    title = f"{data['model']}: speed against error"
+    made = (
+        f"ordernm {data['ordernm']}, {data['date']}; measured in {data['seconds']:.0f} s, {data['cpu_seconds']:.0f} s of them a "
+        f"core's work. The numbers are in"
+    )
+    markdown = [f"# {title}", f"{made} [{NUMBERS}]({NUMBERS})."]
+    for s in sections:
+        pictures = (f"![{s.title}]({FIGURES}/{name}.svg)" for name in s.figures)
+        markdown += [f"## {s.title}", *s.text, *pictures, *(part for t in s.tables for part in t.markdown())]
     found = {
-        PAGE: render("report/index.html.jinja", page),
-        MARKDOWN: render("report/report.md.jinja", plain),
+        PAGE: page(title, f"{made} {NUMBERS}.", sections, drawn),
+        MARKDOWN: "\n\n".join(markdown) + "\n",
         **{f"{FIGURES}/{name}.svg": svg + "\n" for name, svg in drawn.items()},
     }
     own = {"written": MARK, "files": {name: file_digest(text.encode()) for name, text in found.items()}}
     return found | {NUMBERS: json.dumps(_plain(data | own), indent=1, allow_nan=False) + "\n"}
 
 
-def _for_html(section: Section, drawn: dict[str, str]) -> Section:
-    """The same with text escaped, and the figure inside."""
-    return {
-        "title": html.escape(section["title"]), "text": [html.escape(x) for x in section["text"]],
-        "figures": [{"svg": drawn[n]} for n in section["figures"] if n in drawn],
-        "tables": [
-            {"title": html.escape(t["title"]), "note": html.escape(t["note"]), "head": [html.escape(h) for h in t["head"]],
-             "rows": [[html.escape(c) for c in row] for row in t["rows"]]}
-            for t in section["tables"]
-        ],
-    }  # fmt: skip
-
-
-def _for_markdown(section: Section, drawn: dict[str, str]) -> Section:
-    """The same with the rules that Markdown's tables need, and the figure's name."""
-    return {
-        "title": section["title"], "text": section["text"],
-        "figures": [{"name": n} for n in section["figures"] if n in drawn],
-        "tables": [
-            {"heading": f"### {t['title']}\n\n" if t["title"] else "", "head": t["head"],
-             "rule": " | ".join(["---"] * len(t["head"])), "rows": [[c.replace("|", "\\|") for c in row] for row in t["rows"]],
-             "footnote": f"\n{t['note']}\n" if t["note"] else ""}
-            for t in section["tables"]
-        ],
-    }  # fmt: skip
+def page(title: str, made: str, sections: list[Section], drawn: dict[str, str]) -> str:
+    """A page of HTML that needs nothing else; `made` says how, and when, `drawn` has the figures of the sections as SVG."""
+    context = {"title": title, "made": made, "mark": MARK, "sections": sections, "drawn": drawn}
+    return render("report/page.html.jinja", context)
 
 
 def _plain(x: Any) -> Any:
@@ -149,16 +127,8 @@ def tables(data: dict[str, Any]) -> list[Section]:
     if data.get("motions"):
         sections += _motions(data["motions"])
     if data["skipped"]:
-        sections.append(_section("What was left out", [s["text"] for s in data["skipped"]]))
+        sections.append(Section("What was left out", [s["text"] for s in data["skipped"]]))
     return sections
-
-
-def _section(title: str, text: list[str], figure: str = "", found: list[Table] | None = None) -> Section:
-    return {"title": title, "text": text, "figures": [figure] if figure else [], "tables": found or []}
-
-
-def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> Table:
-    return {"title": title, "head": head, "rows": rows, "note": note}
 
 
 def _generated(data: dict[str, Any]) -> Section:
@@ -168,17 +138,17 @@ def _generated(data: dict[str, Any]) -> Section:
         "code_lines", "code_bytes", "library_bytes",
     )  # fmt: skip
     note = "freedoms: independent speeds; kinds: links, ears and regions of equal structure, which share code"
-    sizes = _table("Sizes", ["", ""], [[n.replace("_", " "), str(g[n])] for n in names], note)
-    stages = _table("Generation", ["stage", "time"], [[n, seconds(s)] for n, s in g["seconds"].items()])
-    on = _table("Measured on", ["", ""], [[k, v] for k, v in m.items()])
+    sizes = Table("Sizes", ["", ""], [[n.replace("_", " "), str(g[n])] for n in names], note)
+    stages = Table("Generation", ["stage", "time"], [[n, seconds(s)] for n, s in g["seconds"].items()])
+    on = Table("Measured on", ["", ""], [[k, v] for k, v in m.items()])
     rows = []
     for name in ("accelerations", "sensitivities", "sensitivities_transposed"):
         for sweep, counts in g["operations"].get(name, {}).items():
             per_call, more = (sum(counts[k].values()) for k in ("per_call", "per_direction"))
             rows.append([name, sweep, str(per_call), str(more)])
     note = "additions, multiplications, divisions and functions, each counted as one"
-    counted = _table("Operations", ["function", "sweep", "per call", "per direction"], rows, note)
-    return _section("What was generated", g["choice"] + g["remarks"], "", [sizes, stages, on, counted])
+    counted = Table("Operations", ["function", "sweep", "per call", "per direction"], rows, note)
+    return Section("What was generated", g["choice"] + g["remarks"], (), [sizes, stages, on, counted])
 
 
 def _times(data: dict[str, Any]) -> Section:
@@ -188,7 +158,7 @@ def _times(data: dict[str, Any]) -> Section:
         c, call = x["compiled"], x["call"]
         shown = c["least"], c["median"], c["high"], call["least"], call["median"], call["high"]
         rows.append([name, *(seconds(s) for s in shown)])
-    functions = _table(
+    functions = Table(
         "Per evaluation",
         ["function", "in C, least", "median", "nine of ten", "one call from Python, least", "median", "nine of ten"],
         rows,
@@ -201,8 +171,8 @@ def _times(data: dict[str, Any]) -> Section:
         f"and by the square of how much slower fixed work was, which is what it may cost: ordernm report --compare tells.",
     )
     rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
-    batches = _table("Accelerations in batches", ["states", "per state, least", "median"], rows)
-    return _section("Time per evaluation", [], "times", [functions, batches])
+    batches = Table("Accelerations in batches", ["states", "per state, least", "median"], rows)
+    return Section("Time per evaluation", [], ["times"], [functions, batches])
 
 
 def _roofline(data: dict[str, Any]) -> Section:
@@ -220,7 +190,7 @@ def _roofline(data: dict[str, Any]) -> Section:
         "of one number at a time",
     ]
     text = "Operations per second against what the core did in loops of multiply-adds and of sums, measured in the same run."
-    return _section("Roofline", [text], "roofline", [_table("", head, rows)])
+    return Section("Roofline", [text], ["roofline"], [Table("", head, rows)])
 
 
 def _errors(data: dict[str, Any]) -> Section:
@@ -253,7 +223,7 @@ def _errors(data: dict[str, Any]) -> Section:
         "gradient",
     ]
     text = "The generated C against the generic engine in numbers of 40 digits, both from the same doubles."
-    return _section("Errors", [text], "errors", [_table("Relative errors", head, rows, note)])
+    return Section("Errors", [text], ["errors"], [Table("Relative errors", head, rows, note)])
 
 
 def _differences(data: dict[str, Any]) -> Section:
@@ -266,7 +236,7 @@ def _differences(data: dict[str, Any]) -> Section:
         f"Derivative of the accelerations by {data['by']}; errors are against {data['reference']}.",
         "Differences lose digits to truncation on the right and to rounding on the left; the exact derivative has no step.",
     ]
-    return _section("Finite differences", text, "differences", [_table("", ["", "relative error"], rows)])
+    return Section("Finite differences", text, ["differences"], [Table("", ["", "relative error"], rows)])
 
 
 def _motions(data: dict[str, Any]) -> list[Section]:
@@ -287,8 +257,8 @@ def _motions(data: dict[str, Any]) -> list[Section]:
             f"Shorter than the {data['asked']:g} s asked for" + (f": {data['ended']}." if "ended" in data else ".")
         )
     head = ["method", "tolerance or step", "error", "error of sensitivities", "evaluations", "time in C"]
-    sections = [_section("Work and precision", text, "work_precision", [_table("", head, rows)])] if rows else []
+    sections = [Section("Work and precision", text, ["work_precision"], [Table("", head, rows)])] if rows else []
     if data.get("conditions"):
         rows = [[k.replace("_", " "), number(max(v))] for k, v in data["conditions"].items() if k != "t"]
-        sections.append(_section("Conditions along the motion", [], "conditions", [_table("", ["", "largest"], rows)]))
+        sections.append(Section("Conditions along the motion", [], ["conditions"], [Table("", ["", "largest"], rows)]))
     return sections
