@@ -9,6 +9,7 @@ from ..measure.clock import exponent
 from ..measure.operations import plain
 from ..measure.tables import error, seconds
 from ..summary import table
+from .problem import setting_of
 from .results import COMPARED, compare, other_machine
 
 
@@ -27,7 +28,7 @@ def problem_lines(name: str, result: dict[str, Any], width: int | None) -> list[
 
 def motion_lines(result: dict[str, Any], width: int | None) -> list[str]:
     each = plain(result["operations"])
-    lines = table(POINT_HEAD, [point_row(p) for p in result["points"]], width)
+    lines = table(*point_table(result), width)
     lines.append(
         f"  {each} additions and multiplications an evaluation of udot; generated in {result['generation_seconds']:.1f} s"
     )
@@ -43,12 +44,18 @@ def motion_lines(result: dict[str, Any], width: int | None) -> list[str]:
     return lines
 
 
-POINT_HEAD = ("method, tolerance", "error", "evaluations", "steps", "rejected", "in C", "")
+Rows = tuple[Sequence[str], list[list[str]]]
+"""The head of a table, and its rows; the page has the same."""
 
 
-def setting(p: dict[str, Any]) -> str:
-    """Method and tolerance of a point."""
-    return f"{p['method']} {p['rtol']:.2g}" + ("" if p["atol"] == p["rtol"] else f", atol {p['atol']:.2g}")
+def point_table(result: dict[str, Any]) -> Rows:
+    """A motion at every setting."""
+    head = ("setting", "error", "evaluations", "steps", "rejected", "ms")
+    counted = ("evaluations", "steps", "rejected")
+    return head, [
+        [setting_of(p), error_of(p), *(str(p[n]) for n in counted), f"{1e3 * p['seconds']:.2f}"]
+        for p in result["points"]
+    ]
 
 
 def error_of(p: dict[str, Any]) -> str:
@@ -57,67 +64,61 @@ def error_of(p: dict[str, Any]) -> str:
     return error(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended'].partition(':')[0]}"
 
 
-def point_row(p: dict[str, Any]) -> list[str]:
-    ended = "" if p["ended"] == "finished" else error_of(p)[:72]
-    return [
-        setting(p),
-        error(p["error"]),
-        str(p["evaluations"]),
-        str(p["steps"]),
-        str(p["rejected"]),
-        seconds(p["seconds"]),
-        ended,
-    ]
-
-
 def goal_line(goal: dict[str, Any]) -> str:
     """An aim, and what reached it."""
     p = goal["reached"]
     if p is None:
         return f"error {goal['goal']}: missed at every tolerance"
-    how = f"{error(p['error'])}, {p['evaluations']} evaluations, {seconds(p['seconds'])} with {setting(p)}"
+    how = f"{error(p['error'])}, {p['evaluations']} evaluations, {seconds(p['seconds'])} with {setting_of(p)}"
     return f"error {goal['goal']}: {'reached' if goal['met'] else 'missed'}, {how}"
 
 
 def family_lines(result: dict[str, Any], width: int | None) -> list[str]:
-    rows = result["sizes"]
-    functions = list(rows[0]["seconds"])
-    head = [result["unit"], "coordinates", "relative error", "operations each", "one more direction",
-            *(f"{f}, each" for f in functions), *functions]  # fmt: skip
-    cells = [
-        [str(r["size"]), str(r["bodies"]), error(r["error"]), f"{plain(r['operations']) / r['bodies']:.0f}",
-         f"{plain(r['operations_direction']) / r['bodies']:.0f}",
-         *(seconds(r["seconds"][f] / r["bodies"]) for f in functions), *(seconds(r["seconds"][f]) for f in functions)]
-        for r in rows
-    ]  # fmt: skip
-    lines = table(head, cells, width)
-    if len(rows) > 2:
-        sizes = [r["size"] for r in rows]
-        slopes = (f"{f} {exponent(sizes, [r['seconds'][f] for r in rows]):.2f}" for f in functions)
-        lines.append(f"  exponent of time: {', '.join(slopes)}")
+    lines = table(*family_table(result), width)
+    if slopes := growth(result):
+        lines.append(f"  exponent of time: {slopes}")
     if result["failed"]:
         lines.append(f"  failed: error above {result['within']:.0e} with {', '.join(result['failed'])}")
     return lines
 
 
-def robot_head(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """What stands above `robot_row`."""
-    return ["", "speeds", "difference", *(x for what in rows[0]["seconds"] for x in (what, "Pinocchio", "ratio"))]
+def family_table(result: dict[str, Any]) -> Rows:
+    """Models of a family by size: error, operations and times, both for each coordinate."""
+    functions = list(result["sizes"][0]["seconds"])
+    head = [result["unit"], "coordinates", "error", "udot, operations each", "one more direction",
+            *(x for f in functions for x in (f, "ns each"))]  # fmt: skip
+    rows = []
+    for r in result["sizes"]:
+        n = r["bodies"]
+        each = (f"{plain(r[of]) / n:.0f}" for of in ("operations", "operations_direction"))
+        times = (x for s in r["seconds"].values() for x in (seconds(s), f"{1e9 * s / n:.1f}"))
+        rows.append([str(r["size"]), str(n), error(r["error"]), *each, *times])
+    return head, rows
 
 
-def robot_row(row: dict[str, Any]) -> list[str]:
-    """A robot: ours, theirs and their ratio by function."""
-    found = [row["model"], str(row["speeds"]), error(row["error"])]
-    for what, ours in row["seconds"].items():
-        theirs = row["theirs"][what]
-        found += [seconds(ours), seconds(theirs), f"{ours / theirs:.2f}"]
-    return found
+def growth(result: dict[str, Any]) -> str:
+    """Exponents of time over size, by function; empty for fewer than three sizes."""
+    rows = result["sizes"]
+    sizes = [r["size"] for r in rows]
+    slopes = (f"{f} {exponent(sizes, [r['seconds'][f] for r in rows]):.2f}" for f in rows[0]["seconds"])
+    return ", ".join(slopes) if len(rows) > 2 else ""
+
+
+def robot_table(rows: Sequence[dict[str, Any]]) -> Rows:
+    """Robots: ours, theirs and their ratio by function."""
+    head = ["", "speeds", "difference", *(x for what in rows[0]["seconds"] for x in (what, "Pinocchio", "ratio"))]
+    cells = []
+    for r in rows:
+        pairs = ((ours, r["theirs"][what]) for what, ours in r["seconds"].items())
+        times = (x for ours, theirs in pairs for x in (seconds(ours), seconds(theirs), f"{ours / theirs:.2f}"))
+        cells.append([r["model"], str(r["speeds"]), error(r["error"]), *times])
+    return head, cells
 
 
 def robot_lines(result: dict[str, Any], width: int | None) -> list[str]:
     lines = [f"  {name}: not measured, {why}" for name, why in result["skipped"].items()]
     if result["rows"]:
-        lines += table(robot_head(result["rows"]), [robot_row(r) for r in result["rows"]], width)
+        lines += table(*robot_table(result["rows"]), width)
     if result["failed"]:
         lines.append(f"  failed: difference above {result['within']:.0e} of {', '.join(result['failed'])}")
     return lines
@@ -133,15 +134,15 @@ def peer_lines(peers: dict[str, Any], width: int | None) -> list[str]:
     lines = [f"{who}: not compared, {why}" for who, why in peers["skipped"].items()]
     for name, rows in peers["problems"].items():
         lines.append(f"{name}, others beside it, taking turns")
-        lines += table(PEER_HEAD, [peer_row(r) for r in rows], width)
+        lines += table(*peer_table(rows), width)
     return lines
 
 
-PEER_HEAD = ("", "setting", "error", "of derivatives", "time")
-
-
-def peer_row(row: dict[str, Any]) -> list[str]:
-    return [row["who"], row["setting"], error(row["error"]), error(row["error_derivatives"]), seconds(row["seconds"])]
+def peer_table(rows: Sequence[dict[str, Any]]) -> Rows:
+    """Everybody on one problem."""
+    return ("", "setting", "error", "of derivatives", "time"), [
+        [r["who"], r["setting"], error(r["error"]), error(r["error_derivatives"]), seconds(r["seconds"])] for r in rows
+    ]
 
 
 def compare_lines(new: dict[str, Any], old: dict[str, Any], width: int | None) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,17 +18,14 @@ from ..measure.operations import point, total
 from ..model import parse_model
 from ..runtime import Solver, load
 from .peers.robots import measure_robots
-from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, Setting
-from .work_precision import Point, cheapest, diagram, error_at_end, fastest, integrate
+from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, Setting, setting_of
+from .work_precision import diagram, error_at_end, integrate
 
 BATCH = 1e-3
 """Seconds of a turn in C, about."""
 
 Progress = Callable[[str], None]
 Result = dict[str, Any]
-
-SMALLEST = 1e-30
-"""A reference below it is zero but for rounding."""
 
 WIDTH = 8
 """Directions of the function over directions that is timed."""
@@ -79,11 +75,11 @@ def _motion(problem: Motion, folder: Path, quick: bool, progress: Progress, budg
     result: Result = {
         "kind": "motion", "title": problem.title, "source": problem.source, "end": problem.end,
         "quantities": list(problem.quantities), "generation_seconds": seconds,
-        "operations": total(solver.operations["accelerations"]), "points": [point_record(p) for p in points],
+        "operations": total(solver.operations["accelerations"]), "points": points,
     }  # fmt: skip
     if quick:
         result["within"] = problem.within
-        result["failed"] = [str(p.setting) for p in points if not p.error <= problem.within]
+        result["failed"] = [setting_of(p) for p in points if _is_off(p["error"], problem.within) or p["error"] is None]
     else:
         result["goals"] = [_goal(goal, points) for goal in problem.goals]
         result["failed"] = [g["goal"] for g in result["goals"] if not g["met"] and not g["slow"]]
@@ -94,23 +90,14 @@ def _motion(problem: Motion, folder: Path, quick: bool, progress: Progress, budg
     return result
 
 
-def point_record(p: Point) -> Result:
-    return {
-        "method": p.setting.method, "rtol": p.setting.rtol, "atol": p.setting.atol,
-        "error": p.error if math.isfinite(p.error) else None, "evaluations": p.evaluations, "steps": p.steps,
-        "rejected": p.rejected, "seconds": p.seconds, "ended": p.ended,
-    }  # fmt: skip
-
-
-def _goal(goal: Goal, points: Sequence[Point]) -> Result:
+def _goal(goal: Goal, points: Sequence[Result]) -> Result:
     """Whether a goal is met, and by which setting: the one with fewest evaluations, or, where time counts, the fastest."""
-    best = fastest(points, goal.error) if goal.seconds is not None else cheapest(points, goal.error)
-    slow = best is not None and goal.seconds is not None and best.seconds >= goal.seconds
-    costly = best is not None and goal.evaluations is not None and best.evaluations >= goal.evaluations
-    return {
-        "goal": str(goal), "met": best is not None and not slow and not costly, "slow": slow,
-        "reached": None if best is None else point_record(best),
-    }  # fmt: skip
+    reached = [p for p in points if p["error"] is not None and p["error"] <= goal.error]
+    work = "evaluations" if goal.seconds is None else "seconds"
+    best = min(reached, key=lambda p: float(p[work]), default=None)
+    slow = best is not None and goal.seconds is not None and best["seconds"] >= goal.seconds
+    costly = best is not None and goal.evaluations is not None and best["evaluations"] >= goal.evaluations
+    return {"goal": str(goal), "met": best is not None and not slow and not costly, "slow": slow, "reached": best}
 
 
 TIGHT, LOOSE = Setting("dop853", 1e-12, 1e-12), Setting("dop853", 1e-9, 1e-9)
@@ -121,10 +108,8 @@ def _derivatives(problem: Motion, solver: Solver, start: dict[str, float], quick
     assert problem.derivatives is not None
     setting = LOOSE if quick else TIGHT
     x, seconds = timed(lambda: integrate(solver, problem.end, setting, start, problem.sensitivities))
-    errors = []
-    for by, exact in zip(problem.sensitivities, problem.derivatives(), strict=True):
-        found = [float(x.derivative(name, by)[-1]) for name in problem.quantities]
-        errors.append(max(abs(a - b) for a, b in zip(found, exact, strict=True)) / max(abs(b) for b in exact))
+    found = [[x.derivative(name, by)[-1] for name in problem.quantities] for by in problem.sensitivities]
+    errors = accuracy.by_direction(found, problem.derivatives())
     return {
         "by": list(problem.sensitivities), "setting": str(setting), "error": max(errors), "within": 1e-4 if quick else 1e-8,
         "evaluations": x.stats["evaluations"], "seconds": seconds,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..measure.clock import exponent
 from ..measure.operations import plain
-from ..measure.tables import error, markdown, seconds
+from ..measure.tables import error, markdown
 from ..runtime.standalone.files.whole_file import MARK
-from .lines import PEER_HEAD, error_of, peer_row, robot_head, robot_row, setting
-from .problem import JOINT, SPEED
+from .lines import family_table, growth, peer_table, point_table, robot_table
+from .problem import JOINT, SPEED, setting_of
 
 TITLE = "How accurate, how fast"
 
@@ -81,8 +80,11 @@ def page_of(results: dict[str, Any]) -> str:
         parts += ["## Time and operations by size", *_families(families)]
     for r in problems.values():
         if r["kind"] == "robots" and r["rows"]:
-            parts += ["## Robots beside Pinocchio", ROBOTS.format(source=r["source"]),
-                      markdown(robot_head(r["rows"]), [robot_row(row) for row in r["rows"]])]  # fmt: skip
+            parts += [
+                "## Robots beside Pinocchio",
+                ROBOTS.format(source=r["source"]),
+                markdown(*robot_table(r["rows"])),
+            ]
     if "peers" in results:
         parts += ["## Other programs", *_peers(results["peers"])]
     return "\n\n".join(parts) + "\n"
@@ -102,22 +104,11 @@ def _motions(motions: dict[str, Any]) -> list[str]:
     if exact:
         parts += [EXACT, markdown(("problem", "by", "setting", "error", "evaluations", "ms"), exact)]  # fmt: skip
     for name, r in motions.items():
-        rows = [
-            [
-                setting(p),
-                error_of(p),
-                str(p["evaluations"]),
-                str(p["steps"]),
-                str(p["rejected"]),
-                f"{1e3 * p['seconds']:.2f}",
-            ]
-            for p in r["points"]
-        ]
         parts += [
             f"### {r['title']}",
             f"`{name}`: {', '.join(r['quantities'])} at {r['end']:g} s. Reference: {r['source']}. An evaluation has "
             f"{plain(r['operations'])} additions and multiplications.",
-            markdown(("setting", "error", "evaluations", "steps", "rejected", "ms"), rows),
+            markdown(*point_table(r)),
         ]
     return parts
 
@@ -127,7 +118,7 @@ def _aim(goal: dict[str, Any]) -> list[str]:
     if p is None:
         return [goal["goal"], "**missed**", "", "", "", ""]
     verdict = "reached" if goal["met"] else "**missed**"
-    return [goal["goal"], verdict, error(p["error"]), str(p["evaluations"]), f"{1e3 * p['seconds']:.2f}", setting(p)]
+    return [goal["goal"], verdict, error(p["error"]), str(p["evaluations"]), f"{1e3 * p['seconds']:.2f}", setting_of(p)]
 
 
 def _named(row: dict[str, Any]) -> bool:
@@ -163,23 +154,11 @@ def _digits(families: dict[str, Any]) -> list[str]:
 def _families(families: dict[str, Any]) -> list[str]:
     parts = [FAMILIES]
     for name, r in families.items():
-        rows, functions = [], list(r["sizes"][0]["seconds"])
-        for row in r["sizes"]:
-            n = row["bodies"]
-            rows.append(
-                [str(row["size"]), str(n), error(row["error"]), f"{plain(row['operations']) / n:.0f}",
-                 f"{plain(row['operations_direction']) / n:.0f}",
-                 *(x for f in functions for x in (seconds(row["seconds"][f]), f"{1e9 * row['seconds'][f] / n:.1f}"))]
-            )  # fmt: skip
-        head = [r["unit"], "coordinates", "error", "udot, operations each", "one more direction",
-                *(x for f in functions for x in (f, "ns each"))]  # fmt: skip
-        sizes = [row["size"] for row in r["sizes"]]
-        slopes = ", ".join(f"{f} {exponent(sizes, [row['seconds'][f] for row in r['sizes']]):.2f}" for f in functions)
-        grows = f" Time grows with the size to the power: {slopes}." if len(sizes) > 2 else ""
+        grows = f" Time grows with the size to the power: {slopes}." if (slopes := growth(r)) else ""
         parts += [
             f"### {r['title'][0].upper()}{r['title'][1:]}",
             f"`{name}`. Reference: {r['source']}.{grows}",
-            markdown(head, rows),
+            markdown(*family_table(r)),
         ]
     return parts
 
@@ -188,5 +167,5 @@ def _peers(peers: dict[str, Any]) -> list[str]:
     parts = [PEERS]
     parts += [f"{who} was not compared: {why}." for who, why in peers["skipped"].items()]
     for name, rows in peers["problems"].items():
-        parts += [f"### Beside `{name}`", markdown(PEER_HEAD, [peer_row(r) for r in rows])]
+        parts += [f"### Beside `{name}`", markdown(*peer_table(rows))]
     return parts

@@ -34,6 +34,11 @@ class Setting:
         return f"{self.method} {self.rtol:.2g}{same}"
 
 
+def setting_of(point: Mapping[str, Any]) -> str:
+    """The setting of a point of a work-precision diagram, in words."""
+    return str(Setting(point["method"], point["rtol"], point["atol"]))
+
+
 @dataclass(frozen=True)
 class Goal:
     """What a motion is to reach: an error at its end, and with how much.
