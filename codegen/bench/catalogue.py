@@ -6,36 +6,19 @@ import difflib
 from collections.abc import Sequence
 
 from ..ending import Failure
-from .problem import Family, Motion, Problem
-from .problems import (
-    andrews,
-    bricard,
-    cart_pole,
-    chain_motion,
-    families,
-    flyball,
-    four_bars,
-    pendulum,
-    planar_chains,
-    robots,
-)
+from .problem import Family, Motion, Problem, Robots
+from .problems import families, four_bars, motions, pendulum, planar_chains
 
-PROBLEMS: dict[str, Problem] = {
-    p.name: p
-    for module in (
-        pendulum,
-        four_bars,
-        andrews,
-        bricard,
-        flyball,
-        cart_pole,
-        chain_motion,
-        families,
-        planar_chains,
-        robots,
-    )
-    for p in module.PROBLEMS
-}
+ROBOTS = Robots(
+    name="robots",
+    title="Jacobians, mass matrices and batches of robots given as URDF",
+    source="Pinocchio's aba, computeABADerivatives, crba and computeMinverse on the same robot in the same state",
+    models=("CHAIN(7)", "CHAIN(24)", "UR5", "Panda", "Solo12", "ANYmal", "G1", "Talos"),
+    quick=("CHAIN(7)",),
+    within=1e-9,
+)
+MODULES = (pendulum, four_bars, motions, families, planar_chains)
+PROBLEMS: dict[str, Problem] = {p.name: p for p in (*(p for module in MODULES for p in module.PROBLEMS), ROBOTS)}
 
 KINDS = ("motions", "families")
 """Words that stand for all problems of a kind."""

@@ -5,8 +5,7 @@ import pytest
 
 from codegen.bench.peers import comparing, programs
 from codegen.bench.problem import Motion
-from codegen.bench.problems.cart_pole import CART_POLE
-from codegen.bench.problems.chain_motion import ANGLES, BY_LENGTH, CHAIN_MOTION, RODS
+from codegen.bench.problems.motions import ANGLES, BY_LENGTH, CART_POLE, CHAIN_MOTION, RODS
 from codegen.measure import articulated_chain
 from codegen.measure.models import chain_state
 

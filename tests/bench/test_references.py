@@ -11,7 +11,7 @@ from codegen.bench.catalogue import PROBLEMS, UnknownProblemError, chosen
 from codegen.bench.dual import Dual, cosine, sine
 from codegen.bench.elliptic import swing
 from codegen.bench.problem import Family, Motion
-from codegen.bench.problems import chain_motion, families, four_bars, pendulum, planar_chains
+from codegen.bench.problems import families, four_bars, motions, pendulum, planar_chains
 from codegen.measure import articulated_chain
 from codegen.measure.models import changed, example
 from codegen.model import parse_model
@@ -106,9 +106,9 @@ def test_the_chain_in_motion_is_where_scipy_finds_it():
         q, u = y[:4].tolist(), y[4:].tolist()
         return [*u, *articulated_chain.accelerations(q, u, 1.0, math.sin, math.cos, 1.0, 0.05, 9.81)]
 
-    start = np.concatenate(families.chain_state(chain_motion.RODS))
+    start = np.concatenate(families.chain_state(motions.RODS))
     end = solve_ivp(rates, (0.0, 5.0), start, method="DOP853", rtol=1e-7, atol=1e-7).y[:4, -1]
-    assert end == pytest.approx(chain_motion.ANGLES, abs=1e-6)
+    assert end == pytest.approx(motions.ANGLES, abs=1e-6)
 
 
 def against_the_engine(evaluation, directions):

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from codegen.bench import lines, page
+from codegen.bench.catalogue import ROBOTS
 from codegen.bench.measuring import measure
 from codegen.bench.plots import write_plots
-from codegen.bench.problems.robots import ROBOTS
 from codegen.bench.results import figures
 from codegen.measure import pinocchio_models
 

@@ -12,8 +12,7 @@ from ...measure.clock import alternate, elapsed
 from ...measure.models import chain_state
 from ..measuring import generated
 from ..problem import Motion, Problem, Setting, tolerances
-from ..problems.chain_motion import CHAIN_MOTION, RODS
-from ..problems.flyball import FLYBALL
+from ..problems.motions import CHAIN_MOTION, FLYBALL, RODS
 from ..work_precision import integrate
 from . import programs
 from .programs import Contestant, Ends
