@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from .loops.errors import loops_counted
+from .measure.machine import instructions
 from .model.expressions import Expression, combine
 from .model.forces import ForceElement
 from .model.model import GROUND, Body, Coupling, Face, Joint, Model, Output, Point, Vector, joint_coordinates
@@ -308,30 +307,8 @@ def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
     for build, key in kept:
         for place in build.places:
             for library in sorted(place.glob(f"{key}-*.so")):
-                return f"compiled C computes: {library.name}{_instructions([*build.compiler, *build.flags])}"
+                used = instructions([*build.compiler, *build.flags])
+                return f"compiled C computes: {library.name}{used and f', {used}'}"
     if build.compiler:
         return f"C computes: {build.compiler[0]} compiles it when it is loaded first"
     return "NumPy computes, since there is no C compiler"
-
-
-INSTRUCTIONS = {
-    "__AVX512F__": "AVX-512",
-    "__AVX2__": "AVX2",
-    "__AVX__": "AVX",
-    "__ARM_NEON": "NEON",
-    "__SSE2__": "SSE2",
-}
-"""What a compiler defines where it may use them, the widest first."""
-
-
-def _instructions(compiler: Sequence[str]) -> str:
-    """What a compiler with its flags uses on this machine; a library's name holds all three."""
-    try:
-        asked = subprocess.run(
-            [*compiler, "-dM", "-E", "-x", "c", os.devnull],
-            stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=10, check=False,
-        )  # fmt: skip
-    except (OSError, subprocess.TimeoutExpired):
-        return ""
-    defined = {line.split()[1] for line in asked.stdout.splitlines() if line.startswith("#define ")}
-    return next((f", {name}" for macro, name in INSTRUCTIONS.items() if macro in defined), "")

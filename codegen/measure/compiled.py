@@ -136,7 +136,7 @@ class Workshop:
     @property
     def widest(self) -> str:
         """The widest vector instructions that are left."""
-        return machine.instructions(self.compiler, self.all_flags)
+        return machine.instructions([*self.compiler, *self.all_flags]) or "no vector instructions"
 
     def compiled(self, contestant: Contestant, level: str) -> Variant:
         """A contestant with its timing loop, a file of its own that is always compiled by ``-O2``; or both from the cache."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
-
-import numpy as np
-import scipy
 
 from ..runtime.standalone.files.compiler import STANDARD, compiler_version, find_compiler, optimization
 from ..version import __version__
@@ -32,12 +31,12 @@ def machine() -> dict[str, str]:
         "processor": processor_name(),
         "cores": str(os.cpu_count() or 1),
         "system": f"{platform.system()} {platform.machine()}",
-        "instructions": instructions(command, flags),
+        "instructions": instructions([*command, *flags]) or "no vector instructions",
         "compiler": first[0] if first else Path(command[0]).name,
         "flags": " ".join([*STANDARD, *flags]),
         "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
+        "numpy": version("numpy"),
+        "scipy": version("scipy"),
         "ordernm": __version__,
     }
 
@@ -52,13 +51,13 @@ def processor_name() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-def instructions(command: list[str], flags: list[str]) -> str:
-    """The widest vector instructions that these flags let a compiler use."""
+def instructions(command: Sequence[str]) -> str:
+    """The widest vector instructions that a compiler with its flags uses on this machine; empty where nothing is known of any."""
     try:
         done = subprocess.run(
-            [*command, *flags, "-dM", "-E", "-x", "c", os.devnull], stdin=subprocess.DEVNULL, capture_output=True, text=True,
-            check=False, timeout=60,
+            [*command, "-dM", "-E", "-x", "c", os.devnull],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=10, check=False,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired):
-        return "unknown"
-    return next((name for macro, name in INSTRUCTIONS if f"{macro} " in done.stdout), "no vector instructions")
+        return ""
+    return next((name for macro, name in INSTRUCTIONS if f"#define {macro} " in done.stdout), "")
