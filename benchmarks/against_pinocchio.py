@@ -1,6 +1,6 @@
-"""Agreement with Pinocchio on random trees: udot and its Jacobians in q, u and tau; and the time of udot beside `pin.aba`.
+"""Agreement with Pinocchio on random trees: udot and its Jacobians in q, u and tau.
 
-    python benchmarks/against_pinocchio.py [--trees 20] [--no-timing]
+    python benchmarks/against_pinocchio.py [--trees 20]
 
 A random tree (revolute and prismatic joints about any axis, spherical, free; dense inertias; rotated joint frames; gravity) is
 made with Pinocchio, and ours from that, by `codegen.measure.pinocchio_models`. What differs:
@@ -28,9 +28,7 @@ import pinocchio as pin
 
 import codegen
 from codegen.measure.accuracy import largest, relative
-from codegen.measure.clock import alternate, calibrated, one_core
-from codegen.measure.models import sized
-from codegen.measure.pinocchio_models import chain, ours, usual_state
+from codegen.measure.pinocchio_models import ours, usual_state
 from codegen.measure.tables import markdown
 
 CLAIM = 1e-11
@@ -39,8 +37,6 @@ SMALL = 1e-3
 """Errors of columns whose entries are smaller are in parts of this."""
 
 HEAD = ("", "udot", "d udot/dq", "d udot/du", "d udot/dtau")
-HEAD_TIMES = ("n", "ours, accelerations", "pin.aba", "ours, jacobians (q, u, p)", "pin.computeABADerivatives (q, u, tau)",
-              "difference of udot")  # fmt: skip
 
 
 def random_tree(rng: np.random.Generator, n: int) -> Any:
@@ -95,29 +91,13 @@ def compare(rng: np.random.Generator, n: int, folder: Path) -> list[float]:
     ]  # fmt: skip
 
 
-def timing(n: int, folder: Path) -> list[object]:
-    """CHAIN(n) from Python, one state a call: ours and Pinocchio's in turns, the binding's overhead in both."""
-    m, theirs = sized("CHAIN", n), chain(n)
-    codegen.generate(m.model, folder)
-    solver, data, tau = codegen.load(folder), theirs.createData(), np.zeros(n)
-    calls = {
-        "ours": lambda: solver.accelerations(m.q, m.u), "aba": lambda: pin.aba(theirs, data, m.q, m.u, tau),
-        "our Jacobians": lambda: solver.jacobians(m.q, m.u),
-        "derivatives": lambda: pin.computeABADerivatives(theirs, data, m.q, m.u, tau),
-    }  # fmt: skip
-    error = relative(calls["ours"](), calls["aba"]())
-    times = alternate({name: calibrated(call) for name, call in calls.items()}, 0.2)
-    return [n, *(f"{t.least * 1e6:.2f}" for t in times.values()), f"{error:.0e}"]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trees", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--no-timing", action="store_true")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    with tempfile.TemporaryDirectory() as name, one_core():
+    with tempfile.TemporaryDirectory() as name:
         errors = []
         for i in range(options.trees):
             n = int(rng.integers(1, 11))
@@ -128,9 +108,6 @@ def main() -> None:
             [what, *(f"{of(c):.1e}" for c in columns)] for what, of in (("worst", max), ("median", statistics.median))
         ]
         print("\n" + markdown(HEAD, rows))
-        if not options.no_timing:
-            print("\nus a call from Python, CHAIN(n)\n")
-            print(markdown(HEAD_TIMES, [timing(n, Path(name) / f"chain{n}") for n in (4, 12, 24, 50, 100)]))
     if max(map(max, errors)) > CLAIM:
         raise SystemExit(f"an error is above {CLAIM}")
 
