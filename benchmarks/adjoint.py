@@ -17,16 +17,20 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import codegen
 from codegen.measure.accuracy import relative
 from codegen.measure.clock import elapsed, in_rounds
 from codegen.measure.models import example, text_of
 from codegen.runtime import Final
+from codegen.runtime.standalone.motion.functional_gradients import FunctionalGradients
+from codegen.runtime.standalone.motion.run import MotionRun
 
 END = 2.0
 CLAIM = 5.0
@@ -80,30 +84,20 @@ def ladder_of_parameters(loops: int) -> str:
     return f"{first}  repeat k in 1..L:\n    rail(k):{rail}    rung(k):{rung}\nloops:{loop}"
 
 
-class InC:
-    """CPU seconds of members of a solver that call the integrators, while they are watched."""
+@contextmanager
+def watched(kind: type, name: str) -> Iterator[list[float]]:
+    """CPU seconds of each call of a method, meanwhile."""
+    seconds: list[float] = []
+    own = getattr(kind, name)
 
-    def __init__(self, solver: Any, members: Sequence[str]):
-        self.seconds: dict[str, list[float]] = {name: [] for name in members}
-        self._type, self._own = type(solver), {name: getattr(type(solver), name) for name in members}
+    def call(*arguments: Any) -> Any:
+        begins = time.process_time()
+        found = own(*arguments)
+        seconds.append(time.process_time() - begins)
+        return found
 
-    def __enter__(self) -> InC:
-        for name, own in self._own.items():
-            setattr(self._type, name, self._timed(name, own))
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for name, own in self._own.items():
-            setattr(self._type, name, own)
-
-    def _timed(self, name: str, own: Callable[..., Any]) -> Callable[..., Any]:
-        def call(solver: Any, *arguments: Any) -> Any:
-            begins = time.process_time()
-            found = own(solver, *arguments)
-            self.seconds[name].append(time.process_time() - begins)
-            return found
-
-        return call
+    with patch.object(kind, name, call):
+        yield seconds
 
 
 def runs_of(solver: Any, output: str, end: float, integrator: str, tolerance: float) -> dict[str, Callable[[], Any]]:
@@ -127,12 +121,12 @@ def measure(name: str, text: str, output: str, folder: Path, rounds: int, end: f
     print(f"{name}: {len(model.bodies)} bodies, {len(model.loops)} loops, {solver.np} parameters, {integrator}; {took}")
     found: dict[str, Any] = {}
     in_c: dict[str, list[float]] = {"motion": [], "adjoint": []}
-    with InC(solver, ("_segment", "_backwards")) as watched:
+    with watched(MotionRun, "_segment") as ahead, watched(FunctionalGradients, "_backwards") as backwards:
 
         def timed(what: str, run: Callable[[], Any]) -> float:
-            before = len(watched.seconds["_segment"])
+            before = len(ahead)
             seconds = elapsed(lambda: found.update({what: run()}), clock=time.process_time)()
-            in_c.setdefault(what, []).append(sum(watched.seconds["_segment"][before:]))
+            in_c.setdefault(what, []).append(sum(ahead[before:]))
             return seconds
 
         runs = runs_of(solver, output, end, integrator, tolerance)
@@ -143,7 +137,7 @@ def measure(name: str, text: str, output: str, folder: Path, rounds: int, end: f
     least |= {
         "motion in C": min(in_c["motion"]),
         "kept in C": min(in_c["adjoint"]),
-        "backwards": min(watched.seconds["_backwards"]),
+        "backwards": min(backwards),
     }
     state = solver.nq + len(solver.independent_speed_names)
     stages = 3 * state if integrator == "radau" else 11 * (state + (solver.nq if solver.closure_names else 0)) + state
