@@ -57,6 +57,8 @@ def many_motions(solver: Any, n: int, threads: list[int], rounds: int) -> dict[s
     many = partial(codegen.simulate_many, solver, [0.0, END], p={"payload": np.linspace(500.0, 1500.0, n)},
                    sensitivities=DIRECTIONS[:4])  # fmt: skip
 
+    many(threads=1)  # compiles what it needs
+
     def seconds(count: int) -> float:
         time.sleep(0.02)
         return elapsed(partial(many, threads=count))()
