@@ -34,7 +34,7 @@ from codegen.measure.accuracy import relative
 from codegen.measure.clock import one_core
 from codegen.measure.compiled import Contestant, Functions, Timing, Workshop, add_options, workshop
 from codegen.measure.machine import machine
-from codegen.measure.pinocchio_models import ROBOTS, axis_of, ours, theirs_of, usual_state
+from codegen.measure.pinocchio_models import ROBOTS, ours, theirs_of, usual_state
 from codegen.measure.tables import markdown
 from codegen.own_files import refuse_foreign_file
 from codegen.pipeline import write_solver
@@ -70,6 +70,25 @@ static void *solver;"""
 AGREEMENT = 1e-8
 DIGITS = 1e-12
 """What results may differ by: from Pinocchio's, and from 40 digits; relative to the largest entry."""
+
+
+REVOLUTE, PRISMATIC, FREE, SPHERICAL = range(4)
+
+
+def axis_of(joint: Any) -> tuple[int, np.ndarray]:
+    """Type and axis of a joint."""
+    name = joint.shortname().removeprefix("JointModel")
+    if name == "FreeFlyer":
+        return FREE, np.zeros(3)
+    if name == "Spherical":
+        return SPHERICAL, np.zeros(3)
+    if name in ("RX", "RY", "RZ", "PX", "PY", "PZ"):
+        return (PRISMATIC if name[0] == "P" else REVOLUTE), np.eye(3)["XYZ".index(name[1])]
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.nq))
+    motion = np.asarray(data.S).ravel()
+    linear, angular = motion[:3], motion[3:]
+    return (REVOLUTE, angular) if np.abs(angular).max() > 0 else (PRISMATIC, linear)
 
 
 def numbers(model: Any) -> np.ndarray:

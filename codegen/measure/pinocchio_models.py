@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..importing.placement import Placement
-from ..model import Model, ModelBuilder
+from ..importing import from_pinocchio
+from ..model import Model
 from .compiled import Array
 
 
@@ -81,44 +81,9 @@ def theirs_of(name: str, folder: Path | None = None) -> Any:
     return robot(folder, name)
 
 
-REVOLUTE, PRISMATIC, FREE, SPHERICAL = range(4)
-TYPES = ("revolute", "prismatic", "free", "spherical")
-
-
-def axis_of(joint: Any) -> tuple[int, Array]:
-    """Type and axis of a joint."""
-    name = joint.shortname().removeprefix("JointModel")
-    if name == "FreeFlyer":
-        return FREE, np.zeros(3)
-    if name == "Spherical":
-        return SPHERICAL, np.zeros(3)
-    if name in ("RX", "RY", "RZ", "PX", "PY", "PZ"):
-        return (PRISMATIC if name[0] == "P" else REVOLUTE), np.eye(3)["XYZ".index(name[1])]
-    data = joint.createData()
-    joint.calc(data, np.zeros(joint.nq))
-    motion = np.asarray(data.S).ravel()
-    linear, angular = motion[:3], motion[3:]
-    return (REVOLUTE, angular) if np.abs(angular).max() > 0 else (PRISMATIC, linear)
-
-
 def ours(theirs: Any, name: str) -> Model:
-    """The same model here, with a force along every freedom as an input."""
-    builder = ModelBuilder(name.lower().replace("(", "").replace(")", ""), gravity=[0, 0, -9.81])
-    entries = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
-    for i in range(1, theirs.njoints):
-        type_, axis = axis_of(theirs.joints[i])
-        at, body = theirs.jointPlacements[i], theirs.inertias[i]
-        turned = not np.array_equal(at.rotation, np.eye(3))
-        builder.body(
-            f"b{i}", "ground" if theirs.parents[i] == 0 else f"b{theirs.parents[i]}", TYPES[type_],
-            **({"axis": axis.tolist()} if type_ in (REVOLUTE, PRISMATIC) else {}), at=at.translation.tolist(),
-            rpy=Placement(rotation=at.rotation).rpy if turned else None,
-            mass=float(body.mass), com=body.lever.tolist(),
-            inertia={n: float(body.inertia[place]) for n, place in entries.items()},
-        )  # fmt: skip
-        inputs = [builder.input(f"tau{i}_{k}") for k in range(theirs.joints[i].nv)]
-        builder.joint_force(f"drive{i}", f"b{i}", inputs if len(inputs) > 1 else inputs[0])
-    return builder.build()
+    """The same model here, with a force along every freedom as an input; its speeds stand in the same order, but see `State`."""
+    return from_pinocchio(theirs, name=name.lower().replace("(", "").replace(")", ""), motors=True).model
 
 
 class State(NamedTuple):
