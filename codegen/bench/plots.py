@@ -9,7 +9,7 @@ from typing import Any
 
 from ..folders import FolderError
 from ..measure.clock import exponent
-from ..measure.drawing import STYLES, drawing, under_the_roof
+from ..measure.drawing import STYLES, drawing, rows_of_points, under_the_roof
 from ..own_files import refuse_foreign_file
 
 PICTURES = ("time_by_size", "roofline", "robots")
@@ -56,9 +56,7 @@ def time_by_size(families: dict[str, Any]) -> str:
                 seconds = [row["seconds"][function] for row in r["sizes"]]
                 label = f"{name}, exponent {exponent(sizes, seconds):.2f}"
                 ax.plot(sizes, [1e6 * s for s in seconds], label=label, markersize=4, linewidth=1, **style)
-            ax.set_xscale("log")
-            ax.set_yscale("log")
-            ax.set_xlabel("coordinates")
+            ax.set(xscale="log", yscale="log", xlabel="coordinates")
             ax.set_title(f"{function} directions" if "+" in function else function, fontsize=9)
             ax.legend(loc="upper left", fontsize=7)
         axes[0].set_ylabel("microseconds, in C")
@@ -80,17 +78,12 @@ def roofline(families: dict[str, Any], peaks: dict[str, float]) -> str:
 def robots(rows: list[dict[str, Any]]) -> str:
     """Of each robot: its times over those of Pinocchio, by function."""
     functions = list(rows[0]["seconds"])
-    with drawing(7.2, 0.9 + 0.36 * len(rows)) as (_, (ax,), text):
-        places = range(len(rows))[::-1]
+    label = "time over Pinocchio's, both from Python (dashed: equal); beside names the number of speeds"
+    names = [f"{row['model']}, {row['speeds']}" for row in rows]
+    with rows_of_points(names, label, len(functions), fontsize=8) as (ax, places, text):
         for function, style in zip(functions, STYLES, strict=False):
             ratios = [row["seconds"][function] / row["theirs"][function] for row in rows]
             ax.plot(ratios, places, linestyle="none", markersize=5, label=function, marker=style["marker"], color=style["color"],
                     markerfacecolor="none")  # fmt: skip
         ax.axvline(1.0, color="#000000", linewidth=0.8, linestyle=(0, (5, 2)))
-        ax.set_yticks(places, [f"{row['model']}, {row['speeds']}" for row in rows])
-        ax.set_ylim(-0.6, len(rows) - 0.4)
-        ax.set_xscale("log")
-        ax.set_xlabel("time over Pinocchio's, both from Python (dashed: equal); beside names the number of speeds")
-        ax.grid(False, axis="y")
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(functions), borderaxespad=0, fontsize=8)
     return text[0]

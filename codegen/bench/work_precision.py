@@ -42,7 +42,7 @@ def error_at_end(trajectory: Trajectory, end: float, quantities: Sequence[str], 
 
 def diagram(
     solver: Solver, end: float, settings: Sequence[Setting], error: Callable[[Trajectory], float],
-    start: dict[str, float] | None = None, sensitivities: Sequence[str] = (), budget: float = 0.1,
+    start: dict[str, float] | None = None, budget: float = 0.1,
 ) -> list[dict[str, Any]]:  # fmt: skip
     """A motion at several settings, which take turns.
 
@@ -56,8 +56,6 @@ def diagram(
         Of a trajectory; see `error_at_end`.
     start : dict, optional
         Initial coordinates by name, where they are not the model's.
-    sensitivities : sequence of str
-        Derivatives that are integrated with the motion, under error control.
     budget : float
         Seconds for each setting, about; three turns at least, but two for a motion that takes `LONG` of it.
 
@@ -73,9 +71,9 @@ def diagram(
     for i, setting in enumerate(settings):
 
         def again(setting: Setting = setting) -> float:
-            return timed(lambda: integrate(solver, end, setting, start, sensitivities))[1]
+            return timed(lambda: integrate(solver, end, setting, start))[1]
 
-        x = integrate(solver, end, setting, start, sensitivities)
+        x = integrate(solver, end, setting, start)
         found, seconds = error(x), float(x.stats["seconds"])
         if math.isfinite(found):
             seconds = min(seconds, again())  # the first may have compiled what it needs near singular poses

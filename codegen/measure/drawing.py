@@ -58,6 +58,20 @@ def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any
 
 
 @contextmanager
+def rows_of_points(
+    names: Sequence[str], label: str, columns: int = 2, **legend: Any
+) -> Iterator[tuple[Any, Sequence[int], list[str]]]:
+    """Axes with a line for each name, the first on top, and their heights; the SVG text is left in the list."""
+    with drawing(7.2, 0.9 + 0.36 * len(names)) as (_, (ax,), text):
+        places = range(len(names))[::-1]
+        yield ax, places, text
+        ax.set_yticks(places, names)
+        ax.set(ylim=(-0.6, len(names) - 0.4), xscale="log", xlabel=label)
+        ax.grid(False, axis="y")
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, borderaxespad=0, **legend)
+
+
+@contextmanager
 def under_the_roof(peaks: dict[str, float]) -> Iterator[tuple[Any, list[str]]]:
     """Axes with what a core can do, for points to be drawn in; the SVG text is left in the list."""
     with drawing(7.2, 3.6) as (_, (ax,), text):
@@ -68,8 +82,5 @@ def under_the_roof(peaks: dict[str, float]) -> Iterator[tuple[Any, list[str]]]:
         ax.axhline(peaks["numbers"] / 1e9, color="#8a8a8a", linewidth=1, linestyle=(0, (1, 1.2)),
                    label=f"one number at a time, {peaks['numbers'] / 1e9:.1f} GFlop/s")  # fmt: skip
         yield ax, text
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        ax.set_xlabel("operations per byte of arguments and results")
-        ax.set_ylabel("GFlop/s")
+        ax.set(xscale="log", yscale="log", xlabel="operations per byte of arguments and results", ylabel="GFlop/s")
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)

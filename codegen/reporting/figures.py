@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..measure.drawing import STYLES as ALL_STYLES
-from ..measure.drawing import drawing, under_the_roof
+from ..measure.drawing import drawing, rows_of_points, under_the_roof
 
 METHODS = ("dop853", "radau", "rk4")
 STYLES = dict(zip(METHODS, ALL_STYLES, strict=False))
@@ -48,8 +48,7 @@ def times(data: dict[str, Any]) -> str:
             ax.barh(y + shift, least, 0.34, label=label, facecolor=face, edgecolor="#000000", hatch=hatch, linewidth=0.7,
                     xerr=[np.zeros_like(least), high - least], error_kw={"linewidth": 0.8, "capsize": 2})  # fmt: skip
         ax.set_yticks(y, names)
-        ax.set_xscale("log")
-        ax.set_xlabel("microseconds per evaluation (least; whisker: nine turns of ten)")
+        ax.set(xscale="log", xlabel="microseconds per evaluation (least; whisker: nine turns of ten)")
         ax.grid(False, axis="y")
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
     return text[0]
@@ -57,22 +56,18 @@ def times(data: dict[str, Any]) -> str:
 
 def errors(data: list[dict[str, Any]]) -> str:
     """Dots: relative errors of udot and of every derivative, state by state."""
-    with drawing(7.2, 0.9 + 0.36 * len(data)) as (_, (ax,), text):
-        for y, record in zip(range(len(data))[::-1], data, strict=True):
+    label = "relative error against the generic engine in extended precision (dashed: rounding of a double)"
+    with rows_of_points([r["state"] for r in data], label) as (ax, places, text):
+        for y, record in zip(places, data, strict=True):
             derivatives = np.maximum(list(record["derivatives"].values()), ROUNDING)
             ax.plot(derivatives, np.full(len(derivatives), y - 0.12), "o", markersize=4, markerfacecolor="none", color="#000000",
                     label="derivatives, one dot a direction" if y == len(data) - 1 else None)  # fmt: skip
             ax.plot(max(record["udot"], ROUNDING), y + 0.12, "D", markersize=5, color="#000000",
                     label="accelerations" if y == len(data) - 1 else None)  # fmt: skip
         ax.axvline(2 * ROUNDING, color="#8a8a8a", linewidth=0.8, linestyle=(0, (5, 2)))
-        ax.set_yticks(range(len(data))[::-1], [r["state"] for r in data])
-        ax.set_ylim(-0.6, len(data) - 0.4)
         ax.set_xscale("log")
         left, right = ax.get_xlim()
         ax.set_xlim(min(left, 1e-17), max(right, 1e-13))
-        ax.set_xlabel("relative error against the generic engine in extended precision (dashed: rounding of a double)")
-        ax.grid(False, axis="y")
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
     return text[0]
 
 
@@ -92,10 +87,8 @@ def work_precision(data: dict[str, Any]) -> str:
                 ax.set_ylim(0.1, 1e3)
             if data[floor] > 0:
                 ax.axvspan(ax.get_xlim()[0], data[floor], color="#eeeeee", linewidth=0)
-            ax.set_xscale("log")
-            ax.set_yscale("log")
+            ax.set(xscale="log", yscale="log", xlabel="relative error at the end")
             ax.invert_xaxis()
-            ax.set_xlabel("relative error at the end")
             ax.set_title(title, fontsize=9, pad=22 if sensitive else 34)  # room for the legend, which covers no point
         axes[0].set_ylabel("milliseconds, in C")
         legend = axes[0].legend(
@@ -117,11 +110,8 @@ def differences(data: dict[str, Any]) -> str:
             ax.axhline(
                 max(data["exact"], ROUNDING), color="#000000", linewidth=1.6, label="exact, by the generated solver"
             )
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+        ax.set(xscale="log", yscale="log", xlabel=f"step in {data['by']}", ylabel="relative error of d udot")
         ax.set_ylim(top=10)
-        ax.set_xlabel(f"step in {data['by']}")
-        ax.set_ylabel("relative error of d udot")
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=8, borderaxespad=0)
     return text[0]
 
@@ -136,10 +126,8 @@ def conditions(data: dict[str, Any]) -> str:
             if key in data:
                 finite = [c if np.isfinite(c) else np.nan for c in data[key]]
                 ax.plot(data["t"], finite, linestyle=dashes, color="#000000", linewidth=1, label=label)
-        ax.set_yscale("log")
+        ax.set(yscale="log", xlabel="t in s", ylabel="condition")
         ax.set_ylim(1, max(10, 1.5 * ax.get_ylim()[1]))
-        ax.set_xlabel("t in s")
-        ax.set_ylabel("condition")
         ax.legend(loc="best", fontsize=8)
     return text[0]
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..choices import more_choices
 from ..measure.clock import elapsed, in_rounds
 from ..measure.operations import operations
-from .errors import VANISHING
+from .errors import natural_sizes, relative
 from .integrating import (
     COSTLIEST,
     FIXED,
@@ -217,18 +217,13 @@ def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, flo
     those of what they are by.
     """
 
-    def relative(a: Array, b: Array, natural: float) -> float:
-        size = float(np.max(np.abs(b), initial=0.0))
-        difference = float(np.max(np.abs(a - b), initial=0.0))
-        return difference / (size if size > VANISHING * natural else natural or 1.0)
-
     pairs = [(x.q, exact.q, x.dq, exact.dq), (x.u, exact.u, x.du, exact.du)]
-    largest = [float(np.max(np.abs(b), initial=0.0)) for _, b, _, _ in pairs]  # along the whole motion
+    largest = [float(np.max(np.abs(b), initial=0.0)) or 1.0 for _, b, _, _ in pairs]  # along the whole motion
     state = max(relative(a[-1], b[-1], n) for (a, b, _, _), n in zip(pairs, largest, strict=True))
     rows = [
-        relative(da[i, -1], db[i, -1], n / (abs(float(value)) or 1.0))
+        relative(da[i, -1], db[i, -1], size)
         for (_, _, da, db), n in zip(pairs, largest, strict=True)
-        for i, value in enumerate(values)
+        for i, size in enumerate(natural_sizes(n, values))
     ]
     return state, max(rows, default=0.0)
 
