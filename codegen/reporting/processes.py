@@ -6,15 +6,14 @@ on the machine goes on for seconds. A spread that another run of the same report
 
 from __future__ import annotations
 
-import json
 import os
+import pickle
 import subprocess
 import sys
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..measure.core import FIXED_WORK, Core, Turn, record
+from ..measure.core import Core, Turn, record
 from ..runtime import load
 from . import integrating, times
 from .integrating import Setting
@@ -71,16 +70,8 @@ def timed(
     for i in range(PROCESSES):
         progress(i, PROCESSES)
         wanted = [n for n, x in enumerate(taken) if i == 0 or sum(t.seconds for t in x) < LONG]
-        found = _in_process(
-            {
-                "core": str(core.library),
-                "folder": str(folder),
-                "state": state,
-                "budget": budget / PROCESSES,
-                "moving": str(moving),
-                "settings": [settings[n][0] for n in wanted],
-            }
-        )
+        motions = [settings[n][0] for n in wanted]
+        found = _in_process(core.library, folder, state, budget / PROCESSES, moving, motions)
         functions += found["functions"]
         for n, turns in zip(wanted, found["motions"], strict=True):
             taken[n] += turns
@@ -90,39 +81,34 @@ def timed(
     return summed, [record(x) for x in taken], {name: record(x) for name, x in peaks.items()}
 
 
-def _in_process(wanted: dict[str, Any]) -> dict[str, Any]:
+def _in_process(*asked: Any) -> dict[str, Any]:
+    """`_answer` of a process of its own."""
     paths = os.pathsep.join(p for p in sys.path if p)
     done = subprocess.run(
-        [sys.executable, "-m", __name__], input=json.dumps(wanted, default=_plain), capture_output=True,
-        text=True, env={**os.environ, "PYTHONPATH": paths}, check=False,
+        [sys.executable, "-m", __name__], input=pickle.dumps(asked), capture_output=True,
+        env={**os.environ, "PYTHONPATH": paths}, check=False,
     )  # fmt: skip
     if done.returncode:
-        raise RuntimeError(f"a process that takes times ended with {done.returncode}: {done.stderr[-2000:]}")
-    result: dict[str, Any] = json.loads(done.stdout, object_hook=_turns)
-    return result
+        why = done.stderr.decode(errors="replace")[-2000:]
+        raise RuntimeError(f"a process that takes times ended with {done.returncode}: {why}")
+    found: dict[str, Any] = pickle.loads(done.stdout)
+    return found
 
 
-def _plain(x: Any) -> Any:
-    return asdict(x) if is_dataclass(x) and not isinstance(x, type) else x.tolist()
-
-
-def _turns(x: dict[str, Any]) -> Any:
-    return Turn(**x) if x.keys() == {"seconds", *FIXED_WORK} else x
-
-
-def _answer(wanted: dict[str, Any]) -> dict[str, Any]:
+def _answer(
+    library: Path, folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[Setting]
+) -> dict[str, Any]:
     """What one process measures."""
-    core = Core(Path(wanted["core"]))
-    solver = load(wanted["folder"])
-    moving = solver if wanted["moving"] == wanted["folder"] else load(wanted["moving"])
+    core, solver = Core(library), load(folder)
+    moved = solver if moving == folder else load(moving)
     found: dict[str, Any] = {"functions": [], "peaks": {}}
     with core.fastest():
-        if wanted["state"] is not None:
-            found["functions"] = [times.turns(solver, State.of(wanted["state"]), wanted["budget"], core)]
+        if state is not None:
+            found["functions"] = [times.turns(solver, state, budget, core)]
             found["peaks"] = core.peaks()
-        found["motions"] = [integrating.turns(moving, Setting(**x), core) for x in wanted["settings"]]
+        found["motions"] = [integrating.turns(moved, x, core) for x in settings]
     return found
 
 
 if __name__ == "__main__":
-    json.dump(_answer(json.load(sys.stdin)), sys.stdout, default=_plain)
+    pickle.dump(_answer(*pickle.load(sys.stdin.buffer)), sys.stdout.buffer)

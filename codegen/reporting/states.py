@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -54,12 +54,6 @@ class State:
     u: Array
     inputs: Array
     t: float
-
-    @classmethod
-    def of(cls, entries: dict[str, Any]) -> State:
-        """From lists of numbers, as JSON has them."""
-        q, u, inputs = (np.array(entries[name], dtype=float) for name in ("q", "u", "inputs"))
-        return cls(entries["name"], q, u, inputs, entries["t"])
 
 
 def states(model: Model, solver: Solver, condition: Callable[[State], float]) -> list[State]:

@@ -171,7 +171,12 @@ def test_times_are_of_several_processes(numbers, solver, tmp_path):
     core = Core.compiled(tmp_path)
     here = [(setting, Turn(1e-9, 7.0, 7.0)), (setting, Turn(9.0, 8.0, 8.0))]
     times, motions_, peaks = processes.timed(
-        core, solver.folder, State.of(numbers["states"][0]), 0.01, solver.folder, here
+        core,
+        solver.folder,
+        State("random 1", *solver.initial, np.zeros(solver.ninputs), 0.0),
+        0.01,
+        solver.folder,
+        here,
     )
     assert set(times["functions"]) == set(numbers["times"]["functions"])
     udot = times["functions"]["udot"]["compiled"]
