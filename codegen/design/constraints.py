@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
-from .evaluated_points import EvaluatedPoints
+from .evaluated_points import Point
+
+At = Callable[[ArrayLike], Point]
+"""Gives what is known at an x."""
 
 
 def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
@@ -29,16 +33,16 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
     return low, high
 
 
-def nonlinear(points: EvaluatedPoints, at: slice, low: Array, high: Array) -> Any:
+def nonlinear(point: At, at: slice, low: Array, high: Array) -> Any:
     """low <= functionals that stand there <= high, a `scipy.optimize.NonlinearConstraint`."""
     from scipy.optimize import NonlinearConstraint
 
     return NonlinearConstraint(
-        lambda x: points.safe(x).functionals[at].copy(), low, high, jac=lambda x: points.safe(x).gradients[at].copy()
+        lambda x: point(x).functionals[at].copy(), low, high, jac=lambda x: point(x).gradients[at].copy()
     )
 
 
-def dictionaries(points: EvaluatedPoints, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
+def dictionaries(point: At, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
     """The same as dictionaries of SLSQP's: equations, and inequalities that are to be positive."""
     places = np.arange(at.start, at.stop)
     found = []
@@ -48,15 +52,15 @@ def dictionaries(points: EvaluatedPoints, at: slice, low: Array, high: Array) ->
         ("ineq", (low != high) & np.isfinite(high), -1.0, high),
     ):
         if chosen.any():
-            found.append(_dictionary(points, kind, places[chosen], sign, level[chosen]))
+            found.append(_dictionary(point, kind, places[chosen], sign, level[chosen]))
     return found
 
 
-def _dictionary(points: EvaluatedPoints, kind: str, places: Any, sign: float, level: Array) -> dict[str, Any]:
+def _dictionary(point: At, kind: str, places: Any, sign: float, level: Array) -> dict[str, Any]:
     return {
         "type": kind,
-        "fun": lambda x: sign * (points.safe(x).functionals[places] - level),
-        "jac": lambda x: sign * points.safe(x).gradients[places],
+        "fun": lambda x: sign * (point(x).functionals[places] - level),
+        "jac": lambda x: sign * point(x).gradients[places],
     }
 
 

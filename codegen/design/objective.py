@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import time
 from abc import ABC, abstractmethod
+from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,12 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array, Numbers
+from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.motion.functionals import Functional, check_functionals
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .constraints import bounds_of, dictionaries, nonlinear
-from .evaluated_points import Combine, EvaluatedPoints, Evaluation
+from .evaluated_points import Combine, Evaluation, Point
+from .failures import FAILURES
 from .outcome import Outcome
 from .variables import Variables, Wanted
+
+KEPT = 16
+"""So many points are remembered with their values and gradients."""
 
 
 class OfVariables(ABC):
@@ -85,21 +93,17 @@ class Objective(OfVariables):
             raise ValueError(f"weights have shape {by.shape}, expected ({len(own)},): one for each functional")
         if on_failure not in ("inf", "raise"):
             raise ValueError(f"on_failure is {on_failure!r}; allowed are 'inf' and 'raise'")
-        self._points = EvaluatedPoints(
-            solver, variables, (self.start, self.end), own,
-            weights=by, combine=combine, on_failure=on_failure, options=options,
-        )  # fmt: skip
-
-    @property
-    def history(self) -> list[Evaluation]:
-        """Every motion that was run."""
-        return self._points.history
+        self.history: list[Evaluation] = []
+        self._functionals, self._options = list(own), options
+        self._weights, self._combine, self._on_failure = by, combine, on_failure
+        self._known: OrderedDict[bytes, Point] = OrderedDict()
+        self._last: Point | None = None
 
     # -- what an optimiser asks ----------------------------------------------------------------------------------------
 
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
         """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``."""
-        point = self._points.at(x)
+        point = self._at(x)
         return point.value, point.gradient.copy()
 
     def constraint(
@@ -115,13 +119,13 @@ class Objective(OfVariables):
         functionals : one or m of `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`
         lower, upper : float or (m,)
         """
-        return nonlinear(self._points, *self._constrained(functionals, lower, upper))
+        return nonlinear(self._safe, *self._constrained(functionals, lower, upper))
 
     def constraint_dicts(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
     ) -> list[dict[str, Any]]:
         """The same as dictionaries of SLSQP's: equations, and inequalities that are to be positive."""
-        return dictionaries(self._points, *self._constrained(functionals, lower, upper))
+        return dictionaries(self._safe, *self._constrained(functionals, lower, upper))
 
     def _constrained(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike, upper: ArrayLike
@@ -129,7 +133,70 @@ class Objective(OfVariables):
         """Functionals that are judged along with the objective, where they stand among all, and their bounds (m,)."""
         wanted = check_functionals(functionals, self.solver.output_names, self.start, self.end)
         low, high = bounds_of(len(wanted), lower, upper)
-        return self._points.judge_also(wanted), low, high
+        first = len(self._functionals)
+        self._functionals += wanted
+        self._known.clear()
+        return slice(first, first + len(wanted)), low, high
+
+    # -- motions -------------------------------------------------------------------------------------------------------
+
+    def _at(self, x: ArrayLike) -> Point:
+        """What is known at x, found by a motion if it is not known yet."""
+        x = np.array(x, float)
+        key = x.tobytes()
+        if key in self._known:
+            self._known.move_to_end(key)
+            point = self._known[key]
+        else:
+            began = time.perf_counter()
+            point = self._judged(x)
+            self._known[key] = point
+            while len(self._known) > KEPT:
+                self._known.popitem(last=False)
+            self.history.append(
+                Evaluation(
+                    len(self.history) + 1, x, point.value, point.functionals, float(np.abs(point.gradient).max()),
+                    time.perf_counter() - began, str(point.error or ""),
+                )
+            )  # fmt: skip
+        if point.error is None:
+            self._last = point
+        elif self._on_failure == "raise":
+            raise point.error
+        return point
+
+    def _safe(self, x: ArrayLike) -> Point:
+        """The same for constraints, of which there must be values: where a motion fails, those of the last that did not."""
+        point = self._at(x)
+        if point.error is None:
+            return point
+        if self._last is None or len(self._last.functionals) < len(self._functionals):
+            raise point.error
+        return self._last
+
+    def _judged(self, x: Array) -> Point:
+        v, count = self.variables, len(self._weights)
+        try:
+            judged = self.solver.judge(
+                (self.start, self.end), self._functionals, **v.motion(x), wrt=v.names, **self._options
+            )
+            if not np.isfinite(judged.values).all():
+                raise SimulationError(f"functionals are {judged.values}, which is not finite", None)
+        except FAILURES as error:
+            m, n = len(self._functionals), len(v)
+            return Point(math.inf, np.full(n, np.nan), np.full(m, np.nan), np.full((m, n), np.nan), error)
+        gradients = judged.gradients * v.scale
+        own = judged.values[:count]
+        if self._combine is None:
+            value, weights = float(self._weights @ own), self._weights
+        else:
+            combined, derivatives = self._combine(own.copy())
+            value, weights = float(combined), np.asarray(derivatives, float)
+            if weights.shape != (count,):
+                raise ValueError(
+                    f"combine gives derivatives of shape {weights.shape}, expected ({count},): by each functional"
+                )
+        return Point(value, weights @ gradients[:count], judged.values, gradients)
 
     # -- what a person asks --------------------------------------------------------------------------------------------
 
@@ -151,7 +218,7 @@ class Objective(OfVariables):
         ValueError
             It does not.
         """
-        error = self._points.at(x).error
+        error = self._at(x).error
         if error is None:
             raise ValueError("the motion at this x does not fail")
         return error
@@ -159,11 +226,11 @@ class Objective(OfVariables):
     def result(self, x: ArrayLike | None = None) -> Outcome:
         """Named values at x, or at the best that was seen, with the objective and its derivatives by them."""
         x = self.best if x is None else np.asarray(x, float)
-        point, v = self._points.at(x), self.variables
+        point, v = self._at(x), self.variables
         units = tuple(v.unit(i) for i in range(len(v)))
         return Outcome(
             v.names, v.values(x), v.lower, v.upper, units, point.value, point.gradient / v.scale,
-            tuple(self._points.functionals), point.functionals.copy(), self.motions, len(self.failures),
+            tuple(self._functionals), point.functionals.copy(), self.motions, len(self.failures),
         )  # fmt: skip
 
     @property
@@ -176,11 +243,9 @@ class Objective(OfVariables):
         """The motion at x, or at the best that was seen; t and further arguments as those of `Solver.simulate`."""
         motion = self.variables.motion(self.best if x is None else x, derivatives=False)
         options = {
-            name: value
-            for name, value in self._points.options.items()
-            if name not in ("method", "memory", "integrator")
+            name: value for name, value in self._options.items() if name not in ("method", "memory", "integrator")
         }
-        options["method"] = self._points.options["integrator"]
+        options["method"] = self._options["integrator"]
         if t is None:
             t = np.linspace(self.start, self.end, 201)
         found: Trajectory = self.solver.simulate(t, **motion, **{**options, **more})
@@ -188,7 +253,7 @@ class Objective(OfVariables):
 
     def __repr__(self) -> str:
         n, failed = len(self.variables), len(self.failures)
-        lines = [f"Objective of {self.solver.name}: {n} variables, {len(self._points.functionals)} functionals, "
+        lines = [f"Objective of {self.solver.name}: {n} variables, {len(self._functionals)} functionals, "
                  f"from {self.start:g} to {self.end:g} s"]  # fmt: skip
         done = [e for e in self.history if not e.failure]
         best = f", the smallest value {min(e.value for e in done):.9g}" if done else ""
