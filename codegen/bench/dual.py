@@ -1,4 +1,4 @@
-"""Dual numbers over any scalars: a value and its derivative along one direction, through code that is written for numbers."""
+"""Dual numbers over any scalars: a value and its derivatives along directions, through code that is written for numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import mpmath
 
 
 class Dual:
-    """value + slope*epsilon, epsilon^2 = 0."""
+    """value + slope*epsilon, epsilon^2 = 0; the slope is a number, or an array of one for each direction."""
 
     __slots__ = ("slope", "value")
 
@@ -29,12 +29,12 @@ class Dual:
 
     def __mul__(self, other: Any) -> Dual:
         y = Dual.of(other)
-        return Dual(self.value * y.value, self.slope * y.value + self.value * y.slope)
+        return Dual(self.value * y.value, self.slope * y.value + y.slope * self.value)
 
     def __truediv__(self, other: Any) -> Dual:
         y = Dual.of(other)
         quotient = self.value / y.value
-        return Dual(quotient, (self.slope - quotient * y.slope) / y.value)
+        return Dual(quotient, (self.slope - y.slope * quotient) / y.value)
 
     def __neg__(self) -> Dual:
         return Dual(-self.value, -self.slope)
@@ -51,10 +51,10 @@ class Dual:
 def sine(x: Any) -> Dual:
     """Of mpmath numbers."""
     y = Dual.of(x)
-    return Dual(mpmath.sin(y.value), mpmath.cos(y.value) * y.slope)
+    return Dual(mpmath.sin(y.value), y.slope * mpmath.cos(y.value))
 
 
 def cosine(x: Any) -> Dual:
     """Of mpmath numbers."""
     y = Dual.of(x)
-    return Dual(mpmath.cos(y.value), -mpmath.sin(y.value) * y.slope)
+    return Dual(mpmath.cos(y.value), -(y.slope * mpmath.sin(y.value)))

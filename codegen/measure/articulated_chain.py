@@ -1,9 +1,9 @@
 """The articulated-body algorithm for CHAIN(n) on any scalars: what one would write by hand for a symbolic tool.
 
 Shares nothing with the generator: with CasADi's SX scalars it is the graph that `chain_against_casadi.py` prints to C and
-compares with; with floats or mpmath numbers it is another witness of the numbers. Products with structural zeros and ones are
-left to the scalars (CasADi folds them as it builds), symmetric blocks are computed once, and everything is about the joint, in
-body axes, so that rotations are about x or y and all inertias of the rods are constants.
+compares with; with floats or mpmath numbers it is another witness of the numbers. Structural zeros and ones cost nothing,
+symmetric blocks are computed once, and everything is about the joint, in body axes, so that rotations are about x or y and all
+inertias of the rods are constants.
 
 Blocks of a spatial inertia: ``J`` (3x3, symmetric) about the joint, ``H`` = m [c]x, ``M`` (3x3, symmetric);
 moment = J alpha + H a, force = H^T alpha + M a.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 Vector = list[Any]
@@ -21,16 +22,33 @@ Matrix = list[list[Any]]
 X, Y = 0, 1
 
 
+def known(x: Any, value: int) -> bool:
+    """Whether a number is a structural zero or one."""
+    return type(x) is int and x == value
+
+
+def mul(x: Any, y: Any) -> Any:
+    """x y, without a product where one of them is a structural zero or one."""
+    if known(x, 0) or known(y, 1):
+        return x
+    return y if known(y, 0) or known(x, 1) else x * y
+
+
+def add(x: Any, y: Any) -> Any:
+    """x + y, without a sum where one of them is a structural zero."""
+    return y if known(x, 0) else x if known(y, 0) else x + y
+
+
 def dot(a: Vector, b: Vector) -> Any:
-    return sum((x * y for x, y in zip(a, b, strict=True)), 0)
+    return reduce(add, map(mul, a, b))
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    return [add(mul(a[i - 2], b[i - 1]), mul(-1, mul(a[i - 1], b[i - 2]))) for i in range(3)]
 
 
 def plus(a: Vector, b: Vector) -> Vector:
-    return [x + y for x, y in zip(a, b, strict=True)]
+    return list(map(add, a, b))
 
 
 def times(A: Matrix, x: Vector) -> Vector:
@@ -88,9 +106,11 @@ Wrench = tuple[Vector, Vector]
 """Moment and force; or angular and linear acceleration."""
 
 
-def accelerations(q: Vector, u: Vector, L: Any, sin: Any, cos: Any, density: Any, radius: Any, g: Any) -> Vector:
-    """udot of CHAIN(n): hinge axes y, x, y, ..., rods along -z, gravity (0, 0, -g), no joint forces."""
-    axes = [Y if k % 2 == 0 else X for k in range(len(q))]
+def accelerations(
+    q: Vector, u: Vector, L: Any, sin: Any, cos: Any, density: Any, radius: Any, g: Any, *, planar: bool = False
+) -> Vector:
+    """udot of CHAIN(n): hinge axes y, x, y, ..., or all y, rods along -z, gravity (0, 0, -g), no joint forces."""
+    axes = [Y if planar or k % 2 == 0 else X for k in range(len(q))]
     rod = Rod.of(L, density, radius)
     R = [rotation(a, cos(angle), sin(angle)) for a, angle in zip(axes, q, strict=True)]
     bias, pushed = _velocities(rod, axes, R, u)

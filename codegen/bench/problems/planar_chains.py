@@ -12,7 +12,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from .. import planar_chain
+from ...measure import articulated_chain
 from ..dual import cosine, sine
 from ..problem import JOINT, SPEED, Evaluation, Family, Reference
 from .families import DIGITS, along
@@ -57,8 +57,10 @@ def planar(n: int, first: float, others: float) -> Evaluation:
         du[first_speed + np.arange(len(each)), each] = 1.0
 
     def rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
-        mass = 1 / mpmath.mpf(n)
-        return planar_chain.accelerations(q, u, length / n, mass, mpmath.mpf(9.81), sine, cosine)
+        density = 1 / length  # the total mass is 1
+        return articulated_chain.accelerations(
+            list(q), list(u), length / n, sine, cosine, density, 0, mpmath.mpf(9.81), planar=True
+        )
 
     def reference() -> Reference:
         return along(rates, q, u, 1.0, dq, du, dp)
@@ -74,7 +76,7 @@ def coiled(n: int) -> Evaluation:
     return planar(n, np.pi / 8, np.pi / 8)
 
 
-SOURCE = f"a recursion for planar chains written for this alone, on dual numbers of {DIGITS} digits"
+SOURCE = f"an articulated-body algorithm written by hand, on dual numbers of {DIGITS} digits"
 STRAIGHT = Family(
     "straight", "a straight planar chain, 60 degrees aside", SOURCE, "rods", straight, (10, 100, 1000), (10,), 1e-12
 )
