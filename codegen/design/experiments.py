@@ -10,6 +10,7 @@ import numpy as np
 
 from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.calls.arguments import some
+from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .variables import Variables, Wanted
 
@@ -80,6 +81,10 @@ class Experiment:
         found: Trajectory = v.solver.simulate(
             times, **v.motion(x[self.places]), sensitivities=v.names, **self.simulation
         )
+        if len(found) < len(times):
+            raise SimulationError(
+                f"the motion ends at t = {found.t[-1]:g} s, before the last sample: {found.ended}", found
+            )
         return found
 
     def residuals(self, trajectory: Trajectory, n: int) -> tuple[Array, Array]:
@@ -120,6 +125,8 @@ def take_experiments(
     """
     if given is not None and (common["times"] is not None or common["samples"] is not None):
         raise ValueError("fit: both experiments and times, samples are given; these belong into the experiments")
+    if isinstance(given, Mapping) or not all(isinstance(e, Mapping) for e in given or ()):
+        raise ValueError("fit: experiments are a list of mappings, such as [{'times': t, 'samples': {'tip_x': x}}]")
     several = [dict(e) for e in given] if given is not None else [{}]
     if not several:
         raise ValueError("fit: experiments are empty; give one at least, such as {'times': t, 'samples': {'tip_x': x}}")
@@ -154,6 +161,10 @@ def take_experiments(
             v.origin[k], v.scale[k] = numbers[at][3:]  # shared ones are scaled alike
             places.append(at)
         found.append(_experiment(label, v, np.array(places), one, simulation))
+    labels = [e.name for e in found]
+    if len(set(labels)) < len(labels):
+        twice_named = next(n for i, n in enumerate(labels) if n in labels[:i])
+        raise ValueError(f"fit: two experiments are called {twice_named}; give each a name of its own")
     known = [e.sigma_given for e in found]
     if any(known) and not all(known):
         lacks = found[known.index(False)].name
@@ -190,6 +201,10 @@ def _experiment(
     ]
     samples, deviations = {}, {}
     if isinstance(sigma, Mapping):
+        if unknown := [n for n in sigma if n not in known]:
+            raise ValueError(
+                f"fit: {label} has sigma of {unknown[0]!r}, which the model has not; allowed are {some(known)}"
+            )
         lacking = [n for n in one["samples"] if n not in sigma]
         if lacking:
             raise ValueError(

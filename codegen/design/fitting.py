@@ -110,6 +110,10 @@ def fit(
     """
     from scipy.optimize import least_squares
 
+    if taken := [word for word in ("on_failure", "sensitivities", "dq0", "du0") if word in options]:
+        raise ValueError(f"fit takes no {taken[0]}: it sets that itself")
+    if not 0.0 <= undetermined < 1.0:
+        raise ValueError(f"undetermined is {undetermined!r}, expected a part of the largest singular value, below 1")
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
     common = {

@@ -79,18 +79,21 @@ class Objective(OfVariables):
     """
 
     def __init__(
-        self, solver: Any, t: Any, functionals: Functional | Sequence[Functional], variables: Variables, *,
+        self, solver: Any, span: tuple[float, float], functionals: Functional | Sequence[Functional], variables: Variables, *,
         weights: ArrayLike | None, combine: Combine | None, on_failure: str, options: dict[str, Any],
     ):  # fmt: skip
         self.solver, self.variables = solver, variables
-        ends = np.atleast_1d(np.asarray(t, float))
-        self.start, self.end = (0.0, float(ends[0])) if len(ends) == 1 else (float(ends[0]), float(ends[-1]))
+        self.start, self.end = span
         own = check_functionals(functionals, solver.output_names, self.start, self.end)
         if weights is not None and combine is not None:
             raise ValueError("objective: both weights and combine are given; give one of them")
         by = np.ones(len(own)) if weights is None else np.asarray(weights, float)
         if by.shape != (len(own),):
             raise ValueError(f"weights have shape {by.shape}, expected ({len(own)},): one for each functional")
+        if not np.isfinite(by).all():
+            raise ValueError(f"weights are {weights!r}, expected finite numbers")
+        if combine is not None and not callable(combine):
+            raise ValueError(f"combine is {combine!r}, expected a function of the functionals' values")
         if on_failure not in ("inf", "raise"):
             raise ValueError(f"on_failure is {on_failure!r}; allowed are 'inf' and 'raise'")
         self.history: list[Evaluation] = []
@@ -196,6 +199,8 @@ class Objective(OfVariables):
                 raise ValueError(
                     f"combine gives derivatives of shape {weights.shape}, expected ({count},): by each functional"
                 )
+            if math.isnan(value) or np.isnan(weights).any():
+                raise ValueError(f"combine gives {value} with the derivatives {weights} of {own}, expected numbers")
         return Point(value, weights @ gradients[:count], judged.values, gradients)
 
     # -- what a person asks --------------------------------------------------------------------------------------------
@@ -300,12 +305,22 @@ def objective(
     if integrator == "rk4" and "step" not in options:
         raise ValueError("integrator 'rk4' takes constant steps: give step, s")
     settings = {"method": method, "integrator": integrator, "rtol": rtol, "atol": atol, **options}
-    ends = np.asarray(t, float).reshape(-1)
-    interval = (float(ends[0]) if ends.size > 1 else 0.0, float(ends[-1]))
+    span = _span(t)
     return Objective(
-        solver, t, functionals, Variables(solver, variables, q, u, p, inputs, interval), weights=weights, combine=combine,
+        solver, span, functionals, Variables(solver, variables, q, u, p, inputs, span), weights=weights, combine=combine,
         on_failure=on_failure, options=settings,
     )  # fmt: skip
+
+
+def _span(t: Any) -> tuple[float, float]:
+    """Both ends of a motion, s."""
+    try:
+        start, end = np.asarray(t, float).reshape(-1) if np.size(t) > 1 else (0.0, float(np.asarray(t, float).item()))
+    except (TypeError, ValueError):
+        raise ValueError(f"objective: t is {t!r}, expected the motion's end, s, or (start, end)") from None
+    if not -math.inf < start < end < math.inf:
+        raise ValueError(f"objective: t is {t!r}; the end must be finite, and after the start, {start:g} s")
+    return float(start), float(end)
 
 
 __all__ = ["Evaluation", "Objective", "objective"]

@@ -19,6 +19,9 @@ METHODS = ("L-BFGS-B", "SLSQP", "trust-constr")
 INSIDE = 1e-6
 """How far within the bounds trust-constr begins at least, in an optimiser's x."""
 
+ROUNDING = 1e-9
+"""A start that is farther outside the bounds, in an optimiser's x, is refused."""
+
 STUCK = ("ABNORMAL", "Positive directional derivative")
 """In messages of SciPy's methods: a line search that finds no lower value."""
 
@@ -56,6 +59,8 @@ def optimize(
     """
     from scipy.optimize import minimize
 
+    if not isinstance(objective, (Objective, LoadCases)):
+        raise ValueError(f"optimize: {objective!r} is no objective; give what ordernm.objective or load_cases returns")
     if isinstance(constraints, Sequence):
         constraints = [c for several in constraints for c in (several if isinstance(several, list) else [several])]
     else:
@@ -67,32 +72,56 @@ def optimize(
         raise ValueError(
             "method 'L-BFGS-B' takes bounds and no constraints; allowed with them are 'SLSQP', 'trust-constr'"
         )
-    start = objective.x0 if x0 is None else np.asarray(x0, float)
-    if method == "trust-constr":  # its start must lie within the bounds, not at one
-        lower, upper = objective.variables.x_bounds
-        start = np.clip(start, lower + INSIDE, upper - INSIDE)
-    if not math.isfinite(objective(start)):
-        raise objective.error(start)
-    low, high = objective(start), objective(start)
-    stepped_back: dict[bytes, float] = {}
-
-    def value_and_gradient(x: Array) -> tuple[float, Array]:
-        nonlocal low, high
-        value, gradient = objective.value_and_gradient(x)
-        if math.isfinite(value):
-            low, high = min(low, value), max(high, value)
-            return value, gradient
-        far = stepped_back.setdefault(np.asarray(x).tobytes(), high + STEP_BACK * max(high - low, abs(high), 1e-3))
-        return far, np.zeros_like(gradient)
-
+    start = _start(objective, method, x0)
+    judged = _SteppingBack(objective, start)
     result = minimize(
-        value_and_gradient, start, jac=True, method=method, bounds=objective.bounds, constraints=constraints, tol=tol,
+        judged, start, jac=True, method=method, bounds=objective.bounds, constraints=constraints, tol=tol,
         callback=callback, options=options,
     )  # fmt: skip
     result.outcome = objective.result(result.x)
     if not result.success and any(word in str(result.message) for word in STUCK):
-        result.message = f"{result.message}; {_why_stuck(objective, result, max(high - low, abs(float(result.fun))))}"
+        result.message = (
+            f"{result.message}; {_why_stuck(objective, result, max(judged.high - judged.low, abs(float(result.fun))))}"
+        )
     return result
+
+
+def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) -> Array:
+    """Where a search begins, within the bounds."""
+    v = objective.variables
+    start = v.x0 if x0 is None else np.asarray(x0, float)
+    values, (lower, upper) = v.values(start), v.x_bounds
+    for i in np.flatnonzero((start < lower - ROUNDING) | (start > upper + ROUNDING)):
+        raise ValueError(
+            f"optimize: x0 has {v.names[i]} = {values[i]:g}, outside of its bounds {v.lower[i]:g} and {v.upper[i]:g}"
+        )
+    inside = INSIDE if method == "trust-constr" else 0.0  # it must not begin at a bound
+    return np.clip(start, lower + inside, upper - inside)
+
+
+class _SteppingBack:
+    """An objective for line searches: where a motion fails, a large finite value with the gradient zero.
+
+    Raises
+    ------
+    SimulationError, AssemblyError, SingularJointError
+        The motion fails at the start.
+    """
+
+    def __init__(self, objective: Objective | LoadCases, start: Array):
+        self.objective = objective
+        self.low = self.high = objective(start)
+        self._far: dict[bytes, float] = {}
+        if not math.isfinite(self.high):
+            raise objective.error(start)
+
+    def __call__(self, x: Array) -> tuple[float, Array]:
+        value, gradient = self.objective.value_and_gradient(x)
+        if math.isfinite(value):
+            self.low, self.high = min(self.low, value), max(self.high, value)
+            return value, gradient
+        far = self.high + STEP_BACK * max(self.high - self.low, abs(self.high), 1e-3)
+        return self._far.setdefault(np.asarray(x).tobytes(), far), np.zeros_like(gradient)
 
 
 def _why_stuck(objective: Objective | LoadCases, result: Any, size: float) -> str:

@@ -221,6 +221,8 @@ class Variables:
                                  (f", or {count} of them" if count > 1 else "")) from None  # fmt: skip
             if np.isnan(place[at]).any():
                 raise ValueError(f"variables: {word} of {name} is not a number")
+            if word == "start" and np.isinf(place[at]).any():
+                raise ValueError(f"variables: start of {name} is {given!r}, expected a finite number")
         lower, upper, start = self.lower[at], self.upper[at], self.start[at]
         if (lower >= upper).any():
             raise ValueError(
@@ -237,7 +239,7 @@ class Variables:
         if bounded:
             self.origin[at] = (lower + upper) / 2
         if v.scale is not None:
-            if not (np.isfinite(v.scale) and v.scale > 0):
+            if not (isinstance(v.scale, (int, float, np.number)) and 0 < v.scale < np.inf):
                 raise ValueError(f"variables: the scale of {name} is {v.scale!r}, expected a positive number")
             self.scale[at] = v.scale
         elif bounded:
@@ -250,6 +252,8 @@ def _asked(wanted: Wanted) -> dict[str, Variable]:
     """Variables by name."""
     if isinstance(wanted, str):
         return {wanted: Variable()}
+    if not isinstance(wanted, Iterable):
+        raise ValueError(f"variables are {wanted!r}, expected names, or a mapping of names to bounds")
     if not isinstance(wanted, Mapping):
         names = list(wanted)
         twice = [n for i, n in enumerate(names) if n in names[:i]]

@@ -5,7 +5,7 @@ import pytest
 from oscillator import FREE, oscillator, swing
 
 import codegen
-from codegen.runtime import SimulationError
+from codegen.runtime import Event, SimulationError
 
 
 @pytest.fixture(scope="module")
@@ -156,3 +156,23 @@ def test_what_is_wrong_with_sigma_or_an_experiment_is_told(solver):
         codegen.fit(solver, variables=["mass"], experiments=both)
     with pytest.raises(ValueError, match="these belong into the experiments"):
         codegen.fit(solver, t, samples, ["mass"], experiments=[{"times": t, "samples": samples}])
+
+
+def test_what_would_be_ignored_is_refused(solver):
+    t = np.array([1.0, 2.0])
+    one = {"times": t, "samples": {"x": t}, "variables": ["q0.block"], "name": "a"}
+    for arguments, message in (
+        ({"sigma": {"x": 1.0, "speed": 2.0}}, "sigma of 'speed', which the model has not"),
+        ({"undetermined": 2.0}, "expected a part of the largest singular value"),
+        ({"on_failure": "return"}, "fit takes no on_failure"),
+        ({"times": None, "samples": None, "experiments": [one, one]}, "two experiments are called a"),
+        ({"times": None, "samples": None, "experiments": one}, "experiments are a list of mappings"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            codegen.fit(solver, **{"times": t, "samples": {"x": t}, "variables": ["mass"]} | arguments)
+
+
+def test_a_motion_that_ends_before_the_last_sample_is_an_error(solver):
+    t = np.linspace(0.1, 3.0, 8)
+    with pytest.raises(SimulationError, match="before the last sample"):
+        codegen.fit(solver, t, {"x": t}, ["mass"], q={"block": 1.0}, events=[Event("x", 0.5)])

@@ -186,3 +186,41 @@ def test_what_is_wrong_with_an_x_or_a_constraint_is_told(solver):
         codegen.optimize(f, "L-BFGS-B", constraints=f.constraint(Final("v"), 0.0))
     with pytest.raises(ValueError, match="combine gives derivatives"):
         codegen.objective(solver, 1.0, Final("x"), ["mass"], combine=lambda v: (v[0], [1, 2]))([1.0])
+
+
+@pytest.mark.parametrize(
+    ("t", "options", "message"),
+    [
+        ([0.0, 1.0, 2.0], {}, r"expected the motion's end, s, or \(start, end\)"),
+        (None, {}, "the end must be finite, and after the start"),
+        ((1.0, 0.5), {}, "the end must be finite, and after the start, 1 s"),
+        (1.0, {"weights": [np.nan]}, "expected finite numbers"),
+        (1.0, {"combine": 3}, "expected a function of the functionals' values"),
+        (
+            1.0,
+            {"variables": {"mass": codegen.Variable(start=np.inf)}},
+            "start of mass is inf, expected a finite number",
+        ),
+        (1.0, {"variables": {"mass": codegen.Variable(scale="large")}}, "expected a positive number"),
+        (1.0, {"variables": None}, "expected names, or a mapping"),
+    ],
+)
+def test_what_would_give_no_number_is_refused_before_a_motion(solver, t, options, message):
+    with pytest.raises(ValueError, match=message):
+        codegen.objective(solver, t, Final("x"), options.pop("variables", ["mass"]), **options)
+
+
+def test_a_combination_that_is_no_number_is_an_error(solver):
+    f = codegen.objective(solver, 1.0, Final("x"), ["mass"], combine=lambda values: (np.nan, [1.0]))
+    with pytest.raises(ValueError, match="combine gives nan"):
+        f(f.x0)
+
+
+def test_a_search_begins_within_the_bounds(solver):
+    f = codegen.objective(solver, 1.0, Final("x"), {"mass": (1.0, 3.0)})
+    with pytest.raises(ValueError, match="x0 has mass = 7, outside of its bounds 1 and 3"):
+        codegen.optimize(f, x0=[5.0])
+    at_the_bound = f.variables.x([3.0]) * (1 + 1e-15)
+    assert codegen.optimize(f, x0=at_the_bound, maxiter=1).outcome["mass"] <= 3.0
+    with pytest.raises(ValueError, match="is no objective"):
+        codegen.optimize(lambda x: x)
