@@ -44,8 +44,12 @@ def read_signals(path: str) -> tuple[Array, dict[str, Array]]:
         raise SignalFileError(
             f"{path}: has times and no signal; add one column, or array, for each input, with its name"
         )
+    if not t.size:
+        raise SignalFileError(
+            f"{path}: has no numbers, only names; give one time at least, with a number for each signal"
+        )
     for name, x in ((times[0], t), *columns.items()):
-        if x.shape != t.shape or t.ndim != 1 or not len(t):
+        if x.shape != t.shape or t.ndim != 1:
             raise SignalFileError(f"{path}: {name} has shape {x.shape}, expected ({t.size},): one number for each time")
         if not np.isfinite(x).all():
             i = int(np.argmin(np.isfinite(x)))
@@ -94,7 +98,7 @@ def _number(text: str) -> float | None:
 def _read_npz(path: str) -> dict[str, Array]:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return {name: np.asarray(archive[name], float) for name in archive.files}
+            return {name: archive[name].astype(float, casting="same_kind") for name in archive.files}
     except OSError as error:
         raise SignalFileError(f"{path}: {error.strerror or error}") from None
     except (ValueError, TypeError, EOFError, MemoryError, KeyError, AttributeError, zipfile.BadZipFile) as error:

@@ -75,7 +75,7 @@ def test_a_motion_by_files_is_that_of_python(files: Path, capsys) -> None:
         ("", "is empty"), ("t,push\n0,1\n0.5\n", r"bad.csv:3: 1 values, expected 2"), ("0,1\n1,2\n", "first line has names"),
         ("t,push\n0,x\n", r"bad.csv:2: push is 'x', expected a finite number"), ("t,push\n0,nan\n", "expected a finite number"),
         ("t,push\n1,1\n0,2\n", "time 0 follows 1; times must rise"), ("push,way\n1,2\n", "the times, called t or time"),
-        ("t\n0\n1\n", "no signal"), ("t,push,push\n0,1,2\n", "each name may be given once"), ("t,push\n", "shape"),
+        ("t\n0\n1\n", "no signal"), ("t,push,push\n0,1,2\n", "each name may be given once"), ("t,push\n", "has no numbers"),
         ("t,,push\n0,1,2\n", "first line has names"), ("t,time,push\n0,1,2\n", "called t or time"),
         ("t;push\n0;1\n", "t;push is '0;1', expected a finite number"),
     ],
@@ -96,6 +96,7 @@ def test_bad_archives_are_refused(files: Path) -> None:
     for arrays, says in (
         ({"t": T, "push": T[:-1]}, r"push has shape \(20,\), expected \(21,\)"), ({"push": T}, "called t or time"),
         ({"t": T, "push": np.array(["a"] * 21)}, "no archive of arrays of numbers"),
+        ({"t": T, "push": T + 1j}, "no archive of arrays of numbers: Cannot cast .*complex"),
         ({"t": T, "push": T * np.nan}, "finite numbers"),
     ):  # fmt: skip
         np.savez("bad.npz", **arrays)

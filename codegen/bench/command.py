@@ -59,9 +59,8 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     from ..runtime.standalone.files.whole_file import write_whole
     from ..terminal import width
     from .catalogue import chosen
-    from .lines import compare_lines, failures, list_lines, machine_line, peer_lines, problem_lines
-    from .page import page_of
-    from .results import ResultsError, joined, read_results, write_results
+    from .lines import compare_lines, failures, list_lines
+    from .results import DAMAGE, ResultsError, read_results, write_results
 
     problems = chosen(options.names)
     if options.list:
@@ -74,37 +73,61 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
         )
     old = None if options.compare is None else read_results(Path(options.compare))
     _refuse_places(options)
-    if options.results is not None:
-        if options.names or options.quick or options.peers:
-            raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
-        results = joined([(Path(file), read_results(Path(file))) for file in options.results])
-    else:
-
-        def keep(results: dict[str, Any]) -> None:
-            if options.output is not None:
-                write_results(results, Path(options.output))
-
-        results = run(problems, options.quick, options.peers, status, keep)
+    columns = width(sys.stdout)
+    results = _measured(problems, options, status) if options.results is None else _earlier(options)
+    try:
+        lines, page, pictures = _shown(results, options, columns)
+    except DAMAGE as error:
+        if options.results is None:
+            raise
+        several = ", ".join(options.results)
+        raise ResultsError(f"{several}: damaged, or of another version: {type(error).__name__}: {error}") from None
     _refuse_places(options)  # once more: measuring takes long
     if options.output is not None:
         write_results(results, Path(options.output))
     if options.plots is not None:
         from .plots import write_plots
 
-        if not write_plots(results, Path(options.plots)):
+        if not pictures:
             raise ResultsError("--plots: nothing of what was measured has a picture; families and robots have")
+        write_plots(pictures, Path(options.plots))
     if options.page is not None:
-        text = page_of(results)
-        write_whole(Path(options.page), lambda file: file.write(text.encode()))
-    columns = width(sys.stdout)
-    lines = [machine_line(results["machine"])]
-    for name, result in results["problems"].items():
-        lines += ["", *problem_lines(name, result, columns)]
-    if "peers" in results:
-        lines += ["", *peer_lines(results["peers"], columns)]
+        write_whole(Path(options.page), lambda file: file.write(page.encode()))
     if old is not None:
         lines += ["", *compare_lines(results, old, columns)]
     return lines, failures(results["problems"])
+
+
+def _measured(problems: list[Problem], options: argparse.Namespace, status: StatusLine) -> dict[str, Any]:
+    """A new run; what there is of it is written after every problem."""
+    from .results import write_results
+
+    def keep(results: dict[str, Any]) -> None:
+        if options.output is not None:
+            write_results(results, Path(options.output))
+
+    return run(problems, options.quick, options.peers, status, keep)
+
+
+def _earlier(options: argparse.Namespace) -> dict[str, Any]:
+    """Earlier runs, as one."""
+    from .results import ResultsError, joined, read_results
+
+    if options.names or options.quick or options.peers:
+        raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
+    return joined([(Path(file), read_results(Path(file))) for file in options.results])
+
+
+def _shown(
+    results: dict[str, Any], options: argparse.Namespace, columns: int | None
+) -> tuple[list[str], str, dict[str, str]]:
+    """Results as lines, as the page and as pictures, as far as these are wanted."""
+    from .lines import result_lines
+    from .page import page_of
+    from .plots import plots
+
+    page = page_of(results) if options.page is not None else ""
+    return result_lines(results, columns), page, plots(results) if options.plots is not None else {}
 
 
 def _is_drawn(problem: Problem, quick: bool) -> bool:

@@ -20,6 +20,14 @@ def machine_line(machine: dict[str, str]) -> str:
     )
 
 
+def result_lines(results: dict[str, Any], width: int | None) -> list[str]:
+    """All that was found: the machine, the problems, and other programs."""
+    lines = [machine_line(results["machine"])]
+    for name, result in results["problems"].items():
+        lines += ["", *problem_lines(name, result, width)]
+    return lines + (["", *peer_lines(results["peers"], width)] if "peers" in results else [])
+
+
 def problem_lines(name: str, result: dict[str, Any], width: int | None) -> list[str]:
     """A problem's title, its table and what was asked of it."""
     body = LINES[result["kind"]](result, width)

@@ -23,14 +23,11 @@ def refuse_foreign(folder: Path, force: bool) -> None:
         refuse_foreign_file(folder / f"{name}.svg", force)
 
 
-def write_plots(results: dict[str, Any], folder: Path) -> list[Path]:
-    """Write pictures of what there are figures for into a folder, which is made if there are any; and return which they are."""
-    written = []
-    for name, svg in plots(results).items():
-        folder.mkdir(parents=True, exist_ok=True)
-        written.append(folder / f"{name}.svg")
-        written[-1].write_text(svg, encoding="utf-8")
-    return written
+def write_plots(pictures: dict[str, str], folder: Path) -> None:
+    """Write what `plots` gives into a folder, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, svg in pictures.items():
+        (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
 
 
 def plots(results: dict[str, Any]) -> dict[str, str]:

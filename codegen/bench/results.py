@@ -15,6 +15,10 @@ FORMAT = 1
 """Raised when figures change their names or meaning."""
 
 
+DAMAGE = (KeyError, TypeError, AttributeError, ValueError, IndexError, ArithmeticError)
+"""What comes of a file that was changed by hand, or by another version."""
+
+
 class ResultsError(Failure, ValueError):
     """A file does not hold results of the benchmark."""
 
@@ -49,7 +53,7 @@ def read_results(path: Path) -> dict[str, Any]:
         if not isinstance(found["quick"], bool):
             raise TypeError
         return dict(found)
-    except (KeyError, TypeError, AttributeError, ValueError, ArithmeticError):
+    except DAMAGE:
         raise ResultsError(f"{path} does not hold results of the benchmark; {hint}") from None
 
 

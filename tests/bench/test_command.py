@@ -163,6 +163,18 @@ def test_runs_of_parts_make_one(run, monkeypatch, capsys):
         assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("options", [[], ["--page", "other.md", "--plots", "pictures"]])
+def test_results_that_cannot_be_printed_are_refused(run, monkeypatch, capsys, options):
+    """What `compare` does not read may be damaged, too."""
+    monkeypatch.chdir(run[4])
+    for damage in ({"operations": None}, {"points": [run[2]["problems"]["cart_pole"]["points"][0] | {"ended": 3}]}):
+        problem = run[2]["problems"]["cart_pole"] | damage
+        results.write_results({**run[2], "problems": {"cart_pole": problem}}, run[4] / "damaged.json")
+        assert main(["bench", "--results", "damaged.json", *options]) == 2
+        assert "bench: damaged.json: damaged, or of another version: " in capsys.readouterr().err
+    assert not (run[4] / "other.md").exists() and not (run[4] / "pictures").exists()
+
+
 # -- work-precision diagrams -----------------------------------------------------------------------------------------------
 
 

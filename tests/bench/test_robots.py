@@ -7,7 +7,7 @@ import pytest
 from codegen.bench import lines, page
 from codegen.bench.catalogue import ROBOTS
 from codegen.bench.measuring import measure
-from codegen.bench.plots import write_plots
+from codegen.bench.plots import plots, write_plots
 from codegen.bench.results import figures
 from codegen.measure import pinocchio_models
 
@@ -51,15 +51,16 @@ def test_pictures_have_families_with_their_exponents_and_robots(tmp_path):
     sizes = [{"bodies": n, "seconds": {"udot": 1e-8 * n, "udot + 8": 2e-8 * n * n}} for n in (10, 100, 1000)]
     row = {"model": "UR5", "speeds": 6, "seconds": {"udot": 1e-6, "M": 2e-6}, "theirs": {"udot": 2e-6, "M": 2e-6}}
     problems = {"chain": {"kind": "family", "sizes": sizes}, "robots": {"kind": "robots", "rows": [row]}}
-    written = write_plots({"problems": problems}, tmp_path / "new")
-    assert [p.name for p in written] == ["time_by_size.svg", "robots.svg"]
-    texts = [p.read_text() for p in written]
+    drawn = plots({"problems": problems})
+    assert list(drawn) == ["time_by_size", "robots"]
+    texts = list(drawn.values())
     assert "chain, exponent 1.00" in texts[0] and "chain, exponent 2.00" in texts[0] and "UR5, 6" in texts[1]
-    assert texts == [p.read_text() for p in write_plots({"problems": problems}, tmp_path / "again")]
-    assert write_plots({"problems": {}}, tmp_path / "none") == []
+    assert drawn == plots({"problems": problems}) and plots({"problems": {}}) == {}
+    write_plots(drawn, tmp_path / "new")
+    assert [(tmp_path / "new" / f"{name}.svg").read_text() for name in drawn] == texts
 
 
-def test_a_roofline_has_every_family_under_what_the_core_can_do(tmp_path):
+def test_a_roofline_has_every_family_under_what_the_core_can_do():
     pytest.importorskip("matplotlib")
     rows = [
         {"bodies": n, "seconds": {"udot": 1e-8 * n, "udot + 8": 2e-8 * n},
@@ -68,8 +69,8 @@ def test_a_roofline_has_every_family_under_what_the_core_can_do(tmp_path):
     ]  # fmt: skip
     problems = {name: {"kind": "family", "sizes": rows} for name in ("chain", "ladder")}
     peaks = {"vectors": 1e11, "numbers": 8e9, "first cache": 4e11, "memory": 2e10}
-    written = write_plots({"problems": problems, "peaks": peaks}, tmp_path)
-    assert [p.name for p in written] == ["time_by_size.svg", "roofline.svg"]
-    text = written[1].read_text()
+    drawn = plots({"problems": problems, "peaks": peaks})
+    assert list(drawn) == ["time_by_size", "roofline"]
+    text = drawn["roofline"]
     for label in ("chain, udot", "ladder, udot + 8", "memory, 20 GB/s", "one number at a time, 8.0 GFlop/s"):
         assert f">{label}<" in text, label
