@@ -332,11 +332,13 @@ class _Reader:
             else:
                 bodies = ids
                 first, second = _frame(data[3:6], data[6:10]), Placement(data[0:3])
-            if type_ == _CONNECT:
+            is_point = type_ == _CONNECT or data[10] == 0  # the torquescale of a weld
+            if is_point:
                 first, second = Placement(first.at), Placement(second.at)
             ends = [(self.links[b], self.origin(b) @ f) for b, f in zip(bodies, (first, second), strict=True)]
-            closing = "point" if type_ == _CONNECT else "fixed"
-            self.robot.closings.append(Closing(made_name(name), place, closing, ends[0], ends[1]))
+            self.robot.closings.append(
+                Closing(made_name(name), place, "point" if is_point else "fixed", ends[0], ends[1])
+            )
 
     def coupled(self, name: str, place: Place, joints: tuple[int, int], data: Any) -> None:
         first, second = joints

@@ -152,9 +152,10 @@ CONNECT = '<connect name="pin" body1="coupler" body2="rocker" anchor=".8 0 0"/>'
             ["fixed"],
         ),
         ('<weld body1="load" body2="coupler" anchor=".2 0 .1"/>', PAYLOAD, ["fixed"]),
+        ('<weld body1="coupler" body2="rocker" anchor="0 0 .5" torquescale="0"/>', "", ["point"]),
         ('<connect body1="coupler" anchor=".8 0 0"/>', "", ["point"]),
     ],
-    ids=["connect", "sites", "weld", "weld at a pose", "weld at an anchor", "to the world"],
+    ids=["connect", "sites", "weld", "weld at a pose", "weld at an anchor", "weld without torque", "to the world"],
 )  # fmt: skip
 def test_loops_move_as_mujocos_matrices_say(tmp_path, equality, more, types):
     """MuJoCo's constraints are soft; its mass matrix, bias and Jacobians with rigid ones are the other way here."""
@@ -204,7 +205,7 @@ def constrained(model):
         elif model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT:
             found.append((first, model.eq_data[e][:3], second, model.eq_data[e][3:6], False))
         else:
-            found.append((first, model.eq_data[e][3:6], second, model.eq_data[e][:3], True))
+            found.append((first, model.eq_data[e][3:6], second, model.eq_data[e][:3], model.eq_data[e][10] != 0))
     return found
 
 
