@@ -11,12 +11,11 @@ multiplications of udot and of one more direction, for every loop.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import resource
-import subprocess
-import sys
 import time
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -121,22 +120,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--shapes", nargs="*", default=list(SHAPES), choices=list(SHAPES))
     parser.add_argument("--most", type=int, default=64, help="loops, at most")
-    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.one:
-        print(json.dumps(measured(arguments.one[0], int(arguments.one[1]))))
-        return
     rows = []
     for shape in arguments.shapes:
         sizes = [2, 4, 6, 8] if shape == "GRID" else [4, 16, 64, 256]
         for size in [s for s in sizes if (s * s if shape == "GRID" else s) <= arguments.most]:
-            done = subprocess.run(
-                [sys.executable, __file__, "--one", shape, str(size)], capture_output=True, text=True, check=False
-            )
-            if done.returncode:
-                rows.append([shape, size, "", "", "", "", done.stderr.strip().splitlines()[-1][:60]])
-                continue
-            r = json.loads(done.stdout)
+            with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+                try:
+                    r = pool.submit(measured, shape, size).result()
+                except (MemoryError, BrokenExecutor, ValueError) as error:
+                    rows.append([shape, size, "", "", "", "", str(error)[:60]])
+                    continue
             each = [f"{r[k] / r['loops']:.0f}" for k in ("udot", "direction")]
             rows.append([shape, size, r["loops"], f"{r['seconds']:.2f}", f"{r['MB']:.0f}", *each])
     print(markdown(["", "size", "loops", "CPU s", "MB", "udot a loop", "a direction a loop"], rows))

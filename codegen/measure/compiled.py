@@ -13,7 +13,6 @@ import ctypes
 import hashlib
 import subprocess
 import tempfile
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -86,12 +85,11 @@ class Contestant:
 
 @dataclass
 class Variant:
-    """A contestant compiled at one level; `compile_seconds` is zero where the library was in the cache."""
+    """A contestant compiled at one level."""
 
     level: str
     arrays: dict[Any, Array] = field(repr=False)
     run: Any = field(repr=False)
-    compile_seconds: float = 0.0
 
     def __post_init__(self) -> None:
         self._pointers = (POINTER * len(self.arrays))(*(x.ctypes.data_as(POINTER) for x in self.arrays.values()))
@@ -144,10 +142,10 @@ class Workshop:
         flags = [*self.all_flags, *INSTRUCTIONS[contestant.instructions], "-fPIC"]
         contents = [hashlib.sha256(path.read_bytes()).hexdigest() for path in contestant.libraries]
         folder = self._place("", contestant.files, clock, level, flags, [*map(str, contestant.libraries), *contents])
-        library, took = folder / "contestant.so", 0.0
+        library = folder / "contestant.so"
         if not library.exists():
             folder.mkdir(parents=True, exist_ok=True)
-            objects, took = self._objects(contestant.files, level, flags)
+            objects = self._objects(contestant.files, level, flags)
             for name, text in {**contestant.files, "clock.c": clock}.items():
                 if name.endswith(".h") or name == "clock.c":
                     (folder / name).write_text(text)
@@ -160,7 +158,7 @@ class Workshop:
         given = contestant.arrays
         named = given.items() if isinstance(given, Mapping) else enumerate(given)
         arrays = {name: np.array(x, dtype=np.float64, order="C") for name, x in named}
-        return Variant(level, arrays, run, took)
+        return Variant(level, arrays, run)
 
     def evaluated(self, contestant: Contestant) -> dict[Any, Array]:
         """Its arrays after one call, at its last level."""
@@ -194,20 +192,18 @@ class Workshop:
             result[c.name] = Timing(found[c.name, best].seconds, c.name, best, levels, variants[c.name, best])
         return result
 
-    def _objects(self, files: Mapping[str, str], level: str, flags: Sequence[str]) -> tuple[list[Path], float]:
-        """Objects of sources, and the seconds that took; those of an earlier contestant if it had the same."""
-        folder, took = self._place("objects-", files, level, flags), 0.0
+    def _objects(self, files: Mapping[str, str], level: str, flags: Sequence[str]) -> list[Path]:
+        """Objects of sources; those of an earlier contestant if it had the same."""
+        folder = self._place("objects-", files, level, flags)
         sources = [name for name in files if name.endswith(".c")]
         if sources and not folder.exists():
             unfinished = Path(tempfile.mkdtemp(prefix="unfinished-", dir=self.folder))
             for name, text in files.items():
                 (unfinished / name).write_text(text)
-            begin = time.perf_counter()
             for source in sources:
                 self._run(unfinished, level, *flags, "-c", source, "-o", f"{source}.o")
-            took = time.perf_counter() - begin
             unfinished.rename(folder)
-        return [folder / f"{source}.o" for source in sources], took
+        return [folder / f"{source}.o" for source in sources]
 
     def _place(self, prefix: str, files: Mapping[str, str], *more: Any) -> Path:
         what = sorted(files.items()), more, compiler_version(tuple(self.compiler)), processor()
@@ -229,6 +225,12 @@ class Timing(Rounds):
     def nanoseconds(self, per: float = 1.0) -> str:
         """The median in ns, of each of as many bodies or states, and its level."""
         return f"{self.median / per * 1e9:.{0 if per == 1 else 1}f} ({self.level})"
+
+    def beside(self, other: Timing) -> list[str]:
+        """Cells: the median, the other's name and median, the ratio, and those of single rounds."""
+        ratios = self.ratios(other)
+        spread = f"{min(ratios):.3f} to {max(ratios):.3f}"
+        return [self.nanoseconds(), other.name, other.nanoseconds(), f"**{self.ratio(other):.3f}**", spread]
 
     def __str__(self) -> str:
         return f"{self.name}: " + ", ".join(f"{level} {x.median * 1e9:.0f}" for level, x in self.levels.items())
