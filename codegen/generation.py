@@ -23,6 +23,8 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .compiling_ahead import CompilingAhead
+    from .reference import RecursiveEngine
+    from .runtime import Solver
 
 LAYOUTS = ("auto", "kinds", "unrolled")
 TARGETS = ("c", "numpy", "both")
@@ -107,18 +109,16 @@ def generate(
     NoCompilerError
         There is no C compiler, and `compile` is "all"; the package stays.
     """
-    if target not in TARGETS:
-        raise ValueError(f"target is {target!r}; allowed are {', '.join(TARGETS)}")
+    # long: what it takes is described
+    for name, value, allowed in (("target", target, TARGETS), ("layout", layout, LAYOUTS), ("scalar", scalar, SCALARS)):
+        if value not in allowed:
+            raise ValueError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
     if isinstance(functions, str):
         functions = [name.strip() for name in functions.split(",")]
     elif functions is not None:
         functions = _names(functions)
     if scalar != SCALARS[0] and target != "c":
         raise ValueError(f"scalar is {scalar!r}, which the C target has alone; target is {target!r}, and 'c' is needed")
-    if scalar not in SCALARS:
-        raise ValueError(f"scalar is {scalar!r}; allowed are {', '.join(SCALARS)}")
-    if layout not in LAYOUTS:
-        raise ValueError(f"layout is {layout!r}; allowed are {', '.join(LAYOUTS)}")
     if isinstance(partitions, bool) or partitions not in range(1, len(OTHERS) + 2):
         raise ValueError(f"partitions is {partitions!r}; allowed are 1 to {len(OTHERS) + 1}")
     progress = progress or silent
@@ -140,12 +140,13 @@ def generate(
     from .emit.c import C
     from .pipeline import write_solver
 
+    chosen: dict[str, Any] = {
+        "reactions": reactions, "progress": progress, "functions": functions, "frames": frames, "scalar": scalar,
+    }  # fmt: skip
     with CompilingAhead(path, compile == "all") as ahead:
         try:
-            source = write_solver(
-                model, layout, reactions=reactions, progress=progress, functions=functions, frames=frames,
-                printed=ahead.begin if compile and target != "numpy" else None, scalar=scalar,
-            )  # fmt: skip
+            printed = ahead.begin if compile and target != "numpy" else None
+            source = write_solver(model, layout, printed=printed, **chosen)
         except ModelError as error:
             if origin is None:
                 raise
@@ -154,7 +155,7 @@ def generate(
         alone = partitions > 1 and source.chosen is None
         if partitions > 1 and not alone:
             with _timed(seconds, "other partitions"):
-                add_others(model, layout, source, partitions, reactions, progress, functions, frames, scalar)
+                add_others(model, layout, source, partitions, **chosen)
         progress("writing", 0, 0)
         with _timed(seconds, "write"):
             source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
@@ -206,17 +207,15 @@ def _compile(
 
 
 def add_others(
-    model: Model,
-    layout: str,
-    source: Any,
-    partitions: int,
-    reactions: bool,
-    progress: Progress = silent,
-    functions: Sequence[str] | None = None,
-    frames: bool = False,
-    scalar: str = "float64",
+    model: Model, layout: str, source: Any, partitions: int, progress: Progress = silent, **chosen: Any
 ) -> None:
-    """Add the solvers of other partitions, as many as there are, to the files and the manifest of the first."""
+    """Add the solvers of other partitions, as many as there are, to the files and the manifest of the first.
+
+    Parameters
+    ----------
+    chosen
+        Further arguments of `write_solver`.
+    """
     from .loops.alternatives import other_partition
     from .pipeline import write_solver
 
@@ -230,7 +229,7 @@ def add_others(
             return
         known.append(found)
         renamed = dataclasses.replace(model, name=f"{model.name}{suffix}")
-        other = write_solver(renamed, layout, found, reactions, progress, functions, frames, scalar=scalar)
+        other = write_solver(renamed, layout, found, progress=progress, **chosen)
         source.files |= other.files
         source.manifest.setdefault("others", []).append(other.manifest)
         source.choice += [f"{word} partition:", *other.choice]
@@ -311,71 +310,86 @@ def check_solver(model: Model, report: Report) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been told
         solver = load(report.folder)
-    derivatives = "sensitivities" in solver.operations
-    if not derivatives and "accelerations" not in solver.operations:
+    if not {"sensitivities", "accelerations"} & solver.operations.keys():
         report.remarks.append(
             "not checked against the generic engine: generated without accelerations and sensitivities"
         )
         return
-    engine = RecursiveEngine(model)
-    rng = np.random.default_rng(1)
     unchecked = "warning: not checked against the generic engine: "
     try:
-        q0, u0 = solver.initial
+        initial = solver.initial
     except (AssemblyError, SingularJointError) as singular:  # of a loop; of a joint, a loop or a force
         report.remarks.append(f"{unchecked}at the initial configuration {singular}")
         return
-    errors = {"udot": 0.0} | ({"dudot": 0.0} if derivatives else {})
-    checked = 0
+    engine, rng = RecursiveEngine(model), np.random.default_rng(1)
+    found: list[dict[str, float]] = []
     why = "the accelerations are not finite"
     for _ in range(CHECK_DRAWS):
-        q = q0 + (0.05 if model.loops else 0.5) * rng.normal(size=solver.nq)
-        u = u0 + rng.normal(size=solver.nu)
-        inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
-        if model.loops:
-            try:
-                q, u = solver.assemble(q, u, None, inputs, t)
-            except (AssemblyError, SingularJointError) as open_loop:
-                why = f"none of them can be assembled, the last because {open_loop}"
-                continue
-        q, u, inputs = (
-            x.astype(solver.parameters.dtype).astype(float) for x in (q, u, inputs)
-        )  # as the solver reads them
-        sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
-        seeds: dict[str, Any] = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {
-            "dt": rng.normal(size=3)
-        }
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # states where a force has no value are left out below
-            try:
-                state = (q, u, None, inputs, t)
-                given = solver.sensitivities(*state, **seeds) if derivatives else (solver.accelerations(*state),)
-            except SingularJointError as singular:
-                why = f"the accelerations have no value, the last because {singular}"
-                continue
-            try:
-                of_engine = engine.sensitivities(*state, **seeds) if derivatives else (engine.accelerations(*state),)
-            except (ArithmeticError, np.linalg.LinAlgError) as singular:
-                why = f"the generic engine finds no accelerations, the last because {singular}"
-                continue
-            expected = [np.asarray(x) for x in of_engine]
-        if not all(np.isfinite(x).all() for x in expected):
-            continue  # a force such as log(q.a - 1) has no value there: nothing to compare with
-        # where large terms cancel in a derivative, their rounding is measured against udot and the other directions
-        floors = 1e-6, max(1e-6, 1e-3 * max(float(np.max(np.abs(y), initial=0.0)) for y in expected))
-        for name, x, y, floor in zip(errors, given, expected, floors, strict=False):
-            for a, b in zip(np.atleast_2d(x), np.atleast_2d(y), strict=True):
-                error = float(np.max(np.abs(a - b), initial=0.0)) / max(float(np.max(np.abs(b), initial=0.0)), floor)
-                errors[name] = max(errors[name], error) if error == error else math.inf
-        checked += 1
-        if checked == CHECK_STATES:
+        errors = _errors(model, solver, engine, *_drawn(model, solver, initial, rng))
+        if isinstance(errors, str):
+            why = errors or why
+        else:
+            found.append(errors)
+        if len(found) == CHECK_STATES:
             break
-    if checked:
-        report.errors = errors
+    if found:
+        report.errors = {name: max(errors[name] for errors in found) for name in found[0]}
     else:
         report.remarks.append(
             f"{unchecked}of {CHECK_DRAWS} random states near the initial one {why}; give other initial values"
         )
+
+
+def _drawn(model: Model, solver: Solver, initial: Any, rng: Any) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """A random state near the initial one, whose loops may be open, and seeds of three directions."""
+    q0, u0 = initial
+    q = q0 + (0.05 if model.loops else 0.5) * rng.normal(size=solver.nq)
+    u = u0 + rng.normal(size=solver.nu)
+    inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
+    sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
+    seeds = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {"dt": rng.normal(size=3)}
+    return (q, u, None, inputs, t), seeds
+
+
+def _errors(
+    model: Model, solver: Solver, engine: RecursiveEngine, state: tuple[Any, ...], seeds: dict[str, Any]
+) -> dict[str, float] | str:
+    """Largest relative errors at a state; why there is nothing to compare, empty where only a force has no value."""
+    import numpy as np
+
+    from .runtime import AssemblyError, SingularJointError
+
+    q, u, _, inputs, t = state
+    if model.loops:
+        try:
+            q, u = solver.assemble(q, u, None, inputs, t)
+        except (AssemblyError, SingularJointError) as open_loop:
+            return f"none of them can be assembled, the last because {open_loop}"
+    q, u, inputs = (x.astype(solver.parameters.dtype).astype(float) for x in (q, u, inputs))  # as the solver reads them
+    state = q, u, None, inputs, t
+    derivatives = "sensitivities" in solver.operations
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # states where a force has no value are left out below
+        try:
+            given = solver.sensitivities(*state, **seeds) if derivatives else (solver.accelerations(*state),)
+        except SingularJointError as singular:
+            return f"the accelerations have no value, the last because {singular}"
+        try:
+            of_engine = engine.sensitivities(*state, **seeds) if derivatives else (engine.accelerations(*state),)
+        except (ArithmeticError, np.linalg.LinAlgError) as singular:
+            return f"the generic engine finds no accelerations, the last because {singular}"
+        expected = [np.asarray(x) for x in of_engine]
+    if not all(np.isfinite(x).all() for x in expected):
+        return ""  # a force such as log(q.a - 1) has no value there
+    # where large terms cancel in a derivative, their rounding is measured against udot and the other directions
+    floors = 1e-6, max(1e-6, 1e-3 * max(float(np.max(np.abs(y), initial=0.0)) for y in expected))
+    found = {}
+    for name, x, y, floor in zip(("udot", "dudot"), given, expected, floors, strict=False):
+        pairs = list(zip(np.atleast_2d(x), np.atleast_2d(y), strict=True))
+        sizes = [max(float(np.max(np.abs(b), initial=0.0)), floor) for _, b in pairs]
+        errors = [float(np.max(np.abs(a - b), initial=0.0)) / n for (a, b), n in zip(pairs, sizes, strict=True)]
+        found[name] = math.inf if any(map(math.isnan, errors)) else max(errors)
+    return found
 
 
 __all__ = ["FolderError", "Report", "check_solver", "generate"]
