@@ -108,6 +108,7 @@ def fit(
     SimulationError, AssemblyError, SingularJointError
         A motion fails at the start of the search; later ones are stepped back from, and counted.
     """
+    # long: what it takes is described
     from scipy.optimize import least_squares
 
     if taken := [word for word in ("on_failure", "sensitivities", "dq0", "du0") if word in options]:
@@ -117,15 +118,8 @@ def fit(
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
     common = {
-        "times": times,
-        "samples": samples,
-        "sigma": sigma,
-        "q": q,
-        "u": u,
-        "p": p,
-        "inputs": inputs,
-        "start": start,
-    }
+        "times": times, "samples": samples, "sigma": sigma, "q": q, "u": u, "p": p, "inputs": inputs, "start": start,
+    }  # fmt: skip
     simulation = {"method": integrator, "rtol": rtol, "atol": atol, **options}
     space, parts = take_experiments(solver, common, variables, experiments, simulation)
     problem = _Problem(parts, space.x0)

@@ -117,6 +117,8 @@ def simulate_many(
             )
     if threads is not None and (not isinstance(threads, (int, np.integer)) or threads < 1):
         raise ValueError(f"threads is {threads!r}, expected a number of threads")
+    if progress is not None and not callable(progress):
+        raise ValueError(f"progress is {progress!r}, expected a function of two numbers")
     several = _rows(solver, q, u, p, inputs)
     n = len(several)
     found: list[Trajectory | None] = [None] * n
@@ -134,28 +136,32 @@ def simulate_many(
             failures[i] = error
             found[i] = error.trajectory if isinstance(error, SimulationError) else None
 
-    if n:
-        run(0)  # what is wrong for all is an error here, and the library is compiled once
-    done = min(n, 1)
-    if progress is not None and n:
-        progress(done, n)
-    with ThreadPoolExecutor(threads or processors()) as pool:
-        left: set[Future[None]] = {pool.submit(run, i) for i in range(1, n)}
+    _in_threads(run, n, threads or processors(), progress or (lambda done, of: None), stop)
+    return Motions(found, dict(sorted(failures.items())))
+
+
+def _in_threads(
+    run: Callable[[int], None], n: int, threads: int, progress: Callable[[int, int], None], stop: threading.Event
+) -> None:
+    """Run numbers 0 to n - 1; an error, and Ctrl-C without one, sets `stop` and leaves out what has not begun."""
+    left: set[Future[None]] = set()
+    with ThreadPoolExecutor(threads) as pool:
         try:
-            while left:
-                ended, left = wait(left, return_when=FIRST_COMPLETED)
-                for future in ended:
-                    future.result()
-                    done += 1
-                    if progress is not None:
-                        progress(done, n)
+            for done in range(1, n + 1):
+                if done == 1:
+                    run(0)  # what is wrong for all is an error here, and the library is compiled once
+                    left = {pool.submit(run, i) for i in range(1, n)}
+                else:
+                    ended = next(iter(wait(left, return_when=FIRST_COMPLETED).done))
+                    left.remove(ended)
+                    ended.result()
+                progress(done, n)
         except BaseException as error:
             stop.set()
             for future in left:
                 future.cancel()
             if not isinstance(error, KeyboardInterrupt):
                 raise
-    return Motions(found, dict(sorted(failures.items())))
 
 
 def processors() -> int:

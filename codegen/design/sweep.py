@@ -93,6 +93,7 @@ def sweep(
         No case was measured, and the first eight, or all, failed by errors in the measure: a word that is misspelt would fail
         in every case.
     """
+    # long: what it takes and gives is described
     if not callable(measure):
         raise TypeError(f"measure is {type(measure).__name__}, expected a function of the solver and a case")
     if chunk is not None and (not isinstance(chunk, int) or chunk < 1):

@@ -116,6 +116,29 @@ def motions(
         probe = motion(solver, Setting(end, names, "radau", 1e-6))
     end = _affordable_end(solver, probe, names, end, skipped)
     method = "radau" if stiff else "dop853"
+    known = _known(solver, names, method, end, found, skipped)
+    if known is None:
+        return None
+    end, reference, best = known
+    found["methods"] = {"rk4": _fixed(solver, end, names, best, core)}
+    for name, exponents in ADAPTIVE.items():
+        if name == "radau" and not implicit:
+            skipped.append(_without_factors(solver, best, names, len(exponents)))
+            continue
+        looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
+        found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped, core)
+    if _is_rounding(found["methods"]):
+        why = "every method integrates this motion exactly, as one at constant acceleration: errors are rounding at any tolerance"
+        skipped.append(Skipped("work and precision", why))
+        found["methods"] = {}
+    found["conditions"] = conditions(solver, end, method, skipped)
+    return found
+
+
+def _known(
+    solver: Solver, names: Sequence[str], method: str, end: float, found: dict[str, Any], skipped: list[Skipped]
+) -> tuple[float, float, Trajectory] | None:
+    """How far a motion is known, s, the tolerance of the reference, and the reference; None where there is none."""
     while True:
         reference, best, beside = _reference(solver, end, names, method)
         if isinstance(best, str) or isinstance(beside, str):
@@ -131,19 +154,7 @@ def motions(
         end = float(f"{end / 2:.2g}")
     found |= {"end": end, "reference": f"{method} at {reference:g}"}
     found["reference_error"], found["reference_error_sensitivities"] = own_errors
-    found["methods"] = {"rk4": _fixed(solver, end, names, best, core)}
-    for name, exponents in ADAPTIVE.items():
-        if name == "radau" and not implicit:
-            skipped.append(_without_factors(solver, best, names, len(exponents)))
-            continue
-        looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
-        found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped, core)
-    if _is_rounding(found["methods"]):
-        why = "every method integrates this motion exactly, as one at constant acceleration: errors are rounding at any tolerance"
-        skipped.append(Skipped("work and precision", why))
-        found["methods"] = {}
-    found["conditions"] = conditions(solver, end, method, skipped)
-    return found
+    return end, reference, best
 
 
 def _affordable_end(

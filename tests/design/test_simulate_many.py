@@ -56,17 +56,20 @@ def test_failures_are_recorded_and_the_others_go_on(solver):
     assert issubclass(AssemblyError, FAILURES)
 
 
-def test_ctrl_c_leaves_what_was_computed(solver):
+@pytest.mark.parametrize("last", [1, 3])
+def test_ctrl_c_leaves_what_was_computed(solver, last):
     def progress(done, n):
-        if done == 3:
+        if done == last:
             raise KeyboardInterrupt
 
     motions = codegen.simulate_many(solver, 1.0, p={"stiffness": np.linspace(1, 9, 2000)}, threads=1, progress=progress)
     done = sum(x is not None for x in motions)
-    assert 3 <= done < 2000 and motions.succeeded.sum() >= 3
+    assert last <= done < 2000 and motions.succeeded.sum() >= last
 
 
 def test_what_is_wrong_is_told(solver):
+    with pytest.raises(ValueError, match="progress is 3, expected a function"):
+        codegen.simulate_many(solver, 1.0, p={"stiffness": [1.0, 2.0]}, progress=3)
     with pytest.raises(ValueError, match="nothing has rows"):
         codegen.simulate_many(solver, 1.0, p=solver.parameters)
     with pytest.raises(ValueError, match="numbers of motions differ: q 2, p 3"):
