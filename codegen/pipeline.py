@@ -21,6 +21,7 @@ from .loops.partition import Partition, partition
 from .loops.redundancy import ALLOWED
 from .manifest import manifest, operations
 from .mechanics.expansion import Program
+from .mechanics.merging import with_merged_sweeps
 from .mechanics.procedures import (
     asks_reactions,
     left_out,
@@ -156,7 +157,8 @@ def _written(
     lap("expand and simplify")
     progress("printing C", 0, 0)
     lacks = {} if functions is None else {"left_out": left_out(system, asked)}
-    writer, context, files, made = _in_c(system, program, plan, asked, chosen, scalar, lacks)
+    of_c = with_merged_sweeps(program, plan.formulas) if unrolled else plan
+    writer, context, files, made = _in_c(system, program, of_c, asked, chosen, scalar, lacks)
     lap("print")
     if printed is not None:
         printed(files, made)

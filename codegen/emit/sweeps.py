@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, cached_property, partial
 
 from ..program.addresses import Kind
 from ..program.block import Block
+from ..program.plan import Merged
 from ..program.procedure import sweeps as sweeps_run
 from ..program.store import MARGIN, Store
 from .function import Function
-from .language import Language
+from .language import Language, Located
 from .notes import notes
 
 MAX_STRETCHES = 24
@@ -72,9 +74,29 @@ class SweepWriter(Language):
         (what, first), count = self.plan.called[kinds[0]], sum(len(kind.members) for kind in kinds)
         return first if count == 1 else f"{count} {what}: {first}, ..."
 
+    def merged_function(self, sweep: str, merged: Merged) -> Function:
+        """The function of a sweep whose blocks are one."""
+        spec, variables = self.plan.sweeps[sweep], dict[str, str]()
+        kinds = {str(kind.index): kind for kind in spec.kinds}
+
+        @cache
+        def place(store: Store, name: str) -> Located:
+            kind, of = merged.of[store.plain]
+            at = self.place((kind,), sweep, of, name)
+            return replace(at, variable=variables.setdefault(at.row, f"{at.variable}_{kind.index}"))
+
+        def culprit(margin: str) -> str:
+            kind, _, name = margin.partition(".")
+            return self.addresses.culprit((kinds[kind],), sweep)(name)
+
+        lines = self.lines_of(merged.block, place, culprit)
+        return Function(spec.title, self.signature(sweep, spec.lanes, False), lines, notes(merged.block))
+
     def loop(self, sweep: str) -> Function:
-        """The loop over the links, or the units, of a sweep."""
+        """The loop over the links, or the units, of a sweep; or all that it does, where its blocks are one."""
         spec = self.plan.sweeps[sweep]
+        if spec.merged is not None:
+            return self.merged_function(sweep, spec.merged)
         shared = self.shared(sweep)
         first = {kind.index: kinds[0].index for kinds in shared for kind in kinds}
         kinds = [first.get(k.index, IDLE) for k in spec.order]
@@ -139,6 +161,8 @@ class SweepWriter(Language):
         return f
 
     def sweep_functions(self, sweep: str) -> list[Function]:
+        if self.plan.sweeps[sweep].merged is not None:
+            return [self.loop(sweep)]
         functions = [f for kinds in self.shared(sweep) for f in self.link_functions(sweep, kinds)]
         if any(of.then == sweep for of in self.plan.sweeps.values()):
             return functions  # called by turns with another

@@ -29,6 +29,7 @@ from ..program.block import (
 from ..program.field import AnyField
 from ..program.operations import Operations, count, count_expression
 from ..program.passes import PASSES, drop_dead, propagate_copies
+from ..program.plan import Merged
 from ..program.progress import Progress, silent
 from ..program.store import CONSTANT, Life, Memory, Owner, Store
 from . import fields
@@ -70,6 +71,8 @@ class Program:
     report : list of (pass, operations, seconds)
     sweep_seconds : dict of str to float
         Expanding and simplifying, by sweep.
+    merged : dict of str to Merged
+        Sweeps that are printed as one block.
     """
 
     system: System
@@ -81,6 +84,7 @@ class Program:
     ground_fields: set[str] = field(default_factory=set)
     transient: dict[str, list[str]] = field(default_factory=dict)
     read_outside: set[Place] = field(default_factory=set)
+    merged: dict[str, Merged] = field(default_factory=dict)
 
 
 class Reach:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..program.layout import Layout, first_with, numbered
 from .expansion import Program
-from .stores import KEPT, LAID_OUT, ME, UP
+from .stores import KEPT, LAID_OUT, ME, RECORD, UP
 from .structure.kinds import EarKind
 from .structure.system import System
 
@@ -39,6 +39,8 @@ class SystemLayout(Layout):
             "lanes": links, "region_lanes": len(regions.regions), "columns": links,
         }  # fmt: skip
         self.near = {sweep: numbered(fields) for sweep, fields in program.transient.items()}
+        for sweep, merged in program.merged.items():
+            self.near[sweep] = numbered([n for n in self.near.get(sweep, ()) if (RECORD, n) in merged.names])
         self.near_size = -(-max(map(len, self.near.values()), default=0) // 8) * 8
         self.slots = {sweep: numbered(fields) for sweep, fields in program.slots.items()}
         self.slot_forms, self.near_forms = first_with(self.slots), first_with(self.near)

@@ -49,12 +49,17 @@ def plan_of(program: Program, formulas: list[Formula]) -> Plan:
 
 def _swept(program: Program, name: str) -> Swept:
     sweep, system = SWEEP[name], program.system
-    order: list[UnitKind] = [*(system.unit_kind_of if sweep.units else system.kind_of)]
-    if sweep.element:
-        of = {n: kind for kind in system.element_kinds for n in kind.members}
-        order = [of[n] for n in range(len(of))]
-    kinds, blocks = sweep.kinds(system), program.blocks[name]
-    return Swept(sweep.title, sweep.lanes, sweep.direction == INWARD, sweep.groups, sweep.then, kinds, order, blocks)
+    return Swept(
+        sweep.title,
+        sweep.lanes,
+        sweep.direction == INWARD,
+        sweep.groups,
+        sweep.then,
+        sweep.kinds(system),
+        sweep.sequence(system),
+        program.blocks[name],
+        program.merged.get(name),
+    )
 
 
 def _called(system: System, kind: UnitKind) -> tuple[str, str]:

@@ -125,6 +125,13 @@ class Sweep:
             found = [k for k in found if not isinstance(k, LinkKind)]
         return found
 
+    def sequence(self, system: System) -> list[UnitKind]:
+        """Kinds of what it goes over, one after the other, outward."""
+        if self.element is not None:
+            of: dict[int, UnitKind] = {n: k for k in system.element_kinds for n in k.members}
+            return [of[n] for n in range(len(of))]
+        return [*(system.unit_kind_of if self.units else system.kind_of)]
+
 
 def _quaternion(kind: LinkKind) -> bool:
     return kind.joint.quaternion is not None

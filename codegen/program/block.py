@@ -75,6 +75,8 @@ class Block:
     stores : list of (Store, component, expression)
     otherwise : dict of Symbol to Expr
         Of values that `Scope.either` names: the second expression, until one of the two is chosen.
+    early : bool
+        Over directions, values are stored as soon as they are known; otherwise at the end.
     """
 
     name: str
@@ -83,6 +85,13 @@ class Block:
     statements: list[Statement] = field(default_factory=list)
     stores: list[tuple[Store, str, Expr]] = field(default_factory=list)
     otherwise: dict[Symbol, Expr] = field(default_factory=dict)
+    early: bool = False
+
+    @property
+    def length(self) -> int:
+        """How many symbols statements and stores read."""
+        values = (*(s.expression for s in self.statements), *(e for _, _, e in self.stores))
+        return sum(len(symbols_of(e)) for e in values)
 
     def symbols_stored(self) -> set[Symbol]:
         found: set[Symbol] = set()

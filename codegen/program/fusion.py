@@ -79,6 +79,14 @@ class _Fusion:
                 loaded = self.let(symbol.name, loaded + self.pending[at][0], at[0].lanes)
                 self.pending[at] = loaded, False
             self.known[at] = loaded
+        return self.named(at)
+
+    def named(self, at: Component) -> Expr:
+        """What is known to be in a place, with a name from now on: others read it."""
+        e = self.known[at]
+        if self.pending.get(at, (None,))[0] is e:
+            self.known[at] = self.let(f"{at[0].label}_{at[1]}", e, at[0].lanes)
+            self.pending[at] = self.known[at], False
         return self.known[at]
 
     def store(self, store: Store, name: str, e: Expr) -> None:
@@ -87,12 +95,12 @@ class _Fusion:
         if store.adds and at not in self.known and at not in self.pending and self.zero(*at):
             self.known[at] = algebra.ZERO
         if store.adds and at in self.known:
-            e = self.known[at] + e
+            e = self.named(at) + e
         elif store.adds:
             self.pending[at] = (self.pending[at][0] + e if at in self.pending else e), True
             return
-        self.known[at] = self.let(f"{store.label}_{name}", e, store.lanes)
-        self.pending[at] = self.known[at], False
+        self.known[at] = e
+        self.pending[at] = e, False
 
     def let(self, name: str, e: Expr, lanes: bool) -> Expr:
         """A name for a value that has none."""

@@ -8,7 +8,7 @@ from itertools import accumulate, pairwise
 
 from .algebra import Expr, Symbol
 from .block import Block, Component, Statement, symbols_of
-from .store import Store
+from .passes import Step, in_order
 
 LONGEST = 3000
 """Of values that statements and stores read; longer blocks are divided. It is by operations that compilers take longer: a sum of
@@ -19,8 +19,6 @@ PART = 1000
 
 WINDOW = 200
 """It may be so much longer or shorter, where less is handed on then."""
-
-Step = Statement | tuple[Store, str, Expr]
 
 
 def in_parts(
@@ -42,7 +40,7 @@ def in_parts(
     places : dict of bool to int
         How many are needed, of values that all directions share and of values per direction.
     """
-    steps = _steps(block)
+    steps = in_order(block)
     lengths = [len(symbols_of(_value(step))) for step in steps]
     if sum(lengths) <= LONGEST:
         return [block], {}
@@ -80,24 +78,6 @@ def in_parts(
 
 def _value(step: Step) -> Expr:
     return step.expression if isinstance(step, Statement) else step[2]
-
-
-def _steps(block: Block) -> list[Step]:
-    """Statements in their order, each store as soon as it can be, after earlier ones to the same place.
-
-    The order goes from link to link: what a part works on is of few links, so that it copies little.
-    """
-    made = {s.target: i for i, s in enumerate(block.statements)}
-    waiting: dict[int, list[Step]] = {}
-    after: dict[tuple[Store, str], int] = {}
-    for store, name, value in block.stores:
-        at = max((made[s] for s in symbols_of(value) if s in made), default=-1)
-        at = after[store.plain, name] = max(at, after.get((store.plain, name), -1))
-        waiting.setdefault(at, []).append((store, name, value))
-    steps: list[Step] = [*waiting.get(-1, ())]
-    for i, s in enumerate(block.statements):
-        steps += [s, *waiting.get(i, ())]
-    return steps
 
 
 class _HandedOn:

@@ -13,6 +13,9 @@ from .block import Block, Statement, symbols_of, up_to_sign
 from .operations import count_expression
 from .store import Store
 
+Step = Statement | tuple[Store, str, Expr]
+"""A statement, or a store."""
+
 MOST_FACTORS = 5
 """Products of more factors are not searched for parts that have a name."""
 
@@ -255,6 +258,32 @@ def by_results(block: Block) -> list[tuple[list[Statement], list[tuple[Store, st
                 waiting.append((i, True))
                 waiting += [(j, False) for j in needed(block.statements[i].expression)]
         found.append((statements, [store]))
+    return found
+
+
+def in_order(block: Block) -> list[Step]:
+    """Statements in their order, each store as soon as it can be, after earlier ones to the same place.
+
+    The order goes from link to link: what a part works on is of few links, so that it copies little.
+    """
+    made = {s.target: i for i, s in enumerate(block.statements)}
+    waiting: dict[int, list[Step]] = {}
+    after: dict[tuple[Store, str], int] = {}
+    for store, name, value in block.stores:
+        at = max((made[s] for s in symbols_of(value) if s in made), default=-1)
+        at = after[store.plain, name] = max(at, after.get((store.plain, name), -1))
+        waiting.setdefault(at, []).append((store, name, value))
+    steps: list[Step] = [*waiting.get(-1, ())]
+    for i, s in enumerate(block.statements):
+        steps += [s, *waiting.get(i, ())]
+    return steps
+
+
+def as_computed(block: Block) -> list[tuple[list[Statement], list[tuple[Store, str, Expr]]]]:
+    """Statements in their order, each store as soon as it can be."""
+    found: list[tuple[list[Statement], list[tuple[Store, str, Expr]]]] = []
+    for step in in_order(block):
+        found.append(([step], []) if isinstance(step, Statement) else ([], [step]))
     return found
 
 

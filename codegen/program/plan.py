@@ -11,6 +11,25 @@ from .formula import Formula
 from .layout import Layout
 from .procedure import Array
 from .shape import Constants, Shape
+from .store import Memory, Store
+
+
+@dataclass(frozen=True, slots=True)
+class Merged:
+    """The blocks of a sweep as one block.
+
+    Attributes
+    ----------
+    block : Block
+    of : dict of Store to (Kind, Store)
+        What each of its stores is in the blocks of a kind.
+    names : set of (Memory, str)
+        Components that it loads or stores.
+    """
+
+    block: Block
+    of: dict[Store, tuple[Kind, Store]]
+    names: set[tuple[Memory, str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +51,8 @@ class Swept:
         Of what it goes over, one after the other.
     blocks : dict of int to Block
         By the index of a kind.
+    merged : Merged or None
+        All of these as one block, where the sweep is printed so.
     """
 
     title: str
@@ -42,6 +63,7 @@ class Swept:
     kinds: Sequence[Kind]
     order: Sequence[Kind]
     blocks: dict[int, Block]
+    merged: Merged | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,4 +132,4 @@ class Plan:
     addresses: Callable[[bool], Addresses]
 
 
-__all__ = ["Ground", "Plan", "Swept"]
+__all__ = ["Ground", "Merged", "Plan", "Swept"]

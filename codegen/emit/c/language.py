@@ -12,7 +12,7 @@ from ...program.addresses import Kind
 from ...program.algebra import ZERO, Expr, Symbol
 from ...program.block import Block, symbols_of
 from ...program.field_table import identifier
-from ...program.passes import by_results
+from ...program.passes import as_computed, by_results
 from ...program.plan import Plan
 from ...program.procedure import Procedure
 from ...program.store import MARGIN, MODES, Store
@@ -187,7 +187,10 @@ class CLanguage(Writer):
         load(soon)
         # blocks over directions keep their order: they gain nothing by another
         along = any(store.lanes for store, _, _ in block.stores)
-        for statements, stores in [(block.statements, block.stores)] if along else by_results(block):
+        order = by_results(block)
+        if along:
+            order = as_computed(block) if block.early else [(block.statements, block.stores)]
+        for statements, stores in order:
             for s in statements:
                 load(symbols_of(s.expression))
                 first = s.target in shared

@@ -1,0 +1,117 @@
+"""Sweeps over few links, each as one block: a value that a link passes to its neighbour is a variable there, and no memory.
+
+Where every link has a function of its own (`codegen.mechanics.statements.laid_out`), the blocks of a sweep run in a known order,
+and each of their components has a known address. So they are one block (`codegen.program.fusion`), as long as that is short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from ..program.addresses import Kind
+from ..program.block import Block, Component
+from ..program.formula import Formula
+from ..program.fusion import fused
+from ..program.passes import drop_dead, propagate_copies, share_values
+from ..program.plan import Merged, Plan
+from ..program.store import MARGIN, Store
+from .address import SystemAddresses
+from .expansion import Program
+from .memory import SystemLayout
+from .plan import plan_of
+from .stores import GROUND_LINK, SLOT
+from .structure.kinds import UnitKind
+from .sweeps import FALLING, INWARD, SWEEP
+
+LONGEST, LONGEST_ALONG = 1000, 300
+"""Symbols that the statements and stores of a merged sweep read, at most: compilers take longer for long functions. The second is
+for sweeps over directions: values that all directions share stay in registers in short loops only."""
+
+
+def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
+    """The plan of a program whose sweeps are merged where they can be, without the memory that these no longer need."""
+    addresses = SystemAddresses(program, SystemLayout(program), True)
+    called = {s.then for s in SWEEP.values()}
+    found = {}
+    for name in program.blocks:
+        sweep = SWEEP[name]
+        kinds = [k for k in sweep.sequence(program.system) if program.blocks[name].get(k.index, Block("", "")).stores]
+        alone = len(kinds) > 1 and all(len(addresses.instances(k, name)) == 1 for k in kinds)
+        length = sum(program.blocks[name][k.index].length for k in kinds)
+        if (
+            alone
+            and length <= (LONGEST_ALONG if sweep.lanes else LONGEST)
+            and not (sweep.groups or sweep.then or name in called)
+        ):
+            found[name] = _Merging(program, addresses, name).run(
+                reversed(kinds) if sweep.direction == INWARD else kinds
+            )
+    slots, gravity = program.slots, program.system.gravity
+    if gravity is None or not any(n in gravity.shape.varying for s in FALLING for n in slots.get(s, ())):
+        # else these sweeps and their transposes share the ground's slot, in one order
+        slots = {s: [n for n in of if s not in found or (SLOT, n) in found[s].names] for s, of in slots.items()}
+    return plan_of(replace(program, merged=found, slots=slots), formulas)
+
+
+class _Merging:
+    """The blocks of a sweep, put together.
+
+    Attributes
+    ----------
+    first : dict of address to (Store, str)
+        The component that stands for all of an address.
+    of : dict of Store to (kind, Store)
+        See `Merged`.
+    shared : set of (Store, str)
+        Components that links read and write for their neighbours only, within this sweep.
+    """
+
+    def __init__(self, program: Program, addresses: SystemAddresses, sweep: str):
+        self.program, self.addresses, self.sweep = program, addresses, sweep
+        self.first: dict[object, Component] = {}
+        self.of: dict[Store, tuple[Kind, Store]] = {}
+        self.shared: set[Component] = set()
+        self._stores: dict[tuple[UnitKind, Store], Store] = {}
+
+    def run(self, kinds: Iterable[UnitKind]) -> Merged:
+        blocks = [self.placed(kind) for kind in kinds]
+        block = fused(self.sweep, SWEEP[self.sweep].title, blocks, lambda store, name: (store, name) in self.shared)
+        block.stores = [(a, n, e) for a, n, e in block.stores if (a.plain, n) not in self.shared]
+        for improve in (propagate_copies, share_values, drop_dead):
+            block = improve(block)
+        block.early = True
+        components = [*block.loads.values(), *((a.plain, n) for a, n, _ in block.stores)]
+        return Merged(block, self.of, {(a.memory, n) for a, n in components})
+
+    def placed(self, kind: UnitKind) -> Block:
+        """The block of a kind, with components that are the same in all blocks where the addresses are."""
+        block = self.program.blocks[self.sweep][kind.index]
+        loads = {s: self.component(kind, a, n) for s, (a, n) in block.loads.items()}
+        stores = []
+        for a, n, e in block.stores:
+            store, name = self.component(kind, a.plain, n)
+            stores.append((store.sum if a.adds else store, name, e))
+        return Block(block.name, block.title, loads, block.statements, stores)
+
+    def component(self, kind: UnitKind, store: Store, name: str) -> Component:
+        """What stands for a component of a store of a kind."""
+        mine = self._stores.setdefault((kind, store), Store(store.label, store.owner, store.memory))
+        self.of[mine] = kind, store
+        if store.memory is MARGIN:
+            return mine, f"{kind.index}.{name}"
+        at = self.addresses.address(kind, self.sweep, store, name)
+        part = at.component if isinstance(at.component, str) else at.component.values
+        found = self.first.setdefault((at.region, at.row and at.row.values, part, at.form), (mine, name))
+        if (store.memory is SLOT or at.region == "near") and not self.is_ground(kind, store):
+            self.shared.add(found)
+        return found
+
+    def is_ground(self, kind: UnitKind, store: Store) -> bool:
+        """Whether a store is of the ground, whose values are there before the sweep runs."""
+        if store.owner is GROUND_LINK:
+            return True
+        return len(self.program.system.links) in self.addresses.links_meant(kind, self.sweep, store)
+
+
+__all__ = ["with_merged_sweeps"]
