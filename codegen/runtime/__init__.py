@@ -5,88 +5,54 @@ from typing import TYPE_CHECKING
 from ..deferred import deferred
 
 if TYPE_CHECKING:
-    from .loading import load, load_trajectory
-    from .solver import Solver
-    from .standalone.errors import (
-        AssemblyError,
-        CompileError,
-        EquilibriumError,
-        NoCompilerError,
-        PackageError,
-        SimulationError,
-        SingularForceError,
-        SingularJointError,
-        SingularLoopError,
-        SingularOutputError,
-        TargetsDifferError,
-    )
-    from .standalone.motion.functionals import At, AtEvent, Final, Integral, LeastSquares
-    from .standalone.state.derivatives import Jacobians
-    from .standalone.state.frame_motion import FrameMotion, PointMotion
-    from .standalone.statics.equilibrium import Equilibrium
-    from .standalone.statics.linearization import Linearization
-    from .standalone.trajectory.events import Event
-    from .standalone.trajectory.trajectory import Trajectory
-    from .standalone.trust.diagnosis import Diagnosis
+    from .loading import load as load
+    from .loading import load_trajectory as load_trajectory
+    from .solver import Solver as Solver
+    from .standalone.errors import AssemblyError as AssemblyError
+    from .standalone.errors import CompileError as CompileError
+    from .standalone.errors import EquilibriumError as EquilibriumError
+    from .standalone.errors import NoCompilerError as NoCompilerError
+    from .standalone.errors import PackageError as PackageError
+    from .standalone.errors import SimulationError as SimulationError
+    from .standalone.errors import SingularForceError as SingularForceError
+    from .standalone.errors import SingularJointError as SingularJointError
+    from .standalone.errors import SingularLoopError as SingularLoopError
+    from .standalone.errors import SingularOutputError as SingularOutputError
+    from .standalone.errors import TargetsDifferError as TargetsDifferError
+    from .standalone.motion.functionals import At as At
+    from .standalone.motion.functionals import AtEvent as AtEvent
+    from .standalone.motion.functionals import Final as Final
+    from .standalone.motion.functionals import Integral as Integral
+    from .standalone.motion.functionals import LeastSquares as LeastSquares
+    from .standalone.state.derivatives import Jacobians as Jacobians
+    from .standalone.state.frame_motion import FrameMotion as FrameMotion
+    from .standalone.state.frame_motion import PointMotion as PointMotion
+    from .standalone.statics.equilibrium import Equilibrium as Equilibrium
+    from .standalone.statics.linearization import Linearization as Linearization
+    from .standalone.trajectory.events import Event as Event
+    from .standalone.trajectory.trajectory import Trajectory as Trajectory
+    from .standalone.trust.diagnosis import Diagnosis as Diagnosis
 
-_PLACES = {
-    **dict.fromkeys(("load", "load_trajectory"), "loading"),
-    **dict.fromkeys(("Solver",), "solver"),
-    **dict.fromkeys(("Diagnosis",), "standalone.trust.diagnosis"),
-    **dict.fromkeys(("Equilibrium",), "standalone.statics.equilibrium"),
-    **dict.fromkeys(
-        (
-            "AssemblyError",
-            "CompileError",
-            "EquilibriumError",
-            "NoCompilerError",
-            "PackageError",
-            "SimulationError",
-            "SingularForceError",
-            "SingularJointError",
-            "SingularLoopError",
-            "SingularOutputError",
-            "TargetsDifferError",
-        ),
-        "standalone.errors",
-    ),
-    **dict.fromkeys(("FrameMotion", "PointMotion"), "standalone.state.frame_motion"),
-    **dict.fromkeys(("At", "AtEvent", "Final", "Integral", "LeastSquares"), "standalone.motion.functionals"),
-    **dict.fromkeys(("Jacobians",), "standalone.state.derivatives"),
-    **dict.fromkeys(("Linearization",), "standalone.statics.linearization"),
-    **dict.fromkeys(("Event",), "standalone.trajectory.events"),
-    **dict.fromkeys(("Trajectory",), "standalone.trajectory.trajectory"),
-}
+_NAMES = {
+    "loading": ("load", "load_trajectory"),
+    "solver": ("Solver",),
+    "standalone.errors": ("AssemblyError", "CompileError", "EquilibriumError", "NoCompilerError", "PackageError",
+        "SimulationError", "SingularForceError", "SingularJointError", "SingularLoopError", "SingularOutputError",
+        "TargetsDifferError"),
+    "standalone.motion.functionals": ("At", "AtEvent", "Final", "Integral", "LeastSquares"),
+    "standalone.state.derivatives": ("Jacobians",),
+    "standalone.state.frame_motion": ("FrameMotion", "PointMotion"),
+    "standalone.statics.equilibrium": ("Equilibrium",),
+    "standalone.statics.linearization": ("Linearization",),
+    "standalone.trajectory.events": ("Event",),
+    "standalone.trajectory.trajectory": ("Trajectory",),
+    "standalone.trust.diagnosis": ("Diagnosis",),
+}  # fmt: skip
+"""Names of each module."""
+
+_PLACES = {name: module for module, names in _NAMES.items() for name in names}
 
 # what only compiles needs neither solvers nor mpmath
 __getattr__ = deferred(__name__, _PLACES)
 
-__all__ = [
-    "AssemblyError",
-    "At",
-    "AtEvent",
-    "CompileError",
-    "Diagnosis",
-    "Equilibrium",
-    "EquilibriumError",
-    "Event",
-    "Final",
-    "FrameMotion",
-    "Integral",
-    "Jacobians",
-    "LeastSquares",
-    "Linearization",
-    "NoCompilerError",
-    "PackageError",
-    "PointMotion",
-    "SimulationError",
-    "SingularForceError",
-    "SingularJointError",
-    "SingularLoopError",
-    "SingularOutputError",
-    "Solver",
-    "TargetsDifferError",
-    "Trajectory",
-    "load",
-    "load_trajectory",
-]
+__all__ = [*sorted(_PLACES)]
