@@ -92,3 +92,25 @@ def test_states_of_a_tree_need_no_functions(tmp_path):
     solver = codegen.load(tmp_path / "pendulum")
     q, u = solver.assemble(*solver.initial)
     assert np.isfinite(solver.accelerations(q, u)).all()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        codegen.runtime.SingularJointError("ball.1", " (state [3] of the batch)"),
+        codegen.runtime.SingularLoopError("pin", coupled=True),
+        codegen.runtime.SingularForceError("spring", "its ends coincide"),
+        codegen.runtime.SingularOutputError("distance"),
+        codegen.runtime.AssemblyError("pin", 0.1, tolerance=1e-5),
+        codegen.runtime.EquilibriumError(2.0, "crank", np.array([1.0, 2.0])),
+        codegen.runtime.SimulationError("the motion ends", None),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_that_a_pool_of_processes_returns_are_those_that_were_raised(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert {n: np.asarray(x).tolist() for n, x in vars(again).items()} == {
+        n: np.asarray(x).tolist() for n, x in vars(error).items()
+    }

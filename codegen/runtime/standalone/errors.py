@@ -24,7 +24,18 @@ class NoCompilerError(RuntimeError):
     """There is nothing to compile C with, or nothing to call it through."""
 
 
-class SingularJointError(np.linalg.LinAlgError):
+class _Remembering(Exception):
+    """An error with attributes beside its message, which a pool of processes returns as it was raised."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), str(self)), self.__dict__
+
+
+def _again(kind: type[Exception], message: str) -> Exception:
+    return kind.__new__(kind, message)
+
+
+class SingularJointError(_Remembering, np.linalg.LinAlgError):
     """Nothing outboard of a joint has inertia about it, so its acceleration is not determined.
 
     Attributes
@@ -33,14 +44,15 @@ class SingularJointError(np.linalg.LinAlgError):
         The link whose joint it is.
     """
 
-    def __init__(self, link: str, where: str = "") -> None:
+    def __init__(self, link: str, where: str = "", message: str = "") -> None:
         joint, _, axis = link.rpartition(".")
         turned = (
             f"; or this pose alone is to blame (gimbal lock: joint {joint} has turned what it carries into line with this axis), "
             f"which a spherical joint passes"
         )
         super().__init__(
-            f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; "
+            message
+            or f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; "
             f"give its body, or one that it carries, mass or inertia{turned if joint and axis == '1' else ''}"
         )
         self.link = link
@@ -56,20 +68,16 @@ class SingularLoopError(SingularJointError):
     """
 
     def __init__(self, loop: str, where: str = "", coupled: bool = False) -> None:
-        self.link = loop
-        if coupled:
-            np.linalg.LinAlgError.__init__(
-                self,
-                f"coupling {loop} has lost rank{where}: its dependent coordinate is multiplied by zero there, or the loops "
-                f"that share it leave it no way, so its speed is not determined; change the ratio, step off this configuration, "
-                f"or choose other independent coordinates",
-            )
-            return
-        np.linalg.LinAlgError.__init__(
-            self,
-            f"loop {loop} has lost rank{where}: its dependent joints move nothing of their own there (a dead point, a flattened "
-            f"linkage), so their speeds are not determined; step off this configuration, or choose other independent coordinates",
+        said = (
+            f"coupling {loop} has lost rank{where}: its dependent coordinate is multiplied by zero there, or the loops "
+            f"that share it leave it no way, so its speed is not determined; change the ratio, step off this configuration, "
+            f"or choose other independent coordinates"
+            if coupled
+            else f"loop {loop} has lost rank{where}: its dependent joints move nothing of their own there (a dead point, a "
+            f"flattened linkage), so their speeds are not determined; step off this configuration, or choose other independent "
+            f"coordinates"
         )
+        super().__init__(loop, where, said)
 
 
 class SingularForceError(SingularJointError):
@@ -82,8 +90,7 @@ class SingularForceError(SingularJointError):
     """
 
     def __init__(self, element: str, reason: str, where: str = "") -> None:
-        np.linalg.LinAlgError.__init__(self, f"{reason}{where}; step off this configuration")
-        self.link = element
+        super().__init__(element, where, f"{reason}{where}; step off this configuration")
 
 
 def singular_forces(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -103,15 +110,15 @@ class SingularOutputError(SingularJointError):
     """
 
     def __init__(self, output: str, where: str = "") -> None:
-        np.linalg.LinAlgError.__init__(
-            self,
+        super().__init__(
+            output,
+            where,
             f"the points of output {output} coincide{where}, so it has no derivative there; step off this configuration, or take "
             f"the relative position of the points",
         )
-        self.link = output
 
 
-class AssemblyError(ValueError):
+class AssemblyError(_Remembering, ValueError):
     """A loop cannot be closed, or a coupling not be met.
 
     Attributes
@@ -147,7 +154,7 @@ class AssemblyError(ValueError):
         self.residual = residual
 
 
-class EquilibriumError(ValueError):
+class EquilibriumError(_Remembering, ValueError):
     """No state of rest was found.
 
     Attributes
@@ -174,7 +181,7 @@ class TargetsDifferError(ArithmeticError):
     """The compiled C and the NumPy module of one package compute different numbers."""
 
 
-class SimulationError(ArithmeticError):
+class SimulationError(_Remembering, ArithmeticError):
     """A motion cannot go on; the message says when and why.
 
     Attributes
@@ -186,6 +193,3 @@ class SimulationError(ArithmeticError):
     def __init__(self, message: str, trajectory: Any) -> None:
         super().__init__(message)
         self.trajectory = trajectory
-
-    def __reduce__(self) -> tuple[type[SimulationError], tuple[str, Any]]:
-        return type(self), (str(self), self.trajectory)
