@@ -1,5 +1,6 @@
 """What every test runs under: private caches, and hypothesis without deadlines (compiling takes its time)."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -34,6 +35,18 @@ RUNNING = pytest.StashKey[pytest.Item]()
 """The test that runs."""
 BEGUN = pytest.StashKey[float]()
 """CPU seconds of this process and those it has waited for when a test began."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """The garbage collector passes over what stays until the end: the collected tests and all that they have imported."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items):
