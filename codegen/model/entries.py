@@ -131,6 +131,24 @@ def written(value: Any, handler: Callable[[Any], Any]) -> Any:
     return handler(value)
 
 
+def one_of(*words: str, what: str = "") -> PlainValidator:
+    """One of some words; `what` they say stands in the message for others."""
+
+    def check(value: Any) -> str:
+        if value not in words:
+            allowed = f"{', '.join(words[:-1])} or {words[-1]} is allowed"
+            raise complaint(f"{seen(value)}; {allowed}{what and ': '}{what}")
+        return str(value)
+
+    return PlainValidator(check)
+
+
+def _coordinate(value: Any) -> Expression:
+    return Expression(parse_name(value, prefix="q."))
+
+
+Coordinate = Annotated[Expression, PlainValidator(_coordinate)]
+OptionalCoordinate = Annotated[Expression | None, PlainValidator(_coordinate)]
 Expr = Annotated[Expression, PlainValidator(_expression)]
 OptionalExpr = Annotated[Expression | None, PlainValidator(_expression)]
 Reference = Annotated[Expression, PlainValidator(_reference)]

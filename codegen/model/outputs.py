@@ -6,10 +6,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Final, Protocol
 
-from pydantic import PlainValidator, WrapValidator
+from pydantic import WrapValidator
 
 from .axes import Vector
-from .entries import Axis, OptionalExpr, PointOrName, Reference, complaint, parse_name, seen, written
+from .entries import (
+    Axis,
+    OptionalCoordinate,
+    OptionalExpr,
+    PointOrName,
+    Reference,
+    complaint,
+    one_of,
+    seen,
+    written,
+)
 from .entry_reader import EntryReader
 from .expressions import Expression
 from .places import GROUND, Point
@@ -125,13 +135,7 @@ TwoPoints = Annotated[tuple[PointOrName, PointOrName] | None, WrapValidator(_two
 
 def word(*allowed: str) -> Any:
     """One of some words, or left out."""
-
-    def check(value: Any) -> str:
-        if value not in allowed:
-            raise complaint(f"{seen(value)}; {', '.join(allowed[:-1])} or {allowed[-1]} is allowed")
-        return str(value)
-
-    return Annotated[str | None, PlainValidator(check)]
+    return Annotated[str | None, one_of(*allowed)]
 
 
 class OfPoints(Measure):
@@ -373,15 +377,11 @@ class Momentum(Measure):
         return found if kind == "linear" else f"{found} about {center}"
 
 
-def _coordinate(value: Any) -> Expression:
-    return Expression(parse_name(value, prefix="q."))
-
-
 class DrivingForce(Measure):
     """Of a prescribed coordinate: the generalised force, N m or N, that acts on it beside the model's own forces."""
 
     name = "driving_force"
-    keys: ClassVar[dict[str, Any]] = {"driving_force": Annotated[Expression | None, PlainValidator(_coordinate)]}
+    keys: ClassVar[dict[str, Any]] = {"driving_force": OptionalCoordinate}
 
     @classmethod
     def unit_of(cls, output: Output) -> str:

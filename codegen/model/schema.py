@@ -16,6 +16,7 @@ from .entries import (
     ONE,
     ZERO,
     Axis,
+    Coordinate,
     Entry,
     Expr,
     FaceOrName,
@@ -27,7 +28,7 @@ from .entries import (
     Vector,
     complaint,
     list_or_one,
-    parse_name,
+    one_of,
     seen,
     written,
 )
@@ -122,17 +123,21 @@ class BoxEntry(ShapeEntry):
     size: Vector
 
 
-class CylinderEntry(ShapeEntry):
-    type: Literal["cylinder"]
+class LongEntry(ShapeEntry):
+    """What every shape along an axis has."""
+
+    type: str
     axis: Axis
     length: Expr
+
+
+class CylinderEntry(LongEntry):
+    type: Literal["cylinder"]
     radius: Expr
 
 
-class CapsuleEntry(ShapeEntry):
+class CapsuleEntry(LongEntry):
     type: Literal["capsule"]
-    axis: Axis
-    length: Expr
     radius: Expr
 
 
@@ -141,19 +146,11 @@ class SphereEntry(ShapeEntry):
     radius: Expr
 
 
-class RodEntry(ShapeEntry):
+class RodEntry(LongEntry):
     type: Literal["rod"]
-    axis: Axis
-    length: Expr
 
 
 AnyShape = Annotated[BoxEntry | CylinderEntry | CapsuleEntry | SphereEntry | RodEntry, Field(discriminator="type")]
-
-
-def _check_mode(value: Any) -> str:
-    if value not in ("error", "warn"):
-        raise complaint(f"{seen(value)}; error or warn is allowed: whether an impossible inertia stops the model")
-    return str(value)
 
 
 class InertiaEntry(Entry):
@@ -163,7 +160,7 @@ class InertiaEntry(Entry):
     xy: Expr = ZERO
     xz: Expr = ZERO
     yz: Expr = ZERO
-    check: Annotated[str, PlainValidator(_check_mode)] = "error"
+    check: Annotated[str, one_of("error", "warn", what="whether an impossible inertia stops the model")] = "error"
 
 
 class BodyEntry(Entry):
@@ -225,15 +222,6 @@ class SubmodelEntry(PlacedEntry):
     given: dict[str, Any] = Field(default={}, alias="with")
 
 
-def _one_of(choices: tuple[str, ...], what: str) -> Any:
-    def check(value: Any) -> str:
-        if value not in choices:
-            raise complaint(f"{seen(value)}; {', '.join(choices[:-1])} or {choices[-1]} is allowed: {what}")
-        return str(value)
-
-    return PlainValidator(check)
-
-
 class TableEntry(Entry):
     """Points of a function of one number."""
 
@@ -241,8 +229,8 @@ class TableEntry(Entry):
 
     x: tuple[Expr, ...]
     y: tuple[Expr, ...]
-    kind: Annotated[str, _one_of(KINDS, "what lies between the points")] = "linear"
-    outside: Annotated[str, _one_of(OUTSIDE, "what lies beyond the first and last point")]
+    kind: Annotated[str, one_of(*KINDS, what="what lies between the points")] = "linear"
+    outside: Annotated[str, one_of(*OUTSIDE, what="what lies beyond the first and last point")]
     period: OptionalExpr = None
 
 
@@ -254,10 +242,6 @@ class LoopEntry(Entry):
     end: FaceOrName = Field(alias="to")
 
 
-def _coordinate(value: Any) -> Expression:
-    return Expression(parse_name(value, prefix="q."))
-
-
 def _followed(value: Any, handler: Any) -> Any:
     return handler({value: ONE} if isinstance(value, str) else value)
 
@@ -267,7 +251,7 @@ class CouplingEntry(Entry):
 
     placeholders: ClassVar[dict[str, Any]] = {"joint": "joint", "follows": {}}
 
-    joint: Annotated[Expression, PlainValidator(_coordinate)]
+    joint: Coordinate
     follows: Annotated[dict[str, Expr], WrapValidator(_followed)]
     offset: Expr = ZERO
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar
-
-from pydantic import PlainValidator
+from typing import ClassVar
 
 from ..axes import Vector
-from ..entries import Entry, complaint, seen
+from ..entries import Entry
 from ..entry_reader import EntryReader
 from ..expressions import Expression
 from ..places import Face, Point
@@ -65,8 +63,8 @@ class ForceElement:
 
     @property
     def coefficients(self) -> tuple[Expression, ...]:
-        """What its law is made of."""
-        return ()
+        """What its law is made of; where they are fields, these are called as the keys are."""
+        return tuple(getattr(self, key) for key in self.keys)
 
     def expressions(self) -> Iterator[Expression]:
         for place in (*self.ends, *self.measured):
@@ -76,16 +74,6 @@ class ForceElement:
                     yield from (*axis, angle)
         yield from self.axis or ()
         yield from self.coefficients
-
-
-def _axes(value: Any) -> str:
-    if value not in ("ground", "body"):
-        raise complaint(f"{seen(value)}; ground or body is allowed: along whose axes the components are")
-    return str(value)
-
-
-AxesOf = Annotated[str, PlainValidator(_axes)]
-"""Whose axes components are along: ``ground`` or ``body``."""
 
 
 class ForceEntry(Entry):

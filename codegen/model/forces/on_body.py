@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from ..entries import PointOrName, Vector
+from ..entries import PointOrName, Vector, one_of
 from ..entry_reader import EntryReader
 from ..expressions import Expression
 from ..places import Face, Point
-from .force_element import AxesOf, ForceElement, ForceEntry
+from .force_element import ForceElement, ForceEntry
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ class OnBodyEntry(ForceEntry):
 
     on: PointOrName
     value: Vector
-    axes: AxesOf = "ground"
+    axes: Annotated[str, one_of("ground", "body", what="along whose axes the components are")] = "ground"
 
     def read(self, x: EntryReader) -> OnBody | None:
         on = x.point(self.on, "on", f"{x.name}.on")

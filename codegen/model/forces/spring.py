@@ -38,10 +38,6 @@ class Spring(ForceElement):
     def ends(self) -> tuple[Point, ...]:
         return self.start, self.end
 
-    @property
-    def coefficients(self) -> tuple[Expression, ...]:
-        return self.stiffness, self.damping, self.free_length
-
 
 class SpringEntry(ForceEntry):
     placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground", "stiffness": "0"}

@@ -51,10 +51,6 @@ class Torsion(ForceElement):
     def axis(self) -> Vector:
         return self.about
 
-    @property
-    def coefficients(self) -> tuple[Expression, ...]:
-        return self.stiffness, self.damping, self.free_angle
-
 
 class TorsionEntry(ForceEntry):
     placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground", "axis": "x", "stiffness": "0"}
