@@ -348,6 +348,7 @@ def _expected() -> dict[type[Exception], int]:
     return {
         errors.CompileError: COMPILING_FAILED, errors.NoCompilerError: COMPILING_FAILED,
         errors.TargetsDifferError: NUMBERS_FAILED, errors.SingularJointError: MODEL_WRONG,
+        errors.AssemblyError: NUMBERS_FAILED, errors.SimulationError: NUMBERS_FAILED,
         errors.PackageError: USAGE, ImportError: USAGE,
     }  # fmt: skip
 

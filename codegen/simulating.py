@@ -75,8 +75,8 @@ class Run:
 
     @property
     def reached(self) -> float:
-        """The last time that there is, s."""
-        return float(self.trajectory.t[-1]) if len(self.trajectory) else 0.0
+        """How far the motion came, s; its last sample may lie before."""
+        return float(self.trajectory.stats["t"])
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -398,7 +398,7 @@ def lines_of(run: Run, width: int | None) -> list[str]:
     by = x.sensitivity_names[:COLUMNS]
     units = [x.unit(name) for name in names]
     has_units = any(units)
-    header = [f"at t = {run.reached:.6g} s", "value", *["unit"][:has_units], *(f"d / d {name}" for name in by)]
+    header = [f"at t = {x.t[-1]:.6g} s", "value", *["unit"][:has_units], *(f"d / d {name}" for name in by)]
     rows = [
         [name, f"{x[name][-1]:.8g}", *[unit][:has_units], *(f"{x.derivative(name, d)[-1]:.8g}" for d in by)]
         for name, unit in zip(names, units, strict=True)

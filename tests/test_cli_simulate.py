@@ -101,7 +101,8 @@ class StandIn:
             speed_names=solver.speed_names, output_names=solver.output_names, parameter_names=solver.parameter_names,
             input_names=solver.input_names, sensitivity_names=sensitivities,
             **{f"{kind}_units": solver._manifest[f"{kind}_units"] for kind in ("coordinate", "speed", "output", "parameter")},
-            stats={"method": method, "steps": nt - 1, "evaluations": 12 * nt, "seconds": 0.01, "reason": reason},
+            stats={"method": method, "steps": nt - 1, "evaluations": 12 * nt, "seconds": 0.01, "reason": reason,
+                   "t": t[nt - 1] if nt else 0.0},
         )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from ..choices import more_choices
 from ..measure.clock import elapsed, in_rounds
 from ..measure.operations import operations
+from ..runtime.standalone.trajectory.trajectory import FINISHED
 from .errors import natural_sizes, relative
 from .integrating import (
     COSTLIEST,
@@ -102,9 +103,9 @@ def motions(
     if isinstance(probe, str):
         skipped.append(Skipped("motions", probe))
         return None
-    reached = float(probe.t[-1])
+    reached = float(probe.stats["t"])  # which need not be one of its times
     found: dict[str, Any] = {"asked": end, "choices": choices, "sensitivities": names}
-    if reached < end:
+    if probe.ended != FINISHED:
         found["ended"] = str(probe.stats["reason"])
         end = float(f"{0.8 * reached:.2g}")
         if not end > 0:
@@ -212,7 +213,7 @@ def _reference(
         both = []
         for accuracy in (tolerance, looser):
             x = motion(solver, Setting(end, names, method, accuracy))
-            if isinstance(x, str) or x.t[-1] != end:
+            if isinstance(x, str) or x.ended != FINISHED:
                 why = x if isinstance(x, str) else str(x.stats["reason"])
                 break
             both.append(x)
@@ -248,8 +249,8 @@ def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str
     x, turn = timed(solver, s, core)
     if isinstance(x, str):
         return x
-    if x.t[-1] != best.t[-1]:
-        return f"it ended at {x.t[-1]:.4g} of {best.t[-1]:g} s: {x.stats['reason']}"
+    if x.ended != FINISHED:
+        return f"it ended at {x.stats['t']:.4g} of {best.t[-1]:g} s: {x.stats['reason']}"
     error, sensitivity_error = _errors(x, best, _values(solver, s.names))
     return {
         "setting": s.end / s.steps if s.steps else s.tolerance, "error": error,

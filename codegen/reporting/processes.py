@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..ending import NUMBERS_FAILED, Failure
 from ..measure.core import Core, Turn, record
 from ..runtime import load
 from . import integrating, times
@@ -26,6 +27,12 @@ PROCESSES = 5
 
 LONG = 0.2
 """A motion that has taken so many seconds is timed no more, but for once by the first process."""
+
+
+class ProcessError(Failure, RuntimeError):
+    """A process that takes times ended with an error."""
+
+    code = NUMBERS_FAILED
 
 
 def timed(
@@ -61,8 +68,8 @@ def timed(
 
     Raises
     ------
-    RuntimeError
-        A process ended with an error; it holds what it printed.
+    ProcessError
+        It holds what the process printed.
     """
     functions: list[dict[str, Any]] = []
     taken = [[turn] for _, turn in settings]
@@ -90,7 +97,7 @@ def _in_process(*asked: Any) -> dict[str, Any]:
     )  # fmt: skip
     if done.returncode:
         why = done.stderr.decode(errors="replace")[-2000:]
-        raise RuntimeError(f"a process that takes times ended with {done.returncode}: {why}")
+        raise ProcessError(f"a process that takes times ended with {done.returncode}: {why}")
     found: dict[str, Any] = pickle.loads(done.stdout)
     return found
 

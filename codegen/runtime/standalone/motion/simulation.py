@@ -106,7 +106,8 @@ class Simulation(MotionRun):
                 f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
                 f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
             )
-        if directions.k and self._largest_growth(trajectory, directions, problem, run.rows) > MEANINGLESS:
+        any_derivatives = directions.k and len(trajectory)
+        if any_derivatives and self._largest_growth(trajectory, directions, problem, run.rows) > MEANINGLESS:
             warn(meaningless("sensitivities have"))
         return trajectory
 
