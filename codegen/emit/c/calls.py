@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import groupby
 from typing import Any
 
 from ...version import __version__
+from ..function import called_with
 from ..templates import render
 from . import FLOAT64, C
 from .libraries import LIBRARIES, few_of, guard_of_library, number_of
@@ -32,8 +34,9 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
         Numbers of entries of arguments and results.
     """
     name, scalar = manifest["name"], C.scalar(manifest.get("scalar", FLOAT64.name))
-    functions = manifest["functions"].items()
-    along = [_along(name, n, f, sizes, scalar.word) for n, f in functions if f.get("seeds")]
+    functions = [_function(name, n, f, sizes) for n, f in manifest["functions"].items()]
+    functions.sort(key=lambda f: f["guard"])
+    few = [symbol for f in functions for symbol in f["few"]]
     points = _points(name, manifest["functions"], scalar.word)
     accelerated = _accelerated(manifest["functions"])
     counted = ("coordinate_names", "speed_names", "parameter_names", "input_names", "output_names")
@@ -49,43 +52,54 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "checked": [*(len(manifest[n]) for n in counted), manifest["workspace"]],
             "quaternions": manifest["quaternions"],
             "unfit_parts": ["c/calls_quaternions.c.jinja"] if manifest["quaternions"] else [],
-            "lane_parts": ["c/calls_lanes.c.jinja"] if along else [],
-            "values": [_value(name, n, f, sizes, scalar.word) for n, f in functions if not f.get("seeds")],
-            "along": along,
+            "most_widths": 1 + max(len(f["widths"]) for f in functions),
+            "most_seeds": 1 + max(len(f["seeds"]) for f in functions),
+            "most_results": max(len(f["entries"]) for f in functions) or 1,
+            "guarded": [(guard, [*of]) for guard, of in groupby(functions, lambda f: f["guard"])],
             "point_parts": ["c/calls_points.c.jinja"] if points else [],
             "points": points,
             "acceleration_parts": ["c/calls_point_accelerations.c.jinja"] if accelerated else [],
             "accelerated": accelerated,
             "bodies": len(manifest.get("bodies", ())),
             "model_points": len(manifest.get("points", ())),
-            "few": _few([symbol for f in along for symbol in f["few"]]),
+            "few": few,
+            "few_parts": ["c/calls_few.c.jinja"] if few else [],
+            "asks_parts": ["c/calls_asks.c.jinja"] if few else [],
+            "first": f"ORDERNM_LIBRARY == {number_of(LIBRARIES[0])}",
         },
     )
 
 
-def _given(f: Mapping[str, Any]) -> list[str]:
-    return [a if a == "t" or a in _WITH_DEFAULT else f"x[{a.upper()}]" for a in f["arguments"]]
-
-
-def _defaults(f: Mapping[str, Any], real: str) -> list[str]:
-    """Lines that choose between what is given and the default."""
-    names = [(a, a.upper()) for a in f["arguments"] if a in _WITH_DEFAULT]
-    return [f"const {real} *const {a} = given >> {slot} & 1 ? x[{slot}] : x[DEFAULT_{slot}];" for a, slot in names]
-
-
-def _value(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int], real: str) -> dict[str, Any]:
-    results = [f"x[RESULTS + {i}]" for i in range(len(f["results"]))]
-    finite = [f"all_finite({r}, {sizes[n]}L)" for r, n in zip(results, f["results"], strict=True)]
-    if name == "jacobians":  # some may not be asked for
-        finite = [finite[0], *(f"(!{r} || {line})" for r, line in zip(results[1:], finite[1:], strict=True))]
-    call = f"{model}_{name}({', '.join([*_given(f), *results, 'x[WORK]'])})"
+def _function(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
+    """A function of the header: seeds and derivatives lie in lanes one after the other; sizes of these are negative."""
+    at = 0
+    passed = [f"c->{a}" if a == "t" or a in _WITH_DEFAULT else f"X({a.upper()})" for a in f["arguments"]]
+    entries = []
+    for seed in f.get("seeds", ()):
+        passed.append(f"ALONG({at})")
+        at += sizes[seed[1:]]
+    for i, result in enumerate(f["results"]):
+        if result.startswith("d") and f.get("seeds"):
+            entries.append(-sizes[result[1:]])
+            passed.append(f"ALONG({at})")
+            at += sizes[result[1:]]
+        else:
+            entries.append(sizes[result])
+            passed.append(f"X(RESULTS + {i})")
+    widths = sorted(f["widths"]) if f.get("seeds") else []
+    lines = []
+    for w in widths[:-1]:
+        lines += [f"if (c->width == {w})", *(f"    {line}" for line in _call(f"return {model}_{name}_{w}(", passed))]
+    lines += _call(f"return {model}_{name}{f'_{widths[-1]}' if widths else ''}(", passed)
     return {
-        "name": name,
-        "given": _defaults(f, real),
-        "call": call,
-        "finite": [] if name in INTERNAL else finite,
-        "guard": guard_of_library(name),
-    }
+        "name": name, "lines": lines, "widths": widths, "seeds": [s.upper() for s in f.get("seeds", ())],
+        "entries": [] if name in INTERNAL else entries, "guard": guard_of_library(name),
+        "few": [f"{model}_{name}_{w}" for w in few_of(name, widths)],
+    }  # fmt: skip
+
+
+def _call(start: str, passed: list[str]) -> list[str]:
+    return called_with(start, [*passed, "X(WORK)"], ");").split("\n")
 
 
 def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[str, Any]]:
@@ -121,62 +135,6 @@ def _accelerated(functions: Mapping[str, Any]) -> list[dict[str, Any]]:
         for name, points, frames, accelerations, parts in of
         if frames in functions and accelerations in functions
     ]
-
-
-FIRST = f"ORDERNM_LIBRARY == {number_of(LIBRARIES[0])}"
-"""That the first library is compiled."""
-
-
-def _few(symbols: list[str]) -> list[str]:
-    """Lines for functions over few directions, which are in another library than those that call them."""
-    if not symbols:
-        return []
-    return [
-        f"#if {FIRST}",
-        "/* Over few directions they are in another library, which is opened when FEW_LACK is returned. x[FEW] points to whether",
-        " * they cannot be had, when as many directions as may be are computed instead, and behind that to them. */",
-        *(f"#define {symbol} ((__typeof__({symbol}) *)few[{i}])" for i, symbol in enumerate(symbols, 1)),
-        "#endif",
-        "",
-    ]
-
-
-def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int], real: str) -> dict[str, Any]:
-    """A function over directions: seeds and derivatives lie in lanes one after the other."""
-    at = 0
-    seeds, derived, finite, passed = [], [], [], []
-    for seed in f["seeds"]:
-        seeds.append((seed.upper(), at))
-        passed.append(f"lanes + width*{at}L")
-        at += sizes[seed[1:]]
-    for i, result in enumerate(f["results"]):
-        place = f"x[RESULTS + {i}]"
-        if result.startswith("d"):
-            n = sizes[result[1:]]
-            derived.append((i, at, n))
-            passed.append(f"lanes + width*{at}L")
-            finite.append(f"all_finite({place}, k*{n}L)")
-            at += n
-        else:
-            passed.append(place)
-            finite.append(f"all_finite({place}, {sizes[result]}L)")
-    widths = sorted(f["widths"])
-    # without directions there are values still, by the function that is there at first
-    width = "".join(f"rest {'== 1' if w == 1 else f'&& rest <= {w}'} ? {w} : " for w in widths[:-1]) + str(widths[-1])
-    few = [f"{model}_{name}_{w}" for w in few_of(name, widths)]
-    given = ", ".join([*_given(f), *passed, "x[WORK]"])
-    return {
-        "name": name, "given": _defaults(f, real), "seeds": seeds, "derived": derived, "finite": finite, "width": width,
-        "calls": [(w, f"{model}_{name}_{w}({given})") for w in widths], "guard": guard_of_library(name),
-        "few": few,
-        "asks": [
-            f"#if {FIRST}",
-            "        void *const *const few = (void *const *)x[FEW];",
-            f"        if (few[0]) width = {widths[-1]};",
-            f"        else if (width < {widths[-1]} && !few[1]) return FEW_LACK;",
-            "#endif",
-        ] if few else [],
-    }  # fmt: skip
 
 
 __all__ = ["write_calls"]
