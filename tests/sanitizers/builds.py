@@ -16,7 +16,7 @@ QUICK = (*ADDRESS, "-fno-sanitize=null,pointer-overflow,object-size,alignment")
 a load of a misaligned vector stops the program. The campaign has all checks."""
 BY_CALLS = ("--param", "asan-instrumentation-with-call-threshold=0")
 """Checks of addresses are calls, which takes gcc less time to compile."""
-MEMORY = ("-fsanitize=memory", "-include", str(Path(__file__).with_name("masked.h")))
+MEMORY = ("-fsanitize=memory",)
 PLAIN = ("-DORDERNM_PLAIN_C", "-std=c99", "-pedantic", "-D_POSIX_C_SOURCE=200112L")
 NATIVE = ("-march=native",)
 """The widest vectors that this machine has; without, those that every machine of its kind has."""

@@ -52,47 +52,32 @@ def states(scalar: Scalar) -> list[str]:
     return by_set(scalar, lambda n: [f"enum {{ STATES = {n} }};"])
 
 
-def exchanges(scalar: Scalar) -> list[str]:
-    """Lines that exchange rows and columns of a square of states: parts of it, then parts of these."""
-
-    def of(n: int) -> list[str]:
-        found = []
-        w = 1
-        while w < n:
-            low = ", ".join(str(n + i - w if i & w else i) for i in range(n))
-            high = ", ".join(str(n + i if i & w else i + w) for i in range(n))
-            found.append(f"    EXCHANGE({w}, LIST({low}), LIST({high}))")
-            w *= 2
-        return found
-
-    return by_set(scalar, of)
-
-
-def partly(scalar: Scalar, stores: bool) -> list[str]:
-    """Lines that load the first n entries of a row to a vector, or store them."""
+def parts(scalar: Scalar) -> list[str]:
+    """How vectors of states are made of parts of sixteen bytes, each of one row, and what exchanges the entries of these."""
     if not scalar.integer:
         return []
-    kind, zero = {8: "pd", 4: "ps"}[scalar.bytes], scalar.literal("0.0")
+    part = 16 // scalar.bytes
 
     def of(n: int) -> list[str]:
-        if n * scalar.bytes == 64:
-            mask = f"(__mmask{n})((1 << n) - 1)"
-            if stores:
-                return [f"        _mm512_mask_storeu_{kind}(row, {mask}, x);"]
-            return [f"    return _mm512_maskz_loadu_{kind}({mask}, row);"]
-        if n * scalar.bytes == 32:
-            known = ", ".join(f"n > {i} ? -1 : 0" for i in range(1, n - 1))
-            mask = f"_mm256_setr_epi{8 * scalar.bytes}{'x' if scalar.bytes == 8 else ''}(-1, {known}, 0)"
-            if stores:
-                return [f"        _mm256_maskstore_{kind}(row, {mask}, x);"]
-            return [f"    return _mm256_maskload_{kind}(row, {mask});"]
-        if stores:
-            whole = "row[0] = x[0];" if n == 2 else "for (int l = 0; l < n; ++l) row[l] = x[l];"
-            return [f"        {whole}"]
-        entries = ", ".join("row[0]" if i == 0 else f"n > {i} ? row[{i}] : {zero}" for i in range(n - 1))
-        return [f"    return (states){{{entries}}};"]
+        first, *others = (f"(__m128)PART({i})" for i in range(n // part))
+        joined = f"_mm256_insertf128_ps(_mm256_castps128_ps256({first}), {others[0]}, 1)" if others else "PART(0)"
+        for i, other in enumerate(others[1:], 2):
+            joined = f"_mm512_insertf32x4({f'_mm512_castps256_ps512({joined})' if i == 2 else joined}, {other}, {i})"
+        halves = [
+            ", ".join(f"{i}, {n + i}" for i in range(n) if (i % part >= part // 2) == high) for high in (False, True)
+        ]
+        return [f"#define JOINED {joined}", f"#define LOW {halves[0]}", f"#define HIGH {halves[1]}"]
 
     return by_set(scalar, of)
+
+
+def part_of_row(scalar: Scalar) -> dict[str, list[str]]:
+    """The first n entries of a row as such a part, where n is less than it holds, and what stores them."""
+    some = range(1, 16 // scalar.bytes - 1)
+    return {
+        "first_entries": ["row[0]", *(f"n > {i} ? row[{i}] : {scalar.literal('0.0')}" for i in some)],
+        "later_entries": [f"if (n > {i}) row[{i}] = x[{i}];" for i in some],
+    }
 
 
 def words(scalar: Scalar) -> dict[str, object]:
@@ -108,9 +93,9 @@ def words(scalar: Scalar) -> dict[str, object]:
         "most_lanes": most_lanes(scalar),
         "vector_lanes": directions(scalar),
         "state_lanes": states(scalar),
-        "exchanges": exchanges(scalar),
-        "load_partly": partly(scalar, False),
-        "store_partly": partly(scalar, True),
+        "parts": parts(scalar),
+        "exchanges": [2, 1][2 - 8 // scalar.bytes :] if scalar.integer else [],
+        **part_of_row(scalar),
     }
 
 

@@ -163,6 +163,18 @@ typedef double angles_at_once __attribute__((vector_size(8*ANGLES_AT_ONCE), alig
 #define PUT_ANGLES(to, a, b, c, d) (to)[0] = a, (to)[1] = b, (to)[2] = c, (to)[3] = d
 #endif
 
+#if defined(ORDERNM_VECTORS) && !defined(ORDERNM_STATES)
+/* Whether any bit is set of so many times sixteen bytes. */
+static inline int any_bit(const void *at, int n)
+{
+    typedef long long two __attribute__((vector_size(16), aligned(4), may_alias));
+    const two *const of = (const two *)at;
+    two any = of[0];
+    for (int i = 1; i < n; ++i) any |= of[i];
+    return (any[0] | any[1]) != 0;
+}
+
+#endif
 /* Sines and cosines of n angles (what vectors have beyond these is worked out too), below one unit in the last place: trig[i]
  * becomes the cosine of trig[ANGLES + i], which becomes its sine.
  * Reduction by pi/2 in three parts (exact products up to 2^20 quarter turns), minimax polynomials on [-pi/4, pi/4];
@@ -198,12 +210,11 @@ static void sines_and_cosines(int n, double *trig)
         const bits s_sign = (quarter & 2) << 62;
         const bits c_sign = ((quarter + 1) & 2) << 62;
         const bits inside = (bits)((x > zero - 1.0e6) & (x < zero + 1.0e6) & (z < zero + 0.62));
-        long long all = inside[0];
-        for (int l = 1; l < LANES_AT_ONCE; ++l) all &= inside[l];
+        const bits outside = ~inside;
         const bits sin_x = (((bits)s & ~odd) | ((bits)c & odd)) ^ s_sign;
         const bits cos_x = (((bits)c & ~odd) | ((bits)s & odd)) ^ c_sign;
         bits *const to_sine = (bits *)(sine + i), *const to_cosine = (bits *)(cosine + i);
-        if (all) {
+        if (!any_bit(&outside, (int)sizeof outside/16)) {
             *to_sine = sin_x;
             *to_cosine = cos_x;
             continue;
