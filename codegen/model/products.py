@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from ..elementary import LIKE_ITS_ARGUMENT, TABLE, named
-from .expressions import Expression
+from .expressions import Expression, canonical
 from .expressions import combine as combine_numbers
 from .expressions import combine_exactly as combine
 from .grammar import AT_LEAST, CHOICE, VANISHING, ExpressionError, Tree
@@ -125,8 +125,8 @@ class Product:
         kind, is_whole = tree[0], e[0] == "number" and isinstance(e[1], int)
         if kind in (NORM, SIZE):
             self._add(tree, e)
-        elif kind == "number" and is_whole and (tree[1] == 0 < e[1] or self._is_exact(tree[1], e[1])):
-            self.number = combine("*", self.number, combine("**", tree, e))
+        elif kind == "number" and is_whole and (number := self._number_times(tree[1], e[1])):
+            self.number = number
         elif kind == "number" and is_whole and tree[1] < 0:
             self.times(("neg", ("number", -tree[1])), e)
         elif kind == "neg" and is_whole:
@@ -155,12 +155,16 @@ class Product:
             self._add(tree, e)
         return self
 
-    def _is_exact(self, value: float, e: int) -> bool:
-        """Whether a power of a number can be multiplied into the number of the product without rounding."""
+    def _number_times(self, value: float, e: int) -> Tree | None:
+        """The number of the product times a power of another, or None where rounding would change it."""
+        if value == 0 < e:
+            return ZERO
         if value == 0 or not 0 < abs(e) <= 16:
-            return False
+            return None
         exact = Fraction(self.number[1]) * Fraction(value) ** e
-        return abs(exact) < _LARGEST and Fraction(float(exact)) == exact
+        if abs(exact) >= _LARGEST or Fraction(float(exact)) != exact:
+            return None
+        return ("number", canonical(float(exact)))
 
     @staticmethod
     def _is_positive(tree: Tree) -> bool:
@@ -230,7 +234,7 @@ class Product:
 
     def tree(self) -> Tree:
         """The product as a tree."""
-        if self.number[0] == "number" and self.number[1] <= 0:
+        if self.number[1] <= 0:
             if self.number == ZERO:
                 return ZERO
             opposite = self.copy()
