@@ -252,7 +252,7 @@ def rounding_decides(made: Made, wanted: Any, wrt: list[str], inputs: Any, **opt
 @pytest.mark.parametrize("first", [100, 200])
 def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
     """Random trees and random mechanisms of every scene and loop joint."""
-    told, undecided, ended = [], [], []
+    told, undecided, ended, resting = [], [], [], []
     for seed in range(first, first + 25):
         rng = np.random.default_rng(seed)
         kind = ("tree", "spatial", "planar", "spherical")[seed % 4]
@@ -266,7 +266,10 @@ def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
             for options in INTEGRATORS.values():
                 wanted = functionals(of.solver, rng, None)
                 forward, adjoint = both(of, wanted, wrt, inputs, **options)
-                if forward.counts["steps"] != adjoint.counts["steps"] and rounding_decides(
+                if adjoint.method == "forward":  # the motion begins at rest at a switch, and only directions show what that means
+                    assert np.isfinite(forward.gradients).all()
+                    resting.append(seed)
+                elif forward.counts["steps"] != adjoint.counts["steps"] and rounding_decides(
                     of, wanted, wrt, inputs, **options
                 ):
                     undecided.append(seed)
@@ -284,3 +287,4 @@ def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
     assert not told
     assert len(undecided) <= 1, undecided  # of 75
     assert len(ended) <= 2, ended  # of 25
+    assert len(set(resting)) <= 3, resting  # of 25

@@ -163,3 +163,15 @@ def test_steep_forces_are_no_jumps(made: Callable[..., Made]) -> None:
         for way in ("forward", "adjoint"):
             found, messages = gradients(solver, [Final("x"), Final("y")], BY, p=p, method=way)
             assert np.isfinite(found.gradients).all() and not messages
+
+
+def test_stages_at_one_time_are_no_jump(made: Callable[..., Made]) -> None:
+    """A force that changes in the first step of rk4 between its second and third stage only, which are at one time."""
+    of = made(
+        parsed,
+        "model: falls\nparameters: {m: 1}\nbodies:\n  x: {parent: ground, joint: {type: prismatic, axis: x}, mass: m}\n"
+        'forces:\n  x: {type: joint, joint: x, value: "3 + q.x - 1.5*t**2 + 0.75*0.02*t"}\noutputs: {x: {value: q.x}}\n',
+    )
+    found, told = gradients(of.solver, [Final("x")], ["q0.x"], integrator="rk4", step=0.02)
+    assert not told
+    assert abs(found.gradients[0, 0] - np.cosh(1.0)) < 1e-8

@@ -142,23 +142,28 @@ static scalar change(const ordernm_motion *m, int i, scalar a, scalar b)
     return by > PART_OF_RATE*(fabs(a) + fabs(b)) ? (p->end - p->start)*by/(p->atol[i] + p->rtol*fabs(m->z[i])) : 0.0;
 }
 
-/* The stages of the step in the order of their times, and its end. */
-static void sort_stages(const ordernm_motion *m, int *order)
+/* The stages of the step in the order of their times, of those at one time the last, and its end; how many. */
+static int sort_stages(const ordernm_motion *m, int *order)
 {
     const scalar *const times = m->method->times;
-    for (int i = 0; i < m->method->stages; ++i) {
+    const int stages = m->method->stages;
+    int count = 0;
+    for (int i = 0; i < stages; ++i) {
         int at = i;
         for (; at > 0 && times[order[at - 1]] > times[i]; --at) order[at] = order[at - 1];
         order[at] = i;
     }
-    order[m->method->stages] = m->method->stages;
+    for (int i = 0; i < stages; ++i)
+        if (times[order[i]] < (i + 1 < stages ? times[order[i + 1]] : 1.0)) order[count++] = order[i];
+    order[count] = stages;
+    return count + 1;
 }
 
 /* Between which neighbouring stages a rate changes most; how much of all its changes in the step that is. */
-static scalar widest_pair(const ordernm_motion *m, const int *order, int i, int *widest)
+static scalar widest_pair(const ordernm_motion *m, const int *order, int points, int i, int *widest)
 {
     scalar largest = 0.0, all = 0.0;
-    for (int k = 0; k < m->method->stages; ++k) {
+    for (int k = 0; k < points - 1; ++k) {
         const scalar by = fabs(m->rate[order[k]][i] - m->rate[order[k + 1]][i]);
         all += by;
         if (by > largest) largest = by, *widest = k;
@@ -174,20 +179,39 @@ static void between(ordernm_motion *m, scalar h, scalar x, scalar *z)
         z[i] = y*y*((1.0 + 2.0*x)*m->z[i] + h*x*first[i]) + x*x*((3.0 - 2.0*x)*m->next[i] - h*y*last[i]);
 }
 
-/* Whether a rate jumps between two neighbouring stages: the half in which it changes more is halved, and so on. */
-static int jumps_between(ordernm_motion *m, scalar h, int i, int one, int other)
+/* A rate in the step, on that cubic; 0 where it has one. */
+static int rate_within(ordernm_motion *m, scalar h, scalar x, int i, scalar *rate)
 {
-    scalar low = m->rate[one][i], high = m->rate[other][i], last = change(m, i, low, high);
-    scalar from = m->method->times[one], to = other == m->method->stages ? 1.0 : m->method->times[other];
-    const scalar least = fmax(PART_OF_CHANGE*last, ERRORS_ALLOWED);
-    for (int k = 0; k < HALVES && last > least; ++k) {
-        const scalar theta = 0.5*(from + to);
-        between(m, h, theta, m->trial);
-        if (ordernm_rates_of(m, m->t + theta*h, m->trial, m->at_pose, 0, 0, RATES | INTEGRALS)) return 0;
-        if (m->nd && m->results->condition_here > m->poor) return 0; /* a loop loses rank there */
-        const scalar middle = m->at_pose[i], before = change(m, i, low, middle), behind = change(m, i, middle, high);
-        if (before > behind) high = middle, to = theta;
-        else low = middle, from = theta;
+    const scalar *at = x == 0.0 ? m->rate[0] : x == 1.0 ? m->rate[m->method->stages] : m->at_pose;
+    if (at == m->at_pose) {
+        between(m, h, x, m->trial);
+        if (ordernm_rates_of(m, m->t + x*h, m->trial, m->at_pose, 0, 0, RATES | INTEGRALS)) return 1;
+        if (m->nd && m->results->condition_here > m->poor) return 1; /* a loop loses rank there */
+    }
+    *rate = at[i];
+    return 0;
+}
+
+/* Whether a rate jumps between two neighbouring stages. These are beside the motion, so times before and behind them are looked at as well:
+ * that interval in which it changes most is halved, of the halves that one in which it changes more, and so on. */
+static int jumps_between(ordernm_motion *m, scalar h, int i, const int *order, int points, int k)
+{
+    const scalar of_stages = change(m, i, m->rate[order[k]][i], m->rate[order[k + 1]][i]);
+    const scalar least = fmax(PART_OF_CHANGE*of_stages, ERRORS_ALLOWED);
+    scalar from = 0.0, to = 0.0, low = 0.0, high = 0.0, last = 0.0, x = 0.0, here = 0.0;
+    for (int n = k > 0 ? k - 1 : 0; n < points && n <= k + 2; ++n) {
+        const scalar x_before = x, before = here;
+        x = n < points - 1 ? m->method->times[order[n]] : 1.0;
+        if (rate_within(m, h, x, i, &here)) return 0;
+        if (n < k || n == 0 || !(change(m, i, before, here) > last)) continue;
+        from = x_before, to = x, low = before, high = here, last = change(m, i, before, here);
+    }
+    for (int halved = 0; halved < HALVES && last > least; ++halved) {
+        const scalar middle = 0.5*(from + to);
+        if (rate_within(m, h, middle, i, &here)) return 0;
+        const scalar before = change(m, i, low, here), behind = change(m, i, here, high);
+        if (before > behind) high = here, to = middle;
+        else low = here, from = middle;
         last = fmax(before, behind);
     }
     return last > least;
@@ -199,11 +223,11 @@ static int jumps(ordernm_motion *m, scalar h, int *which)
 {
     const scalar part = m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP;
     int order[MOST_STAGES], entries[CANDIDATES], widest[CANDIDATES], count = 0;
+    const int points = sort_stages(m, order);
     scalar shares[CANDIDATES];
-    sort_stages(m, order);
     for (int i = 0, n = ordernm_counted(m); i < n; ++i) {
         int k = 0, at = count < CANDIDATES ? count : CANDIDATES - 1;
-        const scalar share = widest_pair(m, order, i, &k);
+        const scalar share = widest_pair(m, order, points, i, &k);
         if (share < part || (count == CANDIDATES && share <= shares[at])) continue;
         if (!(change(m, i, m->rate[order[k]][i], m->rate[order[k + 1]][i]) > ERRORS_ALLOWED)) continue;
         count += count < CANDIDATES;
@@ -213,7 +237,7 @@ static int jumps(ordernm_motion *m, scalar h, int *which)
     }
     for (int c = 0; c < count; ++c) {
         *which = entries[c];
-        if (jumps_between(m, h, *which, order[widest[c]], order[widest[c] + 1])) return 1;
+        if (jumps_between(m, h, *which, order, points, widest[c])) return 1;
     }
     return 0;
 }
