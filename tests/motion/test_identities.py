@@ -266,7 +266,9 @@ def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
             for options in INTEGRATORS.values():
                 wanted = functionals(of.solver, rng, None)
                 forward, adjoint = both(of, wanted, wrt, inputs, **options)
-                if adjoint.method == "forward":  # the motion begins at rest at a switch, and only directions show what that means
+                if (
+                    adjoint.method == "forward"
+                ):  # the motion begins at rest at a switch, and only directions show what that means
                     assert np.isfinite(forward.gradients).all()
                     resting.append(seed)
                 elif forward.counts["steps"] != adjoint.counts["steps"] and rounding_decides(
