@@ -15,14 +15,13 @@ from ..model.rates import rate
 from ..model.slopes import has_quotient, is_singular, leaves, slope
 from ..model.switches import MODE
 from ..program import algebra
-from ..program.algebra import Expr
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.formula import Formula, Row
 from ..program.functions import Along
 from ..program.passes import simplify
 from ..program.store import MODES, NUMBER, Store, argument
-from .structure.constants import Statements, to_slots
+from .structure.constants import Leaf, Statements, to_slots
 from .structure.system import System, speeds_with_forces
 
 
@@ -141,16 +140,15 @@ def has_values(block: Block) -> bool:
     return all(n.is_finite for e in expressions for n in algebra.numbers_of(e))
 
 
+def leaf_of(x: Expansion) -> Leaf:
+    """The symbols of a formula's numbered slots and of the entries that its names are."""
+    return lambda node: x.entry(*((NUMBER, node[1]) if node[0] == "slot" else (argument(node[1]), node[2])))
+
+
 def _make(index: int, target: str, tree: Tree) -> Formula:
     def expansion(name: str, title: str) -> tuple[Expansion, Statements]:
         x = Expansion(f"{name}_{index}", title, lambda a, f: True)
-
-        def leaf(node: Tree) -> Expr:
-            if node[0] == "slot":
-                return x.entry(NUMBER, node[1])
-            return x.entry(argument(node[1]), node[2])
-
-        return x, Statements(x, leaf)
+        return x, Statements(x, leaf_of(x))
 
     x, written = expansion(target, "a formula of the model")
     x.set_entry(argument(target), 0, x.let(target, written.write(tree)))

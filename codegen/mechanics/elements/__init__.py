@@ -17,19 +17,18 @@ from ...model.forces import (
 from .along_line import AlongLineLaw
 from .bushing import BushingLaw
 from .element import Law
-from .force import ForceLaw
 from .joint_load import JointLoadLaw
+from .on_body import OnBodyLaw
 from .spring import SpringLaw
-from .torque import TorqueLaw
 from .torsion import TorsionLaw
 
 __all__ = ["LAWS"]
 
 LAWS: Final[dict[type[ForceElement], Law]] = {
     Spring: SpringLaw(),
-    Force: ForceLaw(),
+    Force: OnBodyLaw("force"),
     JointLoad: JointLoadLaw(),
-    Torque: TorqueLaw(),
+    Torque: OnBodyLaw("torque"),
     Torsion: TorsionLaw(),
     Bushing: BushingLaw(),
     **{element: AlongLineLaw(element.law) for element in ALONG_LINES.values()},

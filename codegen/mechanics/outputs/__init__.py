@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from .acceleration import ACCELERATION
 from .angular_velocity import ANGULAR_VELOCITY
 from .center_of_mass import CENTER_OF_MASS
-from .distance import DISTANCE
 from .measure import DrivingMeasure, EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .momentum import MOMENTUM
-from .points import POSITION, VELOCITY
-from .relative_position import RELATIVE_POSITION, RELATIVE_VELOCITY
+from .points import ACCELERATION, DISTANCE, POSITION, VELOCITY
 from .rotation import ROTATION
 
 __all__ = ["MEASURES", "DrivingMeasure", "EnergyMeasure", "FormulaMeasure", "Measure", "RecordMeasure"]
@@ -25,8 +22,8 @@ MEASURES: Final[dict[str, Measure]] = {
     "center_of_mass": CENTER_OF_MASS,
     "momentum": MOMENTUM,
     "distance": DISTANCE,
-    "relative_position": RELATIVE_POSITION,
-    "relative_velocity": RELATIVE_VELOCITY,
+    "relative_position": POSITION,
+    "relative_velocity": VELOCITY,
     "driving_force": DrivingMeasure(),
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),

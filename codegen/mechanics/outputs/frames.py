@@ -81,7 +81,7 @@ class Body:
             return [0] * 6
         moving = fields.moving
         al, a = (self.records.link_field(body, f) for f in (moving.al, moving.a))
-        B = self.records.link_matrix(body, moving.B)
+        B = self.records.link_field(body, moving.B)
         moved: Vector = [x.let("a", e) for e in add(a, matvec(B, self.origin()))]
         return [*self.in_ground(al), *self.in_ground(moved)]
 

@@ -18,9 +18,9 @@ from ...program.formula import Formula
 from ...program.functions import SYMBOLIC
 from ...program.passes import simplify
 from ...program.scalar import Value, Vector
-from ...program.store import NUMBER, argument
+from ...program.store import argument
 from .. import fields
-from ..formulas import FormulaSlots, formula_kinds, has_derivative, seed_of
+from ..formulas import FormulaSlots, formula_kinds, has_derivative, leaf_of, seed_of
 from ..spatial import add, dot
 from ..stores import LME, ME, MY_LANE, RECORD, TANGENT_OF
 from ..structure.constants import Statements
@@ -115,11 +115,7 @@ def potential_formula(system: System) -> Formula | None:
 
     def write(x: Expansion, tangents: bool) -> list[Value]:
         fresh = FormulaSlots(model)
-
-        def leaf(node: Tree) -> Expr:
-            return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
-
-        statements = Statements(x, leaf)
+        statements = Statements(x, leaf_of(x))
 
         def evaluate(e: Expression) -> Expr:
             return statements.write(fresh.convert(e.tree))

@@ -1,27 +1,42 @@
-"""Position and velocity of a point along an axis."""
+"""Measures of points: position, velocity and acceleration along an axis, of one or relative to another; their distance."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ...model.outputs import Output
-from ...program.scalar import Value
-from ..spatial import dot
-from .measure import RecordMeasure
+from ...model.places import Point
+from ...program.scalar import Value, Vector
+from ..spatial import dot, minus
+from .measure import RecordMeasure, Write
 from .records import Records
 
 
-def position(records: Records, output: Output) -> Value:
-    """``n . x``"""
-    (point,) = output.points
-    n = records.direction(output.axis)
-    return dot(n, records.position(point))
+def along_axis(of: Callable[[Records, Point], Vector]) -> Write:
+    """``n . x`` of a point, or ``n . (x_2 - x_1)`` of two, where `of` gives x in the ground frame."""
+
+    def write(records: Records, output: Output) -> Value:
+        n = records.direction(output.axis)
+        values = [of(records, point) for point in output.points]
+        if len(values) == 1:
+            return dot(n, values[0])
+        first, second = values
+        return dot(n, [records.x.let("line", e) for e in minus(second, first)])
+
+    return write
 
 
-def velocity(records: Records, output: Output) -> Value:
-    """``n . v``"""
-    (point,) = output.points
-    n = records.direction(output.axis)
-    return dot(n, records.velocity(point))
+def distance(records: Records, output: Output) -> Value:
+    """``|x_2 - x_1|``, whose derivative needs a direction."""
+    first, second = map(records.position, output.points)
+    line = [records.x.let("line", e) for e in minus(second, first)]
+    square = records.x.let("square", dot(line, line))
+    records.differs(square)
+    length: Value = records.x.let("length", records.x.sqrt(square))
+    return length
 
 
-POSITION = RecordMeasure(("pose",), position)
-VELOCITY = RecordMeasure(("pose", "kinetic"), velocity)
+POSITION = RecordMeasure(("pose",), along_axis(Records.position))
+VELOCITY = RecordMeasure(("pose", "kinetic"), along_axis(Records.velocity))
+ACCELERATION = RecordMeasure(("pose", "acceleration"), along_axis(Records.acceleration))
+DISTANCE = RecordMeasure(("pose",), distance, pivots=True)

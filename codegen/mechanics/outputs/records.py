@@ -16,17 +16,28 @@ from ...model.outputs import Output
 from ...model.places import Point
 from ...program import algebra
 from ...program.algebra import Expr
-from ...program.block import Expansion
-from ...program.field import MatrixField, VectorField
+from ...program.block import Expansion, V_co
+from ...program.field import Readable
 from ...program.functions import SYMBOLIC
 from ...program.limits import limits
 from ...program.scalar import Matrix, Value, Vector
-from ...program.store import NUMBER, Store, argument
+from ...program.store import Store
 from .. import fields
+from ..formulas import leaf_of
 from ..spatial import add, cross, matmul, matvec, transpose
 from ..stores import MASSES, ME, MOMENTA, PIVOT
 from ..structure.constants import Statements
-from ..structure.links import BODY_FRAME, Frame, Placement, form_of_steps, frame_matrix, identity, place, unit
+from ..structure.links import (
+    BODY_FRAME,
+    Frame,
+    Placement,
+    expressions_of_steps,
+    form_of_steps,
+    frame_matrix,
+    identity,
+    place,
+    unit,
+)
 from ..structure.system import System
 
 SHORTEST = 1e-100
@@ -61,11 +72,7 @@ class Records:
         self.links = links
         self.canonical = canonical
         self.tangents = tangents
-
-        def leaf(node: Tree) -> Expr:
-            return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
-
-        self._statements = Statements(x, leaf)
+        self._statements = Statements(x, leaf_of(x))
 
     # -- expressions -------------------------------------------------------------------------------------------------
 
@@ -131,12 +138,8 @@ class Records:
         link, _, _ = self.carried(body)
         return None if link == GROUND else self.x.load(self._record(link), fields.attitude)
 
-    def link_field(self, body: int, field: VectorField) -> Vector:
-        """A vector of the record of a body's link, in the link's axes."""
-        return self.x.load(self._record(self.carried(body)[0]), field)
-
-    def link_matrix(self, body: int, field: MatrixField) -> Matrix:
-        """A matrix of it."""
+    def link_field(self, body: int, field: Readable[V_co]) -> V_co:
+        """A field of the record of a body's link, in the link's axes."""
         return self.x.load(self._record(self.carried(body)[0]), field)
 
     # -- motions -----------------------------------------------------------------------------------------------------
@@ -218,10 +221,7 @@ def expressions_of(system: System, bodies: tuple[int, ...]) -> list[Expression]:
     for body in bodies:
         _, steps, frame = carrier(system, body)
         found += frame.vector or ()
-        for at, rotation in steps:
-            found += at
-            for axis, angle in rotation:
-                found += [*axis, angle]
+        found += expressions_of_steps(steps)
     return found
 
 
@@ -234,8 +234,3 @@ def structure_of(system: System, bodies: tuple[int, ...], links: tuple[int, ...]
         return (*at, "steps", *form_of_steps(steps), frame.index, frame.flipped, frame.start)
 
     return tuple(map(of, bodies))
-
-
-def value_of(value: Value) -> Expr:
-    """A value as an expression."""
-    return algebra.expression(value)

@@ -9,11 +9,12 @@ side of half a turn; there the quaternion jumps to its negative, and the derivat
 from __future__ import annotations
 
 from ...model.outputs import Output
+from ...program.algebra import expression
 from ...program.functions import AtLeast, Maximum
 from ...program.scalar import Matrix, Value
 from ..spatial import dot, matmul, transpose
 from .measure import RecordMeasure
-from .records import Records, value_of
+from .records import Records
 
 COMPONENTS = ("qw", "qx", "qy", "qz")
 
@@ -33,28 +34,28 @@ def rotation(records: Records, output: Output) -> Value:
 def quaternion(records: Records, R: Matrix, component: int) -> Value:
     """A component of the quaternion of a rotation matrix."""
     let = records.x.let
-    K = [[value_of(0)] * 4 for _ in range(4)]
-    xx, yy, zz = (value_of(R[i][i]) for i in range(3))
+    K = [[expression(0)] * 4 for _ in range(4)]
+    xx, yy, zz = (expression(R[i][i]) for i in range(3))
     for i, e in enumerate((xx + yy + zz, xx - yy - zz, yy - xx - zz, zz - xx - yy)):
-        K[i][i] = value_of(let("K", 1 + e))
+        K[i][i] = expression(let("K", 1 + e))
     for i, j in ((1, 2), (2, 0), (0, 1)):
         k = 3 - i - j
-        K[0][1 + k] = K[1 + k][0] = value_of(let("K", R[j][i] - R[i][j]))
-        K[1 + i][1 + j] = K[1 + j][1 + i] = value_of(let("K", R[i][j] + R[j][i]))
-    chosen, left = [], value_of(1)
+        K[0][1 + k] = K[1 + k][0] = expression(let("K", R[j][i] - R[i][j]))
+        K[1 + i][1 + j] = K[1 + j][1 + i] = expression(let("K", R[i][j] + R[j][i]))
+    chosen, left = [], expression(1)
     for i in range(3):  # the first of the largest
         largest = K[i + 1][i + 1]
         for n in range(i + 2, 4):
-            largest = value_of(let("largest", Maximum(largest, K[n][n])))
-        chosen.append(value_of(let("chosen", left * AtLeast(K[i][i], largest))))
-        left = value_of(let("left", left - chosen[-1]))
+            largest = expression(let("largest", Maximum(largest, K[n][n])))
+        chosen.append(expression(let("chosen", left * AtLeast(K[i][i], largest))))
+        left = expression(let("left", left - chosen[-1]))
     chosen.append(left)
 
     def picked(column: int) -> Value:
-        found: Value = let("row", sum((s * row[column] for s, row in zip(chosen, K, strict=True)), value_of(0)))
+        found: Value = let("row", sum((s * row[column] for s, row in zip(chosen, K, strict=True)), expression(0)))
         return found
 
-    d = let("d", sum((s * K[i][i] for i, s in enumerate(chosen)), value_of(0)))
+    d = let("d", sum((s * K[i][i] for i, s in enumerate(chosen)), expression(0)))
     sign = let("sign", 2 * AtLeast(picked(0), 0) - 1)
     scale = let("scale", records.x.half / records.x.sqrt(d))
     found: Value = let("component", sign * let("size", picked(component) * scale))

@@ -7,20 +7,20 @@ from ...model.grammar import Tree
 from ...model.outputs import Output
 from ...model.places import Face
 from ...model.switches import MODE, Switch
-from ...program.algebra import Expr
+from ...program.algebra import Expr, expression
 from ...program.block import Expansion
 from ...program.field import XYZ
 from ...program.formula import Formula
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value, Vector
-from ...program.store import NUMBER, argument
-from ..formulas import FormulaSlots, formula_kinds
+from ...program.store import argument
+from ..formulas import FormulaSlots, formula_kinds, leaf_of
 from ..spatial import dot, matmul, transpose
 from ..structure.constants import Statements
 from ..structure.links import ORIGIN, frame_matrix, place
 from ..structure.system import System
 from .outputs import record_formula
-from .records import Records, expressions_of, links_of, value_of
+from .records import Records, expressions_of, links_of
 
 MEASURED = {"position": ("pose",), "velocity": ("pose", "kinetic")}
 """What of points a switching function may read, with the quantities that this takes."""
@@ -107,13 +107,11 @@ def _record(system: System, switch: Switch, index: int) -> Formula:
         records = Records(x, system, links, canonical, tangents)
 
         def leaf(node: Tree) -> Expr:
-            if node[0] == "slot":
-                return value_of(x.entry(NUMBER, node[1]))
             if node[1] not in MEASURED:
-                return value_of(x.entry(argument(node[1]), node[2]))
+                return leaf_of(x)(node)
             point = points[node[2]]
             moved = records.position(point) if node[1] == "position" else records.velocity(point)
-            return value_of(x.let("x", moved[node[3]]))
+            return expression(x.let("x", moved[node[3]]))
 
         return [x.let("value", Statements(x, leaf).write(form))]
 

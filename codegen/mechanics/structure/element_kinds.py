@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 
 from ...model.axes import Vector as Axis
 from ...model.errors import ModelError
@@ -20,19 +19,15 @@ from ...model.model import Model
 from ...model.places import GROUND, Face, Point
 from ...model.trees import mapped
 from ...program.algebra import Expr
-from ...program.block import Expansion
 from ...program.field import XYZ
-from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
-from ...program.shape import Constants, Shape
+from ...program.shape import Constants
 from ...program.store import Store
 from ..spatial import matmul, matvec, transpose
 from ..stores import ELEMENT_CONSTANTS
-from .constants import Leaf, Slots, Statements
-from .folded import Folded, make_constants, pattern
+from .folded import Folded, pattern
 from .links import (
     BODY_FRAME,
-    NUMERIC,
     Carrier,
     Evaluate,
     Frame,
@@ -42,11 +37,12 @@ from .links import (
     NumberOf,
     Placement,
     axis_frame,
+    expressions_of_steps,
     form_of_steps,
     frame_matrix,
-    keep,
     place,
 )
+from .model_constants import ModelConstants
 
 
 @dataclass(slots=True, eq=False)
@@ -102,10 +98,7 @@ class PlacedElement:
             found += frame.vector or ()
             if oriented:
                 found += self.axis.vector or ()
-            for at, rotation in steps:
-                found += at
-                for axis, angle in rotation:
-                    found += [*axis, angle]
+            found += expressions_of_steps(steps)
         return found
 
     def structure(self) -> tuple[object, ...]:
@@ -114,6 +107,28 @@ class PlacedElement:
             "ends", self.oriented, self.axis.form(), *(f.form() for f in self.frames),
             *map(form_of_steps, self.steps),
         )  # fmt: skip
+
+    def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
+        """Places of the ends, in link components, and axes of those whose axes matter.
+
+        Returns
+        -------
+        dict
+            ``A``, ``B``, ... the ends: ``A.r.i`` the place, m; ``A.F.ij`` link components from those of the face, one of whose
+            base vectors is the element's axis.
+        """
+        out: dict[str, Value] = {}
+        for n, (steps, frame, oriented) in enumerate(zip(self.steps, self.frames, self.oriented, strict=True)):
+            name = end_name(n)
+            Q = frame_matrix(frame, evaluate, functions["sqrt"], let)
+            r, R = place(steps, evaluate, functions, let)
+            for k, value in zip(XYZ, matvec(transpose(Q), r), strict=True):
+                out[f"{name}.r.{k}"] = let("r", value)
+            if oriented:
+                half = [[let("F", v) for v in row] for row in matmul(transpose(Q), R)]
+                F = matmul(half, frame_matrix(self.axis, evaluate, functions["sqrt"], let))
+                out |= {f"{name}.F.{i}{j}": let("F", F[a][b]) for a, i in enumerate(XYZ) for b, j in enumerate(XYZ)}
+        return out
 
 
 @dataclass(slots=True, eq=False)
@@ -209,27 +224,17 @@ def placed_elements(
     links: Sequence[Link],
     carriers: Sequence[Carrier],
     way_of_ground: tuple[Placement, ...],
-    evaluate: NumberOf,
-    shapes: dict[object, Shape],
-    constants: list[Constants],
+    constants: ModelConstants,
 ) -> list[PlacedElement]:
-    """The force elements on bodies in their order; shapes and constants that are new are appended."""
+    """The force elements on bodies in their order."""
     found = []
-    known: dict[object, Constants] = {}
     carriers = [*carriers, (GROUND, way_of_ground)]  # which is the one at `GROUND`
     first = {True: 0, False: 0}
     for element in model.loads:
-        e = _placed(element, links, carriers, evaluate, first[element.has_energy], model.switches.hold,
+        e = _placed(element, links, carriers, constants.evaluate, first[element.has_energy], model.switches.hold,
             model.switches.mode_of(element.name))  # fmt: skip
         first[element.has_energy] += len(e.parts)
-        key = (e.structure(), *map(id, e.expressions()))
-        if key not in known:
-            known[key] = make_constants(
-                shapes, e.structure(), partial(_visit, e), partial(_write, e),
-                partial(end_constants, e, evaluate, NUMERIC, keep), len(constants),
-            )  # fmt: skip
-            constants.append(known[key])
-        e.constants = known[key]
+        e.constants = constants.of(e)
         found.append(e)
     return found
 
@@ -271,40 +276,6 @@ def _placed(
 
 def _axis(axis: Axis | None, evaluate: NumberOf) -> Frame:
     return BODY_FRAME if axis is None else axis_frame(axis, evaluate)
-
-
-def end_constants(e: PlacedElement, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
-    """Places of the ends, in link components, and axes of those whose axes matter.
-
-    Returns
-    -------
-    dict
-        ``A``, ``B``, ... the ends: ``A.r.i`` the place, m; ``A.F.ij`` link components from those of the face, one of whose
-        base vectors is the element's axis.
-    """
-    out: dict[str, Value] = {}
-    for n, (steps, frame, oriented) in enumerate(zip(e.steps, e.frames, e.oriented, strict=True)):
-        name = end_name(n)
-        Q = frame_matrix(frame, evaluate, functions["sqrt"], let)
-        r, R = place(steps, evaluate, functions, let)
-        for k, value in zip(XYZ, matvec(transpose(Q), r), strict=True):
-            out[f"{name}.r.{k}"] = let("r", value)
-        if oriented:
-            half = [[let("F", v) for v in row] for row in matmul(transpose(Q), R)]
-            F = matmul(half, frame_matrix(e.axis, evaluate, functions["sqrt"], let))
-            out |= {f"{name}.F.{i}{j}": let("F", F[a][b]) for a, i in enumerate(XYZ) for b, j in enumerate(XYZ)}
-    return out
-
-
-def _visit(e: PlacedElement, slots: Slots) -> None:
-    for expression in e.expressions():
-        slots.tree(expression)
-
-
-def _write(e: PlacedElement, x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:
-    """Write the constants as statements."""
-    statements = Statements(x, leaf)
-    return end_constants(e, lambda expression: statements.write(slots.tree(expression)), SYMBOLIC, x.let)
 
 
 def find_element_kinds(

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-
-import mpmath
 
 from ...program import algebra
 from ...program.algebra import Expr
-from ...program.block import Expansion
 from ...program.digits import number
-from ...program.scalar import Value
 from ...program.shape import Constants, Shape
-from .constants import Leaf, Slots, make_shape
 
 
 @dataclass(slots=True, eq=False)
@@ -64,26 +58,3 @@ class Folded:
 def pattern(c: Constants) -> tuple[str, ...]:
     """Names of the constants that are not zero."""
     return tuple(sorted(n for n, v in c.values.items() if v != 0))
-
-
-def make_constants(
-    shapes: dict[object, Shape],
-    structure: object,
-    visit: Callable[[Slots], object],
-    write: Callable[[Expansion, Leaf, Slots], dict[str, Value]],
-    values: Callable[[], dict[str, Value]],
-    index: int,
-) -> Constants:
-    """The constants of one set of expressions; expands their shape if it is new."""
-    slots = Slots()
-    visit(slots)
-    key = (structure, tuple(slots.trees))
-    shape = shapes.get(key)
-    if shape is None:
-        shape = shapes[key] = make_shape(len(shapes), slots, lambda x, leaf: write(x, leaf, slots))
-    numeric: dict[str, float] = {}
-    for name, v in values().items():
-        if name not in shape.varying and shape.fields[name] is not algebra.ZERO:
-            assert isinstance(v, (int, float, mpmath.mpf))
-            numeric[name] = float(v) if isinstance(v, int) else v
-    return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import mpmath
 
 from ...model.expressions import Expression
-from ...model.model import GROUND, Body, Coupling, Joint, Loop, Model, PointCondition, coordinate_axis
+from ...model.model import GROUND, Body, Joint, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
 from ...model.quarter_turns import cosine_and_sine, quarter_turns
@@ -24,7 +24,6 @@ from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
 from ..joints import DRIVEN_JOINTS, LINK_JOINTS, LinkJoint
 from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
-from .surface_forms import SurfaceForm, forms_of
 
 Evaluate = Callable[[Expression], Value]
 NumberOf = Callable[[Expression], float]
@@ -110,19 +109,21 @@ class Link:
     speed: int = -1
     members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
 
-    def key(self) -> tuple[object, ...]:
-        """Equal for links that are made of the same expressions."""
+    def structure(self) -> tuple[object, ...]:
+        """Equal for links whose constants are the same but for numbers and parameters."""
+        return (
+            self.parent_frame.form(), self.frame.form(), form_of_steps(self.steps),
+            tuple(form_of_steps(steps) for _, steps in self.members), len(self.factors), self.aligned, self.geared(),
+        )  # fmt: skip
 
-        def of_steps(steps: tuple[Placement, ...]) -> tuple[object, ...]:
-            return tuple(
-                (*map(id, at), *((*map(id, axis), id(angle)) for axis, angle in rotation)) for at, rotation in steps
-            )
-
-        members = tuple(
-            (id(b.mass), *map(id, b.com), *map(id, b.inertia), of_steps(steps)) for b, steps in self.members
-        )
-        factors, armature = tuple(map(id, self.factors)), tuple(map(id, self.armature))
-        return self.joint, self.parent_frame.key(), self.frame.key(), of_steps(self.steps), factors, armature, members
+    def expressions(self) -> list[Expression]:
+        """All that its constants are made of, in a fixed order."""
+        found = [*(self.parent_frame.vector or ()), *(self.frame.vector or ()), *expressions_of_steps(self.steps)]
+        for _, steps in self.members:
+            found += expressions_of_steps(steps)
+        for body, _ in self.members:
+            found += [body.mass, *body.com, *body.inertia]
+        return [*found, *self.factors, *self.armature]
 
     def geared(self) -> tuple[bool, ...]:
         """Which of its speeds a rotor turns with."""
@@ -133,6 +134,43 @@ class Link:
         """The link's axes are its parent's at q = 0 because both are made of the same vector."""
         is_same = self.frame.vector is not None and self.frame.key() == self.parent_frame.key()
         return is_same and not any(rotation for _, rotation in self.steps)
+
+    def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
+        """Mass, first moment, inertia about the link's origin and the place of its joint, in link components.
+
+        Returns
+        -------
+        dict
+            ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's place in the parent's link
+            frame; ``R.ij`` parent's link components from this link's at q = 0; ``factor`` of the joint, if it has one;
+            ``rotor0``, ... of speeds that rotors turn with. SI units.
+        """
+        sqrt = functions["sqrt"]
+        Q_parent = frame_matrix(self.parent_frame, evaluate, sqrt, let)
+        Q = frame_matrix(self.frame, evaluate, sqrt, let)
+        r, R = place(self.steps, evaluate, functions, let)
+        r = matvec(transpose(Q_parent), r)
+        half = [[let("Rh", e) for e in row] for row in matmul(transpose(Q_parent), R)]
+        R = identity() if self.aligned else [[let("R", e) for e in row] for row in matmul(half, Q)]
+        m, h, J = rigid_inertia(self.members, evaluate, functions, let)
+        h = [let("h", e) for e in matvec(transpose(Q), h)]
+        if self.frame.vector is not None:
+            half = [[let("Jh", e) for e in row] for row in matmul(transpose(Q), J)]
+            J = matmul(half, Q)
+        out: dict[str, Value] = {"m": m}
+        for k, i in enumerate(XYZ):
+            out[f"h.{i}"] = h[k]
+            out[f"r.{i}"] = let(f"r_{i}", r[k])
+            for n, j in enumerate(XYZ):
+                if n >= k:
+                    out[f"J.{i}{j}"] = let(f"J_{i}{j}", J[k][n])
+                out[f"R.{i}{j}"] = R[k][n]
+        for value in self.factors:
+            out["factor"] = let("factor", evaluate(value))
+        for speed, value in enumerate(self.armature):
+            if self.geared()[speed]:
+                out[f"rotor{speed}"] = let("rotor", evaluate(value))
+        return out
 
 
 BODY_FRAME = Frame(2)
@@ -383,141 +421,14 @@ def _cosine_and_sine(angle: Expression, evaluate: Evaluate, functions: Functions
     return let("cosine", functions["cos"](value)), let("sine", functions["sin"](value))
 
 
+def expressions_of_steps(steps: Sequence[Placement]) -> list[Expression]:
+    """What a way is made of, in a fixed order."""
+    return [e for at, rotation in steps for e in (*at, *(x for axis, angle in rotation for x in (*axis, angle)))]
+
+
 def form_of_steps(steps: Sequence[Placement]) -> tuple[object, ...]:
     """Equal for ways whose statements are the same but for numbers."""
     return tuple(tuple(quarter_turns(angle) for _, angle in rotation) for _, rotation in steps)
-
-
-def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
-    """Mass, first moment, inertia about the link's origin and the place of its joint, in link components.
-
-    Returns
-    -------
-    dict
-        ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's place in the parent's link
-        frame; ``R.ij`` parent's link components from this link's at q = 0; ``factor`` of the joint, if it has one;
-        ``rotor0``, ... of speeds that rotors turn with. SI units.
-    """
-    sqrt = functions["sqrt"]
-    Q_parent = frame_matrix(link.parent_frame, evaluate, sqrt, let)
-    Q = frame_matrix(link.frame, evaluate, sqrt, let)
-    r, R = place(link.steps, evaluate, functions, let)
-    r = matvec(transpose(Q_parent), r)
-    half = [[let("Rh", e) for e in row] for row in matmul(transpose(Q_parent), R)]
-    R = identity() if link.aligned else [[let("R", e) for e in row] for row in matmul(half, Q)]
-    m, h, J = rigid_inertia(link.members, evaluate, functions, let)
-    h = [let("h", e) for e in matvec(transpose(Q), h)]
-    if link.frame.vector is not None:
-        half = [[let("Jh", e) for e in row] for row in matmul(transpose(Q), J)]
-        J = matmul(half, Q)
-    out: dict[str, Value] = {"m": m}
-    for k, i in enumerate(XYZ):
-        out[f"h.{i}"] = h[k]
-        out[f"r.{i}"] = let(f"r_{i}", r[k])
-        for n, j in enumerate(XYZ):
-            if n >= k:
-                out[f"J.{i}{j}"] = let(f"J_{i}{j}", J[k][n])
-            out[f"R.{i}{j}"] = R[k][n]
-    for value in link.factors:
-        out["factor"] = let("factor", evaluate(value))
-    for speed, value in enumerate(link.armature):
-        if link.geared()[speed]:
-            out[f"rotor{speed}"] = let("rotor", evaluate(value))
-    return out
-
-
-@dataclass(slots=True, eq=False)
-class LoopFaces:
-    """A loop joint between links.
-
-    Attributes
-    ----------
-    loop : Loop
-    links : tuple of two int
-        That carry the faces; `GROUND`.
-    steps : tuple of two tuples of Placement
-        From the body frames of those links to the faces.
-    link_frames, frames : tuples of two Frame
-        Of the links, and of the joint's axes in the faces.
-    surfaces : tuple of SurfaceForm
-        Of a condition on a point: its equations.
-    parts : tuple of Expression
-        What these are made of beside coordinates; of a distance the length.
-    """
-
-    loop: Loop
-    links: tuple[int, int]
-    steps: tuple[tuple[Placement, ...], tuple[Placement, ...]]
-    link_frames: tuple[Frame, Frame]
-    frames: tuple[Frame, Frame]
-    surfaces: tuple[SurfaceForm, ...] = ()
-    parts: tuple[Expression, ...] = ()
-
-    def expressions(self) -> list[Expression]:
-        """All expressions, in a fixed order."""
-        if isinstance(self.loop, Coupling):
-            return [*(term.factor for term in self.loop.terms), self.loop.offset]
-        found: list[Expression] = []
-        for side in (0, 1):
-            for frame in (self.link_frames[side], self.frames[side]):
-                found += frame.vector or ()
-            for at, rotation in self.steps[side]:
-                found += at
-                for axis, angle in rotation:
-                    found += [*axis, angle]
-        return [*found, *self.parts]
-
-    def structure(self) -> tuple[object, ...]:
-        """Equal for loops whose constants are the same but for numbers and parameters."""
-        related = len(self.loop.terms) if isinstance(self.loop, Coupling) else 0
-        return (
-            "faces", self.loop.type, related, *(f.form() for f in (*self.link_frames, *self.frames)),
-            *map(form_of_steps, self.steps), *self.surfaces,
-        )  # fmt: skip
-
-
-def loop_faces(loop: Loop, links: Sequence[Link], carriers: Sequence[Carrier], evaluate: NumberOf) -> LoopFaces:
-    """Where the faces of a loop joint are."""
-    on: list[int] = []
-    steps: list[tuple[Placement, ...]] = []
-    for face in (loop.start, loop.end):
-        link, way = carriers[face.body] if face.body != GROUND else (GROUND, ())
-        on.append(link)
-        steps.append((*way, (face.at, face.rotation)))
-    axes = [axis_frame(a, evaluate) for a in loop.axes] or [BODY_FRAME]
-    frames = [BODY_FRAME if i == GROUND else links[i].frame for i in on]
-    faces = LoopFaces(loop, (on[0], on[1]), (steps[0], steps[1]), (frames[0], frames[1]), (axes[0], axes[-1]))
-    if isinstance(loop, PointCondition):
-        faces.surfaces, faces.parts = forms_of(loop.surfaces)
-        if loop.length is not None:
-            faces.parts = (loop.length,)
-    return faces
-
-
-def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
-    """Origins and axes of a loop joint's faces, in link components.
-
-    Returns
-    -------
-    dict
-        ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
-        axes is the joint's. Of a coupling ``factor0`` ... and ``offset``, of a condition on a point ``part0`` ... besides.
-    """
-    out: dict[str, Value] = {}
-    if isinstance(faces.loop, Coupling):
-        out = {f"factor{t}": let("factor", evaluate(term.factor)) for t, term in enumerate(faces.loop.terms)}
-        return out | {"offset": let("offset", evaluate(faces.loop.offset))}
-    for side, name in enumerate("AB"):
-        Q = frame_matrix(faces.link_frames[side], evaluate, functions["sqrt"], let)
-        r, R = place(faces.steps[side], evaluate, functions, let)
-        r = matvec(transpose(Q), r)
-        half = [[let("F", e) for e in row] for row in matmul(transpose(Q), R)]
-        F = matmul(half, frame_matrix(faces.frames[side], evaluate, functions["sqrt"], let))
-        for k, i in enumerate(XYZ):
-            out[f"{name}.r.{i}"] = let("r", r[k])
-            for n, j in enumerate(XYZ):
-                out[f"{name}.F.{i}{j}"] = let("F", F[k][n])
-    return out | {f"part{i}": let("part", evaluate(part)) for i, part in enumerate(faces.parts)}
 
 
 def rigid_inertia(
@@ -559,7 +470,7 @@ def _of_numbers(function: Callable[[float], float], long_function: Callable[[flo
 
 
 NUMERIC: Functions = {name: _of_numbers(getattr(math, name), getattr(mpmath, name)) for name in ("sqrt", "cos", "sin")}
-"""Functions for `link_constants` on numbers."""
+"""Functions for constants on numbers."""
 
 
 def keep(name: str, value: Value) -> Value:

@@ -1,18 +1,37 @@
-"""The constants of a model: of its links, of the faces of its loops, and gravity. Equal ones are found once."""
+"""The constants of a model: of links, of the faces of loops, of force elements, and of gravity. Equal ones are found once."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import mpmath
 
 from ...model.expressions import Expression
+from ...program import algebra
 from ...program.block import Expansion
+from ...program.field import XYZ
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
 from ...program.shape import Constants, Shape
-from .constants import Leaf, Slots, Statements
-from .folded import make_constants
-from .links import NUMERIC, Link, LoopFaces, NumberOf, face_constants, form_of_steps, keep, link_constants
+from .constants import Leaf, Slots, Statements, make_shape
+from .links import NUMERIC, Evaluate, Functions, Let, NumberOf, keep
+
+Written = Callable[[Evaluate, Functions, Let], dict[str, Value]]
+"""Constants from values of expressions, of numbers or of symbols."""
+
+
+class Owner(Protocol):
+    """What has constants: a link, the faces of a loop, a force element."""
+
+    def structure(self) -> tuple[object, ...]:
+        """Equal for owners whose constants are the same but for numbers and parameters."""
+
+    def expressions(self) -> list[Expression]:
+        """All that its constants are made of, in a fixed order."""
+
+    def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
+        """Its constants by name."""
 
 
 class ModelConstants:
@@ -31,82 +50,41 @@ class ModelConstants:
         self.found: list[Constants] = []
         self._by_key: dict[object, Constants] = {}
 
-    def of_link(self, link: Link) -> Constants:
-        """Of a link."""
-        key = link.key()
+    def of(self, owner: Owner, *beside: object) -> Constants:
+        """Of an owner; one that differs in what stands `beside` has constants of its own."""
+        structure, expressions = owner.structure(), owner.expressions()
+        key = (structure, beside, *map(id, expressions))
         found = self._by_key.get(key)
         if found is None:
-            structure = (
-                link.parent_frame.form(), link.frame.form(), form_of_steps(link.steps),
-                tuple(form_of_steps(steps) for _, steps in link.members), len(link.factors), link.aligned,
-                link.geared(),
-            )  # fmt: skip
-            found = self._by_key[key] = make_constants(
-                self.shapes, structure, partial(_visit_link, link), partial(_write_link, link),
-                partial(link_constants, link, self.evaluate, NUMERIC, keep), len(self.found),
-            )  # fmt: skip
-            self.found.append(found)
-        return found
-
-    def of_faces(self, faces: LoopFaces) -> Constants:
-        """Of the faces of a loop joint."""
-        key = (faces.structure(), *map(id, faces.expressions()))
-        found = self._by_key.get(key)
-        if found is None:
-            found = self._by_key[key] = make_constants(
-                self.shapes, faces.structure(), partial(_visit_faces, faces), partial(_write_faces, faces),
-                partial(face_constants, faces, self.evaluate, NUMERIC, keep), len(self.found),
-            )  # fmt: skip
-            self.found.append(found)
+            found = self._by_key[key] = self._make(structure, expressions, owner.write_constants)
         return found
 
     def of_gravity(self, g: Sequence[Expression]) -> Constants:
         """Minus gravity."""
 
-        def write(x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:
-            statements = Statements(x, leaf)
-            return {f"a.{i}": x.let("a", -statements.write(slots.tree(g[k]))) for k, i in enumerate("xyz")}
+        def written(evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
+            return {f"a.{i}": let("a", -evaluate(e)) for i, e in zip(XYZ, g, strict=True)}
 
-        found = make_constants(
-            self.shapes, ("gravity",), lambda slots: [slots.tree(e) for e in g], write,
-            lambda: {f"a.{i}": -self.evaluate(g[k]) for k, i in enumerate("xyz")}, len(self.found),
-        )  # fmt: skip
-        self.found.append(found)
-        return found
+        return self._make(("gravity",), g, written)
 
-
-def _write_link(link: Link, x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:
-    """Write the constants of a link as statements."""
-    statements = Statements(x, leaf)
-    return link_constants(link, lambda e: statements.write(slots.tree(e)), SYMBOLIC, x.let)
-
-
-def _visit_link(link: Link, slots: Slots) -> None:
-    """Bring all expressions of a link into slots, in a fixed order."""
-    for frame in (link.parent_frame, link.frame):
-        if frame.vector is not None:
-            for e in frame.vector:
-                slots.tree(e)
-    for steps in (link.steps, *(steps for _, steps in link.members)):
-        for at, rotation in steps:
-            for e in at:
-                slots.tree(e)
-            for axis, angle in rotation:
-                for e in (*axis, angle):
-                    slots.tree(e)
-    for body, _ in link.members:
-        for e in (body.mass, *body.com, *body.inertia):
+    def _make(self, structure: object, expressions: Sequence[Expression], written: Written) -> Constants:
+        """The constants of one set of expressions; expands their shape if it is new."""
+        slots = Slots()
+        for e in expressions:
             slots.tree(e)
-    for e in (*link.factors, *link.armature):
-        slots.tree(e)
+        key = (structure, tuple(slots.trees))
+        shape = self.shapes.get(key)
+        if shape is None:
 
+            def write(x: Expansion, leaf: Leaf) -> dict[str, Value]:
+                statements = Statements(x, leaf)
+                return written(lambda e: statements.write(slots.tree(e)), SYMBOLIC, x.let)
 
-def _visit_faces(faces: LoopFaces, slots: Slots) -> None:
-    for e in faces.expressions():
-        slots.tree(e)
-
-
-def _write_faces(faces: LoopFaces, x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:
-    """Write the constants of a loop's faces as statements."""
-    statements = Statements(x, leaf)
-    return face_constants(faces, lambda e: statements.write(slots.tree(e)), SYMBOLIC, x.let)
+            shape = self.shapes[key] = make_shape(len(self.shapes), slots, write)
+        numeric: dict[str, float] = {}
+        for name, v in written(self.evaluate, NUMERIC, keep).items():
+            if name not in shape.varying and shape.fields[name] is not algebra.ZERO:
+                assert isinstance(v, (int, float, mpmath.mpf))
+                numeric[name] = float(v) if isinstance(v, int) else v
+        self.found.append(Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, len(self.found)))
+        return self.found[-1]

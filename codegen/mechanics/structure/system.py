@@ -15,9 +15,10 @@ from ...program.field import XYZ
 from ...program.shape import Constants, Shape
 from ..fields import explicit_acceleration, remainder, total
 from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
+from .faces import LoopFaces, loop_faces
 from .grouping import find_link_kinds, find_unit_kinds
 from .kinds import LinkKind, UnitKind
-from .links import Carrier, Link, LoopFaces, Placement, links_of, loop_faces
+from .links import Carrier, Link, Placement, links_of
 from .model_constants import ModelConstants
 from .neighbours import Neighbours
 from .regions import Regions, find_regions
@@ -172,10 +173,10 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None, tu
         links, carriers = in_order_of_units(links, carriers, regions)
         regions = find_regions(model, links, carriers, partition)
     constants = ModelConstants(evaluate)
-    constants_of = [constants.of_link(link) for link in links]
+    constants_of = [constants.of(link, link.joint, link.parent_frame.index, link.frame.index) for link in links]
     faces = [loop_faces(loop, links, carriers, evaluate) for loop in model.loops]
-    closure_constants = [constants.of_faces(f) for f in faces]
-    elements = placed_elements(model, links, carriers, way_of_ground, evaluate, constants.shapes, constants.found)
+    closure_constants = [constants.of(f) for f in faces]
+    elements = placed_elements(model, links, carriers, way_of_ground, constants)
     force_of: dict[int, list[JointForce]] = {}
     for force in model.forces:
         force_of.setdefault(force.body, []).append(force)

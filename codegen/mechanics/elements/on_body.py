@@ -1,0 +1,20 @@
+"""A force on a body, through one of its points, or a torque."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .element import Element, Law, Wrench
+
+
+class OnBodyLaw(Law):
+    """The components along axes of the ground, or of the body, of what the element `acts` by: a force or a torque."""
+
+    def __init__(self, acts: str):
+        self.acts = acts
+
+    def wrenches(self, e: Element) -> Sequence[Wrench]:
+        value, on = e.coefficients("value"), e.ends[0]
+        own = on.from_face(value) if on.is_face else value
+        force, torque = (own if self.acts == name else None for name in ("force", "torque"))
+        return (Wrench(force, torque, in_link=on.is_face),)
