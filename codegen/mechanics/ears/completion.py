@@ -17,7 +17,7 @@ from ..spatial import ZERO, add, cross, dot, is_zero, matvec, minus, rotate, tra
 from ..stores import BASE, CL_DP, CONSTANTS, DP, DPOSITION, DQ, DU, LBASE, LME, LOOP_CONSTANTS, LUP, MY_LANE, SPEEDS
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
-from ..tree.tangents import differentiate, store_tangent
+from ..tree.tangents import differentiate, store_tangents
 from .closures import named_root_velocities, stored_factor
 from .conditions import Condition, joint_conditions, kept_conditions, seen_by
 from .couplings import displacement
@@ -58,9 +58,7 @@ def link_displacement(x: Scope, kind: LinkKind) -> None:
     _, w = angular_velocity(x, joint, twist.angular)
     v = origin_velocity(x, joint, twist.angular, twist.linear)
     tangents = differentiate(x, kind, joint)
-    for store in (LME, MY_LANE):
-        store_tangent(x, tangents, (store,), twist.angular, w)
-        store_tangent(x, tangents, (store,), twist.linear, v)
+    store_tangents(x, tangents, (LME, MY_LANE), ((twist.angular, w), (twist.linear, v)))
 
 
 def undisplaced(x: Scope, *stores: Store) -> None:

@@ -21,7 +21,6 @@ from ..stores import (
     ELEMENT_CONSTANTS,
     ELEMENT_END,
     LANE_ENDS,
-    LME,
     ME,
     MY_LANE,
     POTENTIAL,
@@ -30,7 +29,7 @@ from ..stores import (
 from ..structure.element_kinds import ElementKind
 from ..structure.kinds import LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
-from ..tree.tangents import differentiate, store_tangent, tangent
+from ..tree.tangents import store_motion, tangent
 from . import LAWS
 from .element import Element
 
@@ -40,13 +39,7 @@ def velocities(x: Scope, kind: LinkKind) -> None:
     joint = kind.joint(x, kind)
     _, w = angular_velocity(x, joint, fields.applied_twist.angular)
     v = origin_velocity(x, joint, fields.applied_twist.angular, fields.applied_twist.linear)
-    x.store(ME, fields.applied_twist.angular, w)
-    x.store(ME, fields.applied_twist.linear, v)
-    if x.tangents:
-        d = differentiate(x, kind, joint)
-        for store in (LME, MY_LANE):
-            store_tangent(x, d, (store,), fields.applied_twist.angular, w)
-            store_tangent(x, d, (store,), fields.applied_twist.linear, v)
+    store_motion(x, kind, joint, ((fields.applied_twist.angular, w), (fields.applied_twist.linear, v)))
 
 
 def clear(x: Scope, kind: LinkKind) -> None:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from ...program.algebra import Symbol
-from ...program.block import Expansion, Scope
-from ...program.scalar import Value
+from ...program.block import Scope
 from .. import fields
 from ..handing_on import accumulate
 from ..rotors import rotor
-from ..spatial import add, cross, dot, is_zero, matvec, scale
+from ..spatial import add, cross, dot, matvec, scale
 from ..stores import CONSTANTS, DKINETIC, KINETIC, LME, LUP, ME, MY_LANE, UP
 from ..structure.kinds import LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
-from ..tree.tangents import differentiate, store_tangent, tangent
+from ..tree.tangents import differentiate, store_tangents, tangent
 from ..tree.triangularization import is_first
 
 OUTBOARD = frozenset((*fields.outboard_mass.components, *fields.outboard_moment.components))
@@ -40,9 +38,7 @@ def kinetic(x: Scope, kind: LinkKind) -> None:
     x.set_entry(KINETIC.sum, 0, T)
     if x.tangents:
         d = differentiate(x, kind, joint)
-        for store in (LME, MY_LANE):
-            store_tangent(x, d, (store,), fields.angular_velocity, w)
-            store_tangent(x, d, (store,), fields.velocity, v)
+        store_tangents(x, d, (LME, MY_LANE), ((fields.angular_velocity, w), (fields.velocity, v)))
         x.set_entry(DKINETIC.sum, 0, tangent(d, T))
 
 
@@ -53,7 +49,7 @@ def moments(x: Scope, kind: LinkKind) -> None:
     h = add(x.load(CONSTANTS, fields.first_moment), x.load(ME, fields.outboard_moment))
     h = joint.to_parent(h, "h", "potential energy")
     h = [x.let("h", e, "potential energy") for e in add(h, scale(m, joint.offset()))]
-    d = differentiate(x, kind, joint, _sums(x)) if x.tangents else None
+    d = differentiate(x, kind, joint, also={ME: LME}) if x.tangents else None
     first = is_first(x, kind)
     accumulate(x, UP, fields.outboard_mass, m, first, "potential energy")
     accumulate(x, UP, fields.outboard_moment, h, first, "potential energy")
@@ -61,15 +57,3 @@ def moments(x: Scope, kind: LinkKind) -> None:
         accumulate(x, LUP, fields.outboard_mass, tangent(d, m), first, "potential energy", lanes=True)
         for field, e in zip(fields.outboard_moment.scalars(), h, strict=True):
             accumulate(x, LUP, field, tangent(d, e), first, "potential energy", lanes=True)
-
-
-def _sums(x: Scope) -> dict[Symbol, Value]:
-    """Tangents of what the children handed on."""
-    if not isinstance(x, Expansion):
-        return {}
-    found = {
-        symbol: x.component(LME, name)
-        for symbol, (store, name) in list(x.block.loads.items())
-        if store is ME and name in OUTBOARD
-    }
-    return {s: v for s, v in found.items() if not is_zero(v)}

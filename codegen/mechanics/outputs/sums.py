@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ...program.algebra import Expr, Symbol
-from ...program.block import Expansion, Scope
+from ...program.block import Scope
 from ...program.scalar import Vector
 from ...program.store import Store
 from .. import fields
@@ -41,17 +40,8 @@ def _add(x: Scope, kind: LinkKind, into: Store, tangents: Store, values: Vector,
         if not is_zero(e):
             x.set_entry(into.sum, j, e)
     if x.tangents:
-        d = differentiate(x, kind, None, _of_record(x))
+        d = differentiate(x, kind, None, also={ME: MY_LANE})  # what earlier sweeps have left in the record
         for j, e in enumerate(named):
             moved = tangent(d, e)
             if not is_zero(moved):
                 x.set_entry(tangents.sum, j, moved)
-
-
-def _of_record(x: Scope) -> dict[Symbol, Expr]:
-    """Tangents of what earlier sweeps have left in the link's record."""
-    if not isinstance(x, Expansion):
-        return {}
-    loads = list(x.block.loads.items())
-    found = {symbol: x.component(MY_LANE, name) for symbol, (store, name) in loads if store is ME}
-    return {s: v for s, v in found.items() if not is_zero(v)}

@@ -18,7 +18,7 @@ from ..spatial import add, is_zero
 from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
 from ..structure.kinds import LinkKind
 from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, less_external, own_inertia
-from .tangents import differentiate, pattern, store_tangent, tangent
+from .tangents import differentiate, pattern, store_tangents, tangent
 from .triangularization import force_to_parent, is_first
 
 
@@ -83,9 +83,7 @@ def outward(x: Scope, kind: LinkKind, found: bool) -> None:
     if x.tangents:
         d = differentiate(x, kind, joint, same=same)
         motion = fields.remainder
-        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
-            store_tangent(x, d, (LME,), field, v)
-        x.store(LME, motion.B, [[tangent(d, e) for e in row] for row in B])
+        store_tangents(x, d, (LME,), ((motion.w, w), (motion.al, al), (motion.a, a), (motion.B, B)))
         tangents = [[tangent(d, e) for e in v] for v in (moment, force)]
         tangents = list(less_external(x, kind, (tangents[0], tangents[1]), lanes=True))
         x.store(MY_LANE, fields.needed, [*tangents[0], *tangents[1]])

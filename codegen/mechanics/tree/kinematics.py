@@ -9,9 +9,9 @@ from .. import fields
 from ..joints import LinkJoint
 from ..joints.quaternion import QuaternionJoint
 from ..spatial import add, cross, matvec
-from ..stores import CONSTANTS, DQDOT, LME, ME, MY_LANE, QDOT, UP
+from ..stores import CONSTANTS, DQDOT, ME, MY_LANE, QDOT, UP
 from ..structure.kinds import LinkKind
-from .tangents import differentiate, store_tangent, tangent
+from .tangents import differentiate, store_motion, tangent
 
 
 def acceleration_matrix(x: Scope, w: Vector, al: Vector, name: str = "B") -> Matrix:
@@ -164,10 +164,4 @@ def pose(x: Scope, kind: LinkKind) -> None:
     position = add(x.load(UP, fields.position), matvec(W, joint.offset()))
     position = x.let_vector("pos", position, "Eq. 22")
     W = joint.attitude(W)
-    x.store(ME, fields.position, position)
-    x.store(ME, fields.attitude, W)
-    if x.tangents:
-        d = differentiate(x, kind, joint)
-        for store in (LME, MY_LANE):
-            store_tangent(x, d, (store,), fields.position, position)
-            x.store(store, fields.attitude, [[tangent(d, e) for e in row] for row in W])
+    store_motion(x, kind, joint, ((fields.position, position), (fields.attitude, W)))

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from ...program import algebra
 from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, Scope
 from ...program.derivatives import Tangents, of_symbols
-from ...program.field import VectorField
-from ...program.scalar import Value, Vector
+from ...program.field import AnyField, ScalarField
+from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..joints import LinkJoint
 from ..spatial import is_zero
-from ..stores import CONSTANTS, COORDINATES, DP, LUP, MY_COLUMNS, MY_LANE, PARAMETER, SPEEDS, TANGENT_OF, TURNS, UP
+from ..stores import (
+    CONSTANTS,
+    COORDINATES,
+    DP,
+    LME,
+    LUP,
+    ME,
+    MY_COLUMNS,
+    MY_LANE,
+    PARAMETER,
+    SPEEDS,
+    TANGENT_OF,
+    TURNS,
+    UP,
+)
 from ..structure.kinds import LinkKind
 
 
@@ -28,10 +42,33 @@ def pattern(value: Value) -> Value:
     return 0 if isinstance(value, int) else value
 
 
-def store_tangent(x: Scope, d: Tangents | None, stores: Iterable[Store], field: VectorField, v: Vector) -> None:
-    """Store the tangent of a vector."""
+Part = tuple[AnyField, Vector | Matrix]
+"""A vector or a matrix, and its field."""
+
+
+def _scalars(parts: Sequence[Part]) -> Iterator[tuple[ScalarField, Value]]:
+    for field, value in parts:
+        yield from zip(field.scalars(), (e for v in value for e in (v if isinstance(v, list) else [v])), strict=True)
+
+
+def store_tangents(x: Scope, d: Tangents | None, stores: Iterable[Store], parts: Sequence[Part]) -> None:
+    """Store the tangents of vectors and matrices in each of the stores."""
     for store in stores:
-        x.store(store, field, [tangent(d, e) for e in v])
+        for field, value in _scalars(parts):
+            x.store(store, field, tangent(d, value))
+
+
+def store_motion(
+    x: Scope, kind: LinkKind, joint: LinkJoint, parts: Sequence[Part], also: Mapping[Store, Store] | None = None
+) -> None:
+    """Store what describes a link's motion in its record; of a block that is differentiated the tangents, for its children too.
+
+    `also`: see `differentiate`.
+    """
+    for field, value in _scalars(parts):
+        x.store(ME, field, value)
+    if x.tangents:
+        store_tangents(x, differentiate(x, kind, joint, also=also), (LME, MY_LANE), parts)
 
 
 UP_TANGENTS = {
@@ -90,19 +127,21 @@ def differentiate(
     extra: Mapping[Symbol, Value] | None = None,
     same: Mapping[Symbol, Value] | None = None,
     own: bool = False,
+    also: Mapping[Store, Store] | None = None,
 ) -> Tangents | None:
     """Append the tangents of all statements so far, but for values whose tangents are given (`extra`). None on zero patterns.
 
     What is the `same` as a value that was computed before has its tangent. Of `own`: along the link's own coordinates and speeds
-    only.
+    only. `also` are stores whose components have tangents, and where these are.
     """
     if not isinstance(x, Expansion):
         return None
+    extra, same, also = extra or {}, same or {}, also or {}
+    known = [(s, x.component(also[a], name)) for s, (a, name) in list(x.block.loads.items()) if a in also]
     statements = list(x.block.statements)
     transparent = of_symbols(joint.transparent()) if joint else {}
     transparent |= constants_transparent(x, kind)
-    extra, same = extra or {}, same or {}
-    given = {s: algebra.expression(v) for s, v in extra.items() if not is_zero(v)}
+    given = {s: algebra.expression(v) for s, v in (*extra.items(), *known) if not is_zero(v)}
     d = Tangents(x, seeds(x, kind, own) | given, transparent)
     for statement in statements:
         if statement.target in same:
