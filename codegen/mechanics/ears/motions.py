@@ -76,6 +76,11 @@ class Motion:
         w, al, a = (x.load(store, field) for field in (fields.w, fields.al, fields.a))
         return Motion(w, al, a, x.load(store, fields.B))
 
+    @staticmethod
+    def falling(a: Vector) -> Motion:
+        """Of what accelerates without turning."""
+        return Motion(list(ZERO), list(ZERO), a, [list(ZERO) for _ in range(3)])
+
     def store(self, x: Scope, store: Store, fields: MotionFields) -> None:
         """In its four fields."""
         for field, v in ((fields.w, self.w), (fields.al, self.al), (fields.a, self.a)):

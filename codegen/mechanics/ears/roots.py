@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from ...program.block import Scope
-from ...program.field import VectorField
+from ...program.field import SixField, VectorField
 from ...program.scalar import Matrix, Vector
 from ...program.store import Store
 from .. import fields
@@ -51,9 +51,9 @@ class Root(ABC):
         """The record of the link."""
 
     @property
-    @abstractmethod
     def feels(self) -> bool:
         """Forces on it matter: to the ground they do not."""
+        return True
 
     @abstractmethod
     def attitude(self) -> Matrix:
@@ -64,30 +64,6 @@ class Root(ABC):
         """Of its origin."""
 
     @abstractmethod
-    def twist(self, source: int) -> Twist:
-        """How it moves with a source."""
-
-    @abstractmethod
-    def measured_velocity(self) -> Twist:
-        """Velocity where what is open is measured, at the given speeds."""
-
-    @abstractmethod
-    def velocity_tangent(self, kept: bool) -> Vector:
-        """Tangent of the velocity that the sources give it, six components."""
-
-    @abstractmethod
-    def rotation(self, kept: bool) -> Vector:
-        """Rotation vector of a direction."""
-
-    @abstractmethod
-    def displacement(self, kept: bool) -> Vector:
-        """Displacement of a direction."""
-
-    @abstractmethod
-    def step(self) -> Twist:
-        """Rotation vector and displacement of Newton's step."""
-
-    @abstractmethod
     def motion(self, total: bool) -> Motion:
         """Motion against the ground: as far as it does not depend on udot, or (`total`) all of it."""
 
@@ -95,13 +71,49 @@ class Root(ABC):
     def own_motion(self) -> tuple[Motion, Motion]:
         """All of the motion against the ground, and its tangent, in its own axes."""
 
-    @abstractmethod
+    # -- against the base: a root that does not say otherwise is at rest ---------------------------------------------
+
+    def twist(self, source: int) -> Twist:
+        """How it moves with a source."""
+        return Twist.zero()
+
+    def measured_velocity(self) -> Twist:
+        """Velocity where what is open is measured, at the given speeds."""
+        return Twist.zero()
+
+    def velocity_tangent(self, kept: bool) -> Vector:
+        """Tangent of the velocity that the sources give it, six components."""
+        return Twist.zero().six
+
+    def rotation(self, kept: bool) -> Vector:
+        """Rotation vector of a direction."""
+        return list(ZERO)
+
+    def displacement(self, kept: bool) -> Vector:
+        """Displacement of a direction."""
+        return list(ZERO)
+
+    def step(self) -> Twist:
+        """Rotation vector and displacement of Newton's step."""
+        return Twist.zero()
+
+    # -- forces ------------------------------------------------------------------------------------------------------
+
+    @property
+    def sums(self) -> tuple[SixField, SixField]:
+        """Where the region sums up what it gets, and the tangents of that."""
+        raise TypeError(f"{type(self).__name__} takes no forces of a region")
+
     def receive(self, force: Vector) -> None:
         """Take a moment and a force, about its origin."""
+        if self.feels:
+            add_to_sum(self.x, REGION, self.sums[0], force, "to_root", "Eq. 45")
 
-    @abstractmethod
     def receive_own(self, force: Vector, tangent: Vector) -> None:
         """Take a moment and a force, about its origin and in its own axes, and its tangent."""
+        for i in SIX if self.feels else ():
+            self.x.store(REGION.sum, self.sums[0].scalars()[i], force[i])
+            self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
 
 
 class Frame(Root):
@@ -137,28 +149,15 @@ class Frame(Root):
             return Twist.zero().six
         return self.x.load(LANE_BASE if kept else LBASE, fields.closing_twist)
 
-    def rotation(self, kept: bool) -> Vector:
-        return list(ZERO)
-
-    def displacement(self, kept: bool) -> Vector:
-        return list(ZERO)
-
-    def step(self) -> Twist:
-        return Twist.zero()
-
     def motion(self, total: bool) -> Motion:
         return Motion.load(self.x, BASE, fields.total if total else fields.remainder)
 
     def own_motion(self) -> tuple[Motion, Motion]:
         return Motion.load(self.x, BASE, fields.total), Motion.load(self.x, LBASE, fields.remainder)
 
-    def receive(self, force: Vector) -> None:
-        add_to_sum(self.x, REGION, fields.region_transmitted, force, "to_root", "Eq. 45")
-
-    def receive_own(self, force: Vector, tangent: Vector) -> None:
-        for i in SIX:
-            self.x.store(REGION.sum, fields.region_transmitted.scalars()[i], force[i])
-            self.x.store(LREGION.sum, fields.region_balance.scalars()[i], tangent[i])
+    @property
+    def sums(self) -> tuple[SixField, SixField]:
+        return fields.region_transmitted, fields.region_balance
 
 
 class Ground(Root):
@@ -179,15 +178,6 @@ class Ground(Root):
         o = self.x.load(BASE, fields.closing_position)
         return self.x.let_vector("o", [-e for e in rotate(self.attitude(), o)], "Eq. 22")
 
-    def twist(self, source: int) -> Twist:
-        return Twist.zero()
-
-    def measured_velocity(self) -> Twist:
-        return Twist.zero()
-
-    def velocity_tangent(self, kept: bool) -> Vector:
-        return Twist.zero().six
-
     def rotation(self, kept: bool) -> Vector:
         # while seeds are completed the displacement is asked for as well
         load = self.x.load
@@ -207,19 +197,11 @@ class Ground(Root):
         acceleration = (fields.total if total else fields.remainder).a
         moved = rotate(self.attitude(), self.x.load(GROUND, acceleration))
         a = [0 if is_zero(e) else self.x.name("ga", e, "Eq. 22") for e in moved]
-        return Motion(list(ZERO), list(ZERO), a, _no_matrix())
+        return Motion.falling(a)
 
     def own_motion(self) -> tuple[Motion, Motion]:
-        found = []
-        for store, field in ((GROUND, fields.total.a), (LGROUND, fields.remainder.a)):
-            found.append(Motion(list(ZERO), list(ZERO), self.x.load(store, field), _no_matrix()))
-        return found[0], found[1]
-
-    def receive(self, force: Vector) -> None:
-        pass
-
-    def receive_own(self, force: Vector, tangent: Vector) -> None:
-        pass
+        load = self.x.load
+        return Motion.falling(load(GROUND, fields.total.a)), Motion.falling(load(LGROUND, fields.remainder.a))
 
 
 class EarLink(Root):
@@ -228,10 +210,6 @@ class EarLink(Root):
     @property
     def record(self) -> Store:
         return ROOTS[self.place]
-
-    @property
-    def feels(self) -> bool:
-        return True
 
     def _along(self, kept: bool) -> Store:
         return (LANE_ROOTS if kept else LROOTS)[self.place]
@@ -291,10 +269,6 @@ class FarLink(Root):
     def record(self) -> Store:
         return ROOTS[self.place]
 
-    @property
-    def feels(self) -> bool:
-        return True
-
     def attitude(self) -> Matrix:
         return self.x.load(REGION, fields.far_attitude(self.number))
 
@@ -327,14 +301,9 @@ class FarLink(Root):
         own = fields.far_own(self.number)
         return Motion.load(self.x, REGION, own), Motion.load(self.x, LREGION, own)
 
-    def receive(self, force: Vector) -> None:
-        add_to_sum(self.x, REGION, fields.far_transmitted(self.number), force, "to_root", "Eq. 45")
-
-    def receive_own(self, force: Vector, tangent: Vector) -> None:
-        whole, balance = fields.far_transmitted(self.number), fields.far_balance(self.number)
-        for i in SIX:
-            self.x.store(REGION.sum, whole.scalars()[i], force[i])
-            self.x.store(LREGION.sum, balance.scalars()[i], tangent[i])
+    @property
+    def sums(self) -> tuple[SixField, SixField]:
+        return fields.far_transmitted(self.number), fields.far_balance(self.number)
 
 
 BY_ROLE: dict[str, type[Root]] = {"frame": Frame, "ground": Ground, "link": EarLink, "far": FarLink}
@@ -349,7 +318,3 @@ def roots_of(x: Scope, kind: EarKind, positions: VectorField = fields.ear_positi
 def _unit(component: int) -> Twist:
     """A unit of one of the six components of a motion; nothing where there is no such component."""
     return Twist.of([int(i == component) for i in SIX])
-
-
-def _no_matrix() -> Matrix:
-    return [list(ZERO) for _ in range(3)]
