@@ -43,7 +43,11 @@ def hand_on(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> Non
 
 def hand_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
     """Add a symmetric 6x6 inertia to what a partner carries."""
-    store, first = partner_store(kind, m), kind.partners.first[m]
+    add_inertia(x, partner_store(kind, m), Q, kind.partners.first[m])
+
+
+def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
+    """The same to what a link carries that a unit is the `first` to hand inertia to, or not."""
     handed = fields.articulated
     for J, M, (i, j) in zip(handed.J.scalars(), handed.M.scalars(), PLACES, strict=True):
         accumulate(x, store, J, Q[i][j], first, "Eq. 44")

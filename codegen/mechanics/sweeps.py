@@ -209,7 +209,7 @@ SWEEPS: tuple[Sweep, ...] = (
           region=region_balance.region_balance_in),
     Sweep("solve_in", "solve M x = b, inward (Eqs. 45, 53)", balance.solve_inward, INWARD, lanes=True),
     Sweep("balance_back", "balance, back substitution (Eqs. 53-55)", balance.balance_outward, OUTWARD, lanes=True, units=True,
-          ear=ear_balance.ear_balance_back, region=region_balance.region_balance_back),
+          ear=ear_back_substitution.ear_balance_back, region=region_balance.region_balance_back),
     Sweep("reaction_out", "tangent of the forces that links need, with that of udot (Eqs. 19, 24)", reaction_tangents.needed,
           OUTWARD, lanes=True, units=True, ear=reaction_tangents.ear_needed, region=reaction_tangents.region_needed),
     Sweep("reaction_in", "tangent of wrenches that joints and loops transmit (Eqs. 9, 45)", reaction_tangents.link_tangents,

@@ -13,7 +13,7 @@ from ..couplings import others, partner_acceleration
 from ..elimination import OF_SOURCES, substitute
 from ..joints import Column
 from ..spatial import add, cross, matvec, rotate, scale, transpose
-from ..stores import BASE, DRIVING, EAR, LBASE, LME, LREGION, ME, REGION, UDOT
+from ..stores import BASE, DDRIVING, DRIVING, DUDOT, EAR, LBASE, LME, LREGION, ME, MY_LANE, REGION, UDOT
 from ..structure.kinds import EarKind, RegionKind
 from .closures import own_sources
 from .geometry import EarGeometry
@@ -76,21 +76,33 @@ def source_accelerations(x: Scope, kind: EarKind, lanes: bool) -> Vector:
 
 def ear_back_substitute(x: Scope, kind: EarKind) -> None:
     """Outward block: accelerations of the ear's joints. Eqs. 53, 54."""
-    a = source_accelerations(x, kind, False)
-    own = own_sources(kind)
-    for c, (k, j) in own.items():
+    find_joints(x, kind, False)
+
+
+def ear_balance_back(x: Scope, kind: EarKind) -> None:
+    """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
+    find_joints(x, kind, True)
+
+
+def find_joints(x: Scope, kind: EarKind, lanes: bool) -> None:
+    """Accelerations of an ear's joints from those of the sources, and what prescribed ones take."""
+    store, driving, udot = (LREGION, DDRIVING, DUDOT) if lanes else (REGION, DRIVING, UDOT)
+    name, tag = ("dudot", "d Eq. 53") if lanes else ("udot", "Eq. 53")
+    a = source_accelerations(x, kind, lanes)
+    for c, (k, j) in own_sources(kind).items():
         if c in kind.locked:
-            x.set_entry(DRIVING[k], 0, x.load(REGION, fields.source_driving(c)))
+            x.set_entry(driving[k], 0, x.load(store, fields.source_driving(c)))
         else:
-            x.set_entry(UDOT[k], j, a[c])
+            x.set_entry(udot[k], j, a[c])
     dependents = [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
     for d, (k, j) in enumerate(dependents):
-        value = x.load(EAR, fields.dependent_remainder(d))
+        held = (MY_LANE[k], fields.dependent_acceleration(j)) if lanes else (EAR, fields.dependent_remainder(d))
+        value = x.load(*held)
         for c in range(kind.total):
             value = value + x.load(EAR, fields.dependent_rate(d, c)) * a[c]
-        x.set_entry(UDOT[k], j, x.let("udot", value, "Eq. 53"))
+        x.set_entry(udot[k], j, x.let(name, value, tag, lanes=lanes))
     if any(link.carries for link in kind.links):
-        carried_accelerations(x, kind, a, False)
+        carried_accelerations(x, kind, a, lanes)
 
 
 def carried_accelerations(x: Scope, kind: EarKind, a: Vector, lanes: bool) -> None:

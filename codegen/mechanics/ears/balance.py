@@ -20,13 +20,12 @@ from .. import fields
 from ..joints import Column
 from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along
 from ..spatial import SIX, UNIT, add, cross, is_zero, matvec, minus, transpose
-from ..stores import DDRIVING, DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, UDOT
+from ..stores import DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, UDOT
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
 from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less_external, own_inertia
 from ..tree.tangents import pattern
 from ..tree.triangularization import force_to_parent
-from .back_substitution import carried_accelerations, source_accelerations
 from .closing_accelerations import closing_accelerations
 from .closures import named_root_velocities, own_sources, stored_factor
 from .conditions import Condition, kept_conditions
@@ -431,23 +430,3 @@ def hand_to_roots(x: Scope, ear: EarGeometry, handed: list[Handed]) -> None:
             total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
             change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]
             root.receive_own(total, change)
-
-
-# -- outward again -----------------------------------------------------------------------------------------------------
-
-
-def ear_balance_back(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
-    a = source_accelerations(x, kind, True)
-    for c, (k, j) in own_sources(kind).items():
-        if c in kind.locked:
-            x.set_entry(DDRIVING[k], 0, x.load(LREGION, fields.source_driving(c)))
-        else:
-            x.set_entry(DUDOT[k], j, a[c])
-    for n, (k, j) in enumerate(dependents(kind)):
-        value = x.load(MY_LANE[k], fields.dependent_acceleration(j))
-        for c in range(kind.total):
-            value = value + x.load(EAR, fields.dependent_rate(n, c)) * a[c]
-        x.set_entry(DUDOT[k], j, x.let("dudot", value, "d Eq. 53", lanes=True))
-    if any(link.carries for link in kind.links):
-        carried_accelerations(x, kind, a, True)

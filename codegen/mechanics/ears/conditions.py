@@ -177,3 +177,13 @@ def _along(n: Vector, v: Vector) -> Value:
     for a, b in zip(n, v, strict=True):
         total = total + product(a, b)
     return total
+
+
+def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:
+    """Moment and force of a loop from its multipliers, along directions of the conditions or what these change by."""
+    found: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
+    for row, value, n in zip(rows, multipliers, along, strict=True):
+        if row.loop == c:
+            part = [product(e, value) for e in n]
+            found = (add(found[0], part), found[1]) if row.angular else (found[0], add(found[1], part))
+    return found

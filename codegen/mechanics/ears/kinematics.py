@@ -124,17 +124,23 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
             al = x.let_vector("al", add(m.al, added[k].angular), "Eq. 31")
             a = x.let_vector("a", add(m.a, added[k].linear), "Eq. 31")
             motions[k] = Motion(m.w, al, a, acceleration_matrix(x, m.w, al))
+    store_motions(x, ear, motions, False)
+
+
+def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool) -> None:
+    """Motions of an ear's links, with the sources at rest or (`total`) all of them, and the forces that they need. Eq. 24."""
+    motion, needed = (fields.ear_total, fields.ear_total_needed) if total else (fields.ear_remainder, fields.ear_needed)
     for k, m in enumerate(motions):
-        me = ME[k]
-        constants = link_constants(x, ear, k)
+        me, constants = ME[k], link_constants(x, ear, k)
         moment, force = body_force(x, m.w, m.al, m.a, m.B, constants)
-        x.store(me, fields.ear_first_moment, constants[1])
-        x.store(me, fields.ear_inertia, constants[2])
-        m.store(x, me, fields.ear_remainder)
+        if not total:
+            x.store(me, fields.ear_first_moment, constants[1])
+            x.store(me, fields.ear_inertia, constants[2])
+        m.store(x, me, motion)
         moment, force = less_external_of(x, ear, k, (moment, force))
-        x.store(me, fields.ear_needed, [*moment, *force])
-        if kind.links[k].carries:
-            hand_outward(x, me, ear.members[k].W, m)
+        x.store(me, needed, [*moment, *force])
+        if ear.kind.links[k].carries:
+            hand_outward(x, me, ear.members[k].W, m, total)
 
 
 def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
@@ -150,7 +156,7 @@ def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: tuple[Vector, V
     return n, f
 
 
-def hand_outward(x: Scope, store: Store, W: Matrix, m: Motion, total: bool = False) -> None:
+def hand_outward(x: Scope, store: Store, W: Matrix, m: Motion, total: bool) -> None:
     """Motion in the link's own axes, for the links that it carries."""
     back = transpose(W)
     w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (m.w, m.al, m.a))

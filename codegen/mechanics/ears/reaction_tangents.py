@@ -49,7 +49,7 @@ from .balance import (
     missed,
 )
 from .closures import stored_factor
-from .conditions import Condition, seen_by
+from .conditions import Condition, of_loop, seen_by
 from .geometry import EarGeometry
 from .orthogonal import product
 from .region_balance import transmitted_fields
@@ -181,16 +181,6 @@ def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Ve
         along = x.let("along", along, "d Eq. 9", lanes=True)
         moved = [x.let("dEz", v - product(e, along), "d Eq. 9", lanes=True) for e, v in zip(q, moved, strict=True)]
     return moved
-
-
-def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:
-    """Moment and force of a loop from its multipliers, along directions of the conditions or what these change by."""
-    found: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
-    for row, value, n in zip(rows, multipliers, along, strict=True):
-        if row.loop == c:
-            part = [product(e, value) for e in n]
-            found = (add(found[0], part), found[1]) if row.angular else (found[0], add(found[1], part))
-    return found
 
 
 def store_loop(

@@ -19,15 +19,13 @@ from ..spatial import add, cross, matvec, rotate, transpose
 from ..stores import BASE, LOOP_REACTION, ME, REACTION, REGION, UDOT
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from ..tree.inverse_dynamics import transfer
-from ..tree.kinematics import body_force
 from .closures import stored_factor
-from .conditions import kept_conditions
+from .conditions import kept_conditions, of_loop
 from .far_links import far_motions
 from .geometry import EarGeometry
-from .kinematics import hand_outward, less_external_of, link_constants, member_motion
+from .kinematics import member_motion, store_motions
 from .members import Freedom, MemberView
 from .motions import Motion
-from .orthogonal import product
 from .region_balance import transmitted_fields
 
 
@@ -85,14 +83,7 @@ def ear_motion(x: Scope, kind: EarKind) -> None:
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
         udot = [] if member.joint.driven else [x.entry(UDOT[k], f.index) for f in member.freedoms]
         motions.append(member_motion(x, member, before, udot))
-    for k, m in enumerate(motions):
-        me = ME[k]
-        moment, force = body_force(x, m.w, m.al, m.a, m.B, link_constants(x, ear, k))
-        moment, force = less_external_of(x, ear, k, (moment, force))
-        m.store(x, me, fields.ear_total)
-        x.store(me, fields.ear_total_needed, [*moment, *force])
-        if kind.links[k].carries:
-            hand_outward(x, me, ear.members[k].W, m, total=True)
+    store_motions(x, ear, motions, True)
 
 
 def region_motion(x: Scope, kind: RegionKind) -> None:
@@ -127,18 +118,13 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
         gamma = [along_freedom(x, kind, k, freedom, held[k]) for k, freedom in ear.dependents()]
         multipliers = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c, closure in enumerate(kind.closures):
-            moment: Vector = [0, 0, 0]
-            force: Vector = [0, 0, 0]
             if closure.is_coupling:  # one number, along the coordinate whose factor is 1
                 along = [value for row, value in zip(rows, multipliers, strict=True) if row.loop == c]
                 for entry in range(6):
                     on_first = -along[0] if along and entry == 0 else 0
                     x.set_entry(LOOP_REACTION[c], entry, x.let("reaction", on_first, "Eq. 9"))
                 continue
-            for row, value in zip(rows, multipliers, strict=True):
-                if row.loop == c:
-                    part = [product(e, value) for e in row.n]
-                    moment, force = (add(moment, part), force) if row.angular else (moment, add(force, part))
+            moment, force = of_loop(rows, c, multipliers, [row.n for row in rows])
             end = closure.faces[1]
             turned = [
                 matvec(transpose(ear.attitude(end)), [e if closure.turned else -e for e in v]) for v in (moment, force)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from ...program.block import Scope
-from ...program.field import PLACES, AnyField
+from ...program.field import AnyField
 from ...program.scalar import Matrix, Vector
 from .. import fields
-from ..couplings import begin_scales, from_far, hand_force, hand_inertia, hand_on, others, to_base
+from ..couplings import add_inertia, from_far, hand_force, hand_inertia, hand_on, others, to_base
 from ..elimination import OF_SOURCES, SymmetricSystem
-from ..handing_on import accumulate, accumulate_force, clear
+from ..handing_on import accumulate_force, clear
 from ..joints import Column
 from ..spatial import SIX
 from ..stores import BASE, REGION
@@ -123,13 +123,7 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
     if not kind.carried:
         return
     accumulate_force(x, BASE, fields.articulated_force, g[at : at + 6], kind.first, "Eq. 45")
-    handed = fields.articulated
-    for J, M, (i, j) in zip(handed.J.scalars(), handed.M.scalars(), PLACES, strict=True):
-        accumulate(x, BASE, J, Q[at + i][at + j], kind.first, "Eq. 44")
-        accumulate(x, BASE, M, Q[at + 3 + i][at + 3 + j], kind.first, "Eq. 44")
-    H = [row[at + 3 : at + 6] for row in Q[at : at + 3]]
-    accumulate(x, BASE, handed.H, H, kind.first, "Eq. 44")
-    begin_scales(x, BASE, kind.first)
+    add_inertia(x, BASE, system.block(at, at), kind.first)
 
 
 def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
