@@ -7,9 +7,9 @@ strings that a layout gives places to: ``w.x``, ``Z3.w.x``. The tables of fields
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from typing import Generic, Self, TypeVar
+from typing import ClassVar, Generic, Self, TypeVar
 
 from .scalar import Matrix, Value, Vector
 
@@ -21,6 +21,7 @@ PLACES = tuple((XYZ.index(pair[0]), XYZ.index(pair[1])) for pair in PAIRS)
 
 V = TypeVar("V")
 V_co = TypeVar("V_co", covariant=True)
+F = TypeVar("F", bound="AnyField")
 Read = Callable[[str], Value]
 """Gives the value of a component."""
 
@@ -41,6 +42,8 @@ class Readable(ABC, Generic[V_co]):
     """
 
     shape = ""
+    ends: ClassVar[Sequence[str]] = ("",)
+    """What components are called after the field's name."""
     called: str
     """What memory in generated code calls it, without the components' endings; of those in a table."""
 
@@ -55,7 +58,6 @@ class Readable(ABC, Generic[V_co]):
         self.suffix = ""
         self.listed = False
         self.called = ""
-        self._scalars: tuple[ScalarField, ...] | None = None
         self._members: dict[object, Self] = {}
 
     def __call__(self, *numbers: int | str) -> Self:
@@ -85,10 +87,10 @@ class Readable(ABC, Generic[V_co]):
         """Names for people."""
         return (self.name,)
 
-    @property
-    @abstractmethod
+    @cached_property
     def components(self) -> tuple[str, ...]:
         """Names of the components."""
+        return tuple(f"{self.name}{end}{self.suffix}" for end in self.ends)
 
     @property
     def identifiers(self) -> tuple[str, ...]:
@@ -102,14 +104,17 @@ class Readable(ABC, Generic[V_co]):
 
     def scalars(self) -> tuple[ScalarField, ...]:
         """The components as fields of their own; the same objects each time."""
-        if self._scalars is None:
-            made = []
-            for name in self.components:
-                part = ScalarField(name, self.unit, self.frame, self.meaning, handed_on=self.handed_on)
-                part.family = self.family
-                made.append(part)
-            self._scalars = tuple(made)
         return self._scalars
+
+    @cached_property
+    def _scalars(self) -> tuple[ScalarField, ...]:
+        return tuple(self._part(ScalarField, name) for name in self.components)
+
+    def _part(self, of: type[F], name: str) -> F:
+        """A field of some of the components."""
+        part = of(name, self.unit, self.frame, self.meaning, handed_on=self.handed_on)
+        part.family = self.family
+        return part
 
     def __repr__(self) -> str:
         return self.name
@@ -132,10 +137,6 @@ class ScalarField(Field[Value]):
 
     shape = "scalar"
 
-    @cached_property
-    def components(self) -> tuple[str, ...]:
-        return (self.name + self.suffix,)
-
     def read(self, read: Read) -> Value:
         return read(self.components[0])
 
@@ -143,14 +144,8 @@ class ScalarField(Field[Value]):
         yield self.components[0], value
 
 
-class VectorField(Field[Vector]):
-    """Three components."""
-
-    shape = "vector"
-
-    @cached_property
-    def components(self) -> tuple[str, ...]:
-        return tuple(f"{self.name}.{i}{self.suffix}" for i in XYZ)
+class Listed(Field[Vector]):
+    """A field whose value is the list of its components."""
 
     def read(self, read: Read) -> Vector:
         return [read(c) for c in self.components]
@@ -159,14 +154,18 @@ class VectorField(Field[Vector]):
         yield from zip(self.components, value, strict=True)
 
 
+class VectorField(Listed):
+    """Three components."""
+
+    shape = "vector"
+    ends = tuple(f".{i}" for i in XYZ)
+
+
 class MatrixField(Field[Matrix]):
     """Three rows of three."""
 
     shape = "3x3 matrix"
-
-    @cached_property
-    def components(self) -> tuple[str, ...]:
-        return tuple(f"{self.name}.{ij}{self.suffix}" for ij in NINE)
+    ends = tuple(f".{ij}" for ij in NINE)
 
     def read(self, read: Read) -> Matrix:
         values = [read(c) for c in self.components]
@@ -180,10 +179,7 @@ class SymmetricField(Field[Matrix]):
     """A symmetric matrix: six components, xx, yy, zz, xy, xz, yz."""
 
     shape = "symmetric 3x3 matrix"
-
-    @cached_property
-    def components(self) -> tuple[str, ...]:
-        return tuple(f"{self.name}.{ij}{self.suffix}" for ij in PAIRS)
+    ends = tuple(f".{ij}" for ij in PAIRS)
 
     def read(self, read: Read) -> Matrix:
         xx, yy, zz, xy, xz, yz = (read(c) for c in self.components)
@@ -194,7 +190,7 @@ class SymmetricField(Field[Matrix]):
             yield component, value[i][j]
 
 
-class SixField(Field[Vector]):
+class SixField(Listed):
     """A moment and a force. The names of its two vectors, `halves`, follow its own: ``acc.`` has ``acc.n.x`` ... ``acc.f.z``."""
 
     shape = "six components"
@@ -205,27 +201,15 @@ class SixField(Field[Vector]):
     def shown(self) -> tuple[str, ...]:
         return tuple(f"{self.name}{half}" for half in self.halves)
 
-    @property
+    @cached_property
     def angular(self) -> VectorField:
         """The first three: moment, angular velocity or angular acceleration."""
-        return self._half(0)
+        return self._part(VectorField, f"{self.name}{self.halves[0]}")
 
-    @property
+    @cached_property
     def linear(self) -> VectorField:
         """The last three: force, velocity or acceleration of the origin."""
-        return self._half(1)
-
-    def _half(self, i: int) -> VectorField:
-        if self._halves is None:
-            a, b = (
-                VectorField(f"{self.name}{half}", self.unit, self.frame, self.meaning, handed_on=self.handed_on)
-                for half in self.halves
-            )
-            a.family = b.family = self.family
-            self._halves = a, b
-        return self._halves[i]
-
-    _halves: tuple[VectorField, VectorField] | None = None
+        return self._part(VectorField, f"{self.name}{self.halves[1]}")
 
     @cached_property
     def components(self) -> tuple[str, ...]:
@@ -235,12 +219,6 @@ class SixField(Field[Vector]):
     def identifiers(self) -> tuple[str, ...]:
         prefix = f"{self.called}_" if self.called else ""
         return tuple(f"{prefix}{half}_{i}" for half in self.called_halves for i in XYZ)
-
-    def read(self, read: Read) -> Vector:
-        return [read(c) for c in self.components]
-
-    def parts(self, value: Vector) -> Iterator[tuple[str, Value]]:
-        yield from zip(self.components, value, strict=True)
 
 
 class AccelerationField(SixField):
@@ -275,19 +253,15 @@ class BlockField(Field[Matrix]):
     """Six rows of six."""
 
     shape = "6x6 matrix"
+    ends = tuple(f"{i}{k}" for i in range(6) for k in range(6))
 
     @property
     def shown(self) -> tuple[str, ...]:
         return (f"{self.name}{{}}{{}}",)
 
-    @cached_property
-    def components(self) -> tuple[str, ...]:
-        return tuple(f"{self.name}{i}{k}" for i in range(6) for k in range(6))
-
     def read(self, read: Read) -> Matrix:
-        return [[read(f"{self.name}{i}{k}") for k in range(6)] for i in range(6)]
+        values = [read(c) for c in self.components]
+        return [values[i : i + 6] for i in range(0, 36, 6)]
 
     def parts(self, value: Matrix) -> Iterator[tuple[str, Value]]:
-        for i, row in enumerate(value):
-            for k, v in enumerate(row):
-                yield f"{self.name}{i}{k}", v
+        yield from zip(self.components, (v for row in value for v in row), strict=True)

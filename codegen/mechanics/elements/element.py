@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from ...model.grammar import Tree
@@ -79,60 +80,43 @@ class End:
         self.is_face = e.kind.oriented[number]
         self.link: Store = ENDS[e.kind.ends[number]]
         self.is_grounded = e.kind.grounded[e.kind.ends[number]]
-        self._arm: Vector | None = None
-        self._position: Vector | None = None
-        self._velocity: Vector | None = None
-        self._turning: Vector | None = None
-        self._axes: Matrix | None = None
 
-    @property
+    @cached_property
     def arm(self) -> Vector:
         """From the link's origin, in its axes, m."""
-        if self._arm is None:
-            self._arm = self._e.x.load(ELEMENT_CONSTANTS, fields.face_place(self._name))
-        return self._arm
+        return self._e.x.load(ELEMENT_CONSTANTS, fields.face_place(self._name))
 
     @property
     def attitude(self) -> Matrix:
         """Of the link: ground components from its own."""
         return self._e.x.load(self.link, fields.attitude)
 
-    @property
+    @cached_property
     def position(self) -> Vector:
         """m."""
-        if self._position is None:
-            e, arm = self._e, self.arm
-            moved = matvec(self.attitude, arm)
-            self._position = [e.let("point", v) for v in add(e.x.load(self.link, fields.position), moved)]
-        return self._position
+        e, arm = self._e, self.arm
+        moved = matvec(self.attitude, arm)
+        return [e.let("point", v) for v in add(e.x.load(self.link, fields.position), moved)]
 
-    @property
+    @cached_property
     def velocity(self) -> Vector:
         """m/s."""
-        if self._velocity is None:
-            e = self._e
-            v, w = (e.x.load(self.link, half) for half in (fields.applied_twist.linear, fields.applied_twist.angular))
-            own = [e.let("own", c) for c in add(v, cross(w, self.arm))]
-            self._velocity = [e.let("speed", c) for c in matvec(self.attitude, own)]
-        return self._velocity
+        e = self._e
+        v, w = (e.x.load(self.link, half) for half in (fields.applied_twist.linear, fields.applied_twist.angular))
+        own = [e.let("own", c) for c in add(v, cross(w, self.arm))]
+        return [e.let("speed", c) for c in matvec(self.attitude, own)]
 
-    @property
+    @cached_property
     def angular_velocity(self) -> Vector:
         """rad/s."""
-        if self._turning is None:
-            e = self._e
-            w = e.x.load(self.link, fields.applied_twist.angular)
-            self._turning = [e.let("omega", c) for c in matvec(self.attitude, w)]
-        return self._turning
+        w = self._e.x.load(self.link, fields.applied_twist.angular)
+        return [self._e.let("omega", c) for c in matvec(self.attitude, w)]
 
-    @property
+    @cached_property
     def axes(self) -> Matrix:
         """Base vectors of a face, as columns. One of them, `Element.axis`, is the element's axis."""
-        if self._axes is None:
-            e = self._e
-            F = e.x.load(ELEMENT_CONSTANTS, fields.face_axes(self._name))
-            self._axes = [[e.let("face", c) for c in row] for row in matmul(self.attitude, F)]
-        return self._axes
+        F = self._e.x.load(ELEMENT_CONSTANTS, fields.face_axes(self._name))
+        return [[self._e.let("face", c) for c in row] for row in matmul(self.attitude, F)]
 
     def from_face(self, v: Vector) -> Vector:
         """A vector given in the axes of a face, in those of the link."""

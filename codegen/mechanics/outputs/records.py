@@ -7,6 +7,7 @@ is that of `ME`; of one on several they are `ME[0]`, `ME[1]` and so on.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from ...model.axes import Vector as ExpressionVector
 from ...model.expressions import Expression
@@ -44,6 +45,7 @@ SHORTEST = 1e-100
 """Of a distance, m, that has a derivative: squares of what is divided by it stay finite."""
 
 
+@dataclass(slots=True)
 class Records:
     """The links that an output is on, as its block sees them.
 
@@ -59,26 +61,17 @@ class Records:
         The block is to be differentiated.
     """
 
-    def __init__(
-        self,
-        x: Expansion,
-        system: System,
-        links: tuple[int, ...],
-        canonical: Mapping[Expression, Tree],
-        tangents: bool,
-    ):
-        self.x = x
-        self.system = system
-        self.links = links
-        self.canonical = canonical
-        self.tangents = tangents
-        self._statements = Statements(x, leaf_of(x))
+    x: Expansion
+    system: System
+    links: tuple[int, ...]
+    canonical: Mapping[Expression, Tree]
+    tangents: bool
 
     # -- expressions -------------------------------------------------------------------------------------------------
 
     def evaluate(self, e: Expression) -> Expr:
         """An expression of parameters, inputs and the like."""
-        return self._statements.write(self.canonical[e])
+        return Statements(self.x, leaf_of(self.x)).write(self.canonical[e])
 
     def vector(self, v: ExpressionVector) -> Vector:
         return [self.evaluate(e) for e in v]

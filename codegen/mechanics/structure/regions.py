@@ -208,29 +208,18 @@ def _as_one(bundles: list[Bundle]) -> Bundle:
     )  # fmt: skip
 
 
+@dataclass(slots=True)
 class _Maker:
     """Makes ears and regions, one component after the other."""
 
-    def __init__(
-        self,
-        freedoms: Freedoms,
-        regions: list[Region],
-        ears: list[EarLinks],
-        ear_of: list[int | None],
-        faces: Sequence[tuple[int, ...]],
-        coupled: Coupled,
-        gaps: set[int],
-        dropped: Sequence[set[int]],
-    ):
-        self.freedoms = freedoms
-        self.links = freedoms.links
-        self.gaps = gaps
-        self.dropped = dropped
-        self.regions = regions
-        self.ears = ears
-        self.ear_of = ear_of
-        self.faces = faces
-        self.coupled = coupled
+    freedoms: Freedoms
+    regions: list[Region]
+    ears: list[EarLinks]
+    ear_of: list[int | None]
+    faces: Sequence[tuple[int, ...]]
+    coupled: Coupled
+    gaps: set[int]
+    dropped: Sequence[set[int]]
 
     def by_single_ears(self, bundles: list[Bundle]) -> None:
         """Every ear of a component as a region of its own."""
@@ -241,7 +230,7 @@ class _Maker:
 
     def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
         """An ear of the last region."""
-        links = self.links
+        links = self.freedoms.links
         ear = EarLinks(len(self.regions) - 1, members, length=length)
         place = {i: k for k, i in enumerate(members)}
 
