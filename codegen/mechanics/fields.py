@@ -10,7 +10,7 @@ generated code (``me->omega_y``): that of this table, or what `CALLED` says.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..program.field import (
     AccelerationField,
@@ -70,6 +70,18 @@ def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> InertiaF
     )
 
 
+def _motion(
+    w: VectorField, prefix: str, frame: str, how: str, turning: str = "", unread: str = "", of: str = " of the origin"
+) -> MotionFields:
+    """Of the accelerations that are `how`; B is `turning`, if that is said in other words."""
+    return MotionFields(
+        w,
+        VectorField(f"{prefix}al", "rad/s^2", frame, f"angular acceleration{how}", unread=unread),
+        VectorField(f"{prefix}a", "m/s^2", frame, f"acceleration{of}{how}", unread=unread),
+        MatrixField(f"{prefix}B", "1/s^2", frame, f"alpha x + omega x omega x{turning or how}", unread=unread),
+    )
+
+
 # -- constants of a link -----------------------------------------------------------------------------------------------
 
 mass = ScalarField("m", "kg", "", "mass of a link")
@@ -110,32 +122,15 @@ applied_twist = TwistField(
     "angular velocity and velocity of the origin, found before force elements",
     unread=NO_FORCE_ASKS,
 )
-remainder = MotionFields(
-    angular_velocity,
-    VectorField("al", "rad/s^2", OWN, "angular acceleration with udot = 0; along directions: tangent of all of it"),
-    VectorField("a", "m/s^2", OWN, "acceleration of the origin with udot = 0; along directions: tangent of all of it"),
-    MatrixField(
-        "B", "1/s^2", OWN, "alpha x + omega x omega x, of the same; along directions: tangent with all of udot"
-    ),
+remainder = _motion(
+    angular_velocity, "", OWN, " with udot = 0; along directions: tangent of all of it",
+    ", of the same; along directions: tangent with all of udot",
+)  # fmt: skip
+total = _motion(angular_velocity, "t", OWN, ", all of it", ", with all of alpha")
+ear_own = replace(
+    total, w=VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS)
 )
-total = MotionFields(
-    angular_velocity,
-    VectorField("tal", "rad/s^2", OWN, "angular acceleration, all of it"),
-    VectorField("ta", "m/s^2", OWN, "acceleration of the origin, all of it"),
-    MatrixField("tB", "1/s^2", OWN, "alpha x + omega x omega x, with all of alpha"),
-)
-ear_own = MotionFields(
-    VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS),
-    total.al,
-    total.a,
-    total.B,
-)
-moving = MotionFields(
-    angular_velocity,
-    VectorField("gal", "rad/s^2", OWN, "angular acceleration against the ground, for outputs"),
-    VectorField("ga", "m/s^2", OWN, "acceleration of the origin against the ground, for outputs"),
-    MatrixField("gB", "1/s^2", OWN, "alpha x + omega x omega x against the ground, for outputs"),
-)
+moving = _motion(angular_velocity, "g", OWN, " against the ground, for outputs")
 explicit_acceleration = AccelerationField(
     "b",
     ACCELERATION,
@@ -251,18 +246,11 @@ ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass"
 per_source = TwistField(
     "Z{}.", "per unit of the source", REGION, "how a link moves with a source (Gamma and Xi of Eq. 37)"
 )
-ear_remainder = MotionFields(
-    VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS),
-    VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest", unread=NO_EAR_STARTS),
-    VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest", unread=NO_EAR_STARTS),
-    MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest", unread=NO_EAR_STARTS),
-)
-ear_total = MotionFields(
-    ear_remainder.w,
-    VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it", unread=NO_EAR_STARTS),
-    VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it", unread=NO_EAR_STARTS),
-    MatrixField("tsB", "1/s^2", REGION, "alpha x + omega x omega x, with all of alpha", unread=NO_EAR_STARTS),
-)
+ear_remainder = _motion(
+    VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS), "s", REGION, ", the sources at rest",
+    unread=NO_EAR_STARTS,
+)  # fmt: skip
+ear_total = _motion(ear_remainder.w, "ts", REGION, ", all of it", ", with all of alpha", NO_EAR_STARTS)
 ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion needs, the sources at rest")
 ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion needs")
 ear_transmitted = SixField(
@@ -348,24 +336,15 @@ region_balance = SixField("b.", WRENCH, "the base", "the tangent of that")
 far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link against the base")
 far_position = VectorField("far{}.o", "m", REGION, "position of a far link against the base")
 far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link against the base")
-far_remainder = MotionFields(
-    VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link"),
-    VectorField("far{}.al", "rad/s^2", REGION, "angular acceleration of a far link with udot = 0"),
-    VectorField("far{}.a", "m/s^2", REGION, "acceleration of a far link with udot = 0"),
-    MatrixField("far{}.B", "1/s^2", REGION, "alpha x + omega x omega x of a far link with udot = 0"),
-)
-far_total = MotionFields(
-    far_remainder.w,
-    VectorField("far{}.tal", "rad/s^2", REGION, "angular acceleration of a far link"),
-    VectorField("far{}.ta", "m/s^2", REGION, "acceleration of a far link"),
-    MatrixField("far{}.tB", "1/s^2", REGION, "alpha x + omega x omega x of a far link"),
-)
-far_own = MotionFields(
-    VectorField("far{}.ow", "rad/s", "the far link", "angular velocity of a far link"),
-    VectorField("far{}.oal", "rad/s^2", "the far link", "angular acceleration of a far link"),
-    VectorField("far{}.oa", "m/s^2", "the far link", "acceleration of a far link"),
-    MatrixField("far{}.oB", "1/s^2", "the far link", "alpha x + omega x omega x of a far link"),
-)
+far_remainder = _motion(
+    VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link"), "far{}.", REGION,
+    " of a far link with udot = 0", of="",
+)  # fmt: skip
+far_total = _motion(far_remainder.w, "far{}.t", REGION, " of a far link", of="")
+far_own = _motion(
+    VectorField("far{}.ow", "rad/s", "the far link", "angular velocity of a far link"), "far{}.o", "the far link",
+    " of a far link", of="",
+)  # fmt: skip
 far_shift = EarShiftField(
     "far{}.", DISPLACEMENT, REGION, "rotation vector and displacement of a far link, against the base"
 )

@@ -53,22 +53,32 @@ class Slots:
         return ("parameter", self.parameters.index(name))
 
 
-def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> Tree:
-    """A tree with numbered slots in the place of numbers, which are appended to `numbers`, and of names.
+def split(
+    tree: Tree, is_part: Callable[[Tree], bool], part: Callable[[Tree], Tree], name: Callable[[Tree], Tree]
+) -> Tree:
+    """A tree with other ones in the place of its largest parts of a sort, and of its other names.
 
     Numbers that structure depends on (0, 1, -1, 2 and exponents) stay.
     """
-    kind = tree[0]
-    if kind == "number":
-        if tree[1] in (0, 1, -1, 2):
-            return tree
-        numbers.append(float(tree[1]))
+    if tree[0] == "number" and tree[1] in (0, 1, -1, 2):
+        return tree
+    if is_part(tree):
+        return part(tree)
+    if tree[0] == "name":
+        return name(tree)
+    if tree[0] == "**" and tree[2][0] == "number":
+        return ("**", split(tree[1], is_part, part, name), tree[2])
+    return mapped(tree, lambda inner: split(inner, is_part, part, name))
+
+
+def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> Tree:
+    """A tree with numbered slots in the place of numbers, which are appended to `numbers`, and of names; see `split`."""
+
+    def numbered(part: Tree) -> Tree:
+        numbers.append(float(part[1]))
         return ("slot", len(numbers) - 1)
-    if kind == "name":
-        return slot(tree[1])
-    if kind == "**" and tree[2][0] == "number":
-        return (kind, to_slots(tree[1], numbers, slot), tree[2])
-    return mapped(tree, lambda part: to_slots(part, numbers, slot))
+
+    return split(tree, lambda part: part[0] == "number", numbered, lambda name: slot(name[1]))
 
 
 class Statements:

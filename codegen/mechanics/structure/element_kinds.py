@@ -17,7 +17,6 @@ from ...model.forces import ForceElement
 from ...model.grammar import Tree
 from ...model.model import Model
 from ...model.places import GROUND, Face, Point
-from ...model.trees import mapped
 from ...program.algebra import Expr
 from ...program.field import XYZ
 from ...program.scalar import Value
@@ -25,6 +24,7 @@ from ...program.shape import Constants
 from ...program.store import Store
 from ..spatial import matmul, matvec, transpose
 from ..stores import ELEMENT_CONSTANTS
+from .constants import split
 from .folded import Folded, pattern
 from .links import (
     BODY_FRAME,
@@ -186,32 +186,20 @@ def end_name(i: int) -> str:
     return chr(ord("A") + i) if i < 26 else f"E{i}"
 
 
-def split(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
-    """A coefficient without the parts that no position or velocity of a point is in; these are appended to `parts`.
+def without_parts(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
+    """A coefficient without the parts that no position or velocity of a point is in; these are appended to `parts`."""
 
-    Numbers that structure depends on (0, 1, -1, 2 and exponents) stay.
-    """
-    if tree[0] == "number" and tree[1] == 0:
-        return tree
-    if not _measures(tree):
-        parts.append(tree)
+    def part(unmeasured: Tree) -> Tree:
+        parts.append(unmeasured)
         return ("name", "coefficient", len(parts) - 1)
-    return _split(tree, ends, parts)
 
-
-def _split(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
-    kind = tree[0]
-    if kind == "name" and _measures(tree):
-        what, point, component = tree[1].split(".")
+    def measured(name: Tree) -> Tree:
+        what, point, component = name[1].split(".")
         return ("name", what, ends[point], XYZ.index(component))
-    if kind == "number" and tree[1] in (0, 1, -1, 2):
-        return tree
-    if not _measures(tree):
-        parts.append(tree)
-        return ("name", "coefficient", len(parts) - 1)
-    if kind == "**" and tree[2][0] == "number":
-        return (kind, _split(tree[1], ends, parts), tree[2])
-    return mapped(tree, lambda part: _split(part, ends, parts))
+
+    if tree[0] == "number":
+        return part(tree) if tree[1] else tree
+    return split(tree, lambda inner: not _measures(inner), part, measured)
 
 
 def _measures(tree: Tree) -> bool:
@@ -261,10 +249,10 @@ def _placed(
     keys: list[str] = []
     forms = []
     for name, e in zip(element.keys, element.coefficients, strict=True):
-        forms.append(split(hold(e.tree), ends, parts))
+        forms.append(without_parts(hold(e.tree), ends, parts))
         keys += [name] * (len(parts) - len(keys))
     if mode:
-        forms += [split(mode[0], ends, parts), *mode[1:]]
+        forms += [without_parts(mode[0], ends, parts), *mode[1:]]
         keys.append("mode")
     return PlacedElement(
         element, distinct, tuple(distinct.index(i) for i in on), tuple(steps),

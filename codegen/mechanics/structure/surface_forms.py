@@ -13,7 +13,7 @@ from ...model.expressions import Expression
 from ...model.grammar import Tree
 from ...model.rates import rate
 from ...model.surfaces import SurfaceFunction, depends
-from ...model.trees import mapped
+from .constants import split
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,33 +43,22 @@ def forms_of(functions: Sequence[SurfaceFunction]) -> tuple[tuple[SurfaceForm, .
     """The forms of some equations, and their parts."""
     parts: list[Tree] = []
 
-    def split(e: Expression) -> Expression:
-        return Expression(_split(e.tree, parts))
+    def part(constant: Tree) -> Tree:
+        if constant not in parts:
+            parts.append(constant)
+        return ("name", part_name(parts.index(constant)))
+
+    def of(e: Expression) -> Expression:
+        return Expression(split(e.tree, lambda inner: not depends(inner), part, lambda coordinate: coordinate))
 
     found = []
     for f in functions:
-        value = split(f.value)
+        value = of(f.value)
         own = [i for i, part in enumerate(parts) if Expression(part).names]
-        x, y, z = map(split, f.gradient)
-        hessian = tuple(map(split, f.hessian))
+        x, y, z = map(of, f.gradient)
+        hessian = tuple(map(of, f.hessian))
         by_part = ((i, rate(value, part_name(i))) for i in own)
         found.append(
             SurfaceForm(value, (x, y, z), hessian, tuple((i, d) for i, d in by_part if d.tree != ("number", 0)))
         )
     return tuple(found), tuple(map(Expression, parts))
-
-
-def _split(tree: Tree, parts: list[Tree]) -> Tree:
-    """An expression with the name of a part where no coordinate is; numbers that structure depends on stay."""
-    kind = tree[0]
-    if kind == "number" and tree[1] in (0, 1, -1, 2):
-        return tree
-    if not depends(tree):
-        if tree not in parts:
-            parts.append(tree)
-        return ("name", part_name(parts.index(tree)))
-    if kind == "name":
-        return tree
-    if kind == "**" and tree[2][0] == "number":
-        return (kind, _split(tree[1], parts), tree[2])
-    return mapped(tree, lambda part: _split(part, parts))
