@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...program.procedure import Own, Procedure
+from ...program.procedure import Procedure
 from ..quantities import ACCELERATION, POSE, VELOCITY
 from .shared import Shared
 from .words import FRAME_ACCELERATIONS, FRAMES, PLACES
@@ -11,10 +11,7 @@ from .words import FRAME_ACCELERATIONS, FRAMES, PLACES
 def frames_of(w: Shared) -> list[Procedure]:
     """Poses and velocities without forward dynamics, accelerations with it, each with derivatives; and places of points."""
     values, tangents = w.measuring([POSE, VELOCITY], w.begin, (*w.along, *w.turns))
-    udot = w.one("udot")
-    before = (*w.begin, Own(udot), *w.forward)
-    along = (*w.along, Own(udot.tangent()), w.balance)
-    accelerated, accelerated_along = w.measuring([POSE, ACCELERATION], before, along)
+    accelerated, accelerated_along = w.measuring([POSE, ACCELERATION], w.solved, w.solved_along)
     found = [
         *w.pair(
             ("frames", "frame_sensitivities"),
@@ -35,11 +32,11 @@ def frames_of(w: Shared) -> list[Procedure]:
             ),
             w.state,
             ["frame_accelerations"],
-            (*before, *accelerated, FRAME_ACCELERATIONS),
+            (*w.solved, *accelerated, FRAME_ACCELERATIONS),
             (
-                *before,
+                *w.solved,
                 *accelerated,
-                *along,
+                *w.solved_along,
                 *accelerated_along,
                 FRAME_ACCELERATIONS,
                 FRAME_ACCELERATIONS.tangents(),

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from ...program.procedure import (
-    Check,
-    Copy,
-    CopyEntry,
-    Own,
-    Procedure,
-    Step,
-    Zero,
-)
+from ...program.procedure import Check, Copy, CopyEntry, Formulas, Own, Procedure, Step, Zero
 from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
 from ..outputs.switches import quantities_of
-from ..quantities import ENERGIES, POSE, measured, run
+from ..quantities import ENERGIES, POSE, Quantity, measured, run
 from .shared import Shared
 from .words import OUTPUTS, SWITCHES
 
@@ -39,24 +31,13 @@ def energies(w: Shared) -> list[Procedure]:
 
 def outputs(w: Shared) -> list[Procedure]:
     model = w.system.model
-    outputs, doutputs, energy, denergy, udot = w.of("outputs", "doutputs", "energy", "denergy", "udot")
+    outputs, doutputs, energy, denergy = w.of("outputs", "doutputs", "energy", "denergy")
     driving, ddriving = w.of("driving", "ddriving")
     read: set[str] = set()
     for o, m in zip(w.system.model.outputs, w.measures, strict=True):
         if isinstance(m, RecordMeasure):
             read |= {*m.reads, *m.also(o)}
     quantities = measured(w.system, read, {m.entry for m in w.measures if isinstance(m, EnergyMeasure)})
-    sums = [energy] if any(q.energy for q in quantities) else []
-    sums += [w.one(name) for q in quantities for name in q.sums]
-    zero = tuple(step for a in sums for step in (Own(a), Zero(a)))
-    zero_along = tuple(step for a in sums for step in (Own(a.tangent()), Zero(a.tangent())))
-    before: tuple[Step, ...] = w.begin
-    along: tuple[Step, ...] = (*w.along, *w.turns)
-    driven = any(isinstance(m, DrivingMeasure) for m in w.measures)
-    if driven or any(q.dynamics for q in quantities):
-        before = (*before, Own(udot), *w.forward)
-        along = (*w.along, Own(udot.tangent()), w.balance)
-    values, tangents = w.measuring(quantities, before, along)
     copies: list[Step] = []
     copies_along: list[Step] = []
     for i, measure in enumerate(w.measures):
@@ -67,57 +48,51 @@ def outputs(w: Shared) -> list[Procedure]:
             n = model.prescribed_names.index(model.outputs[i].choice[0])
             copies.append(CopyEntry(outputs, i, driving, n))
             copies_along.append(CopyEntry(doutputs, i, ddriving, n))
+    driven = any(isinstance(m, DrivingMeasure) for m in w.measures)
+    values, along = _steps(w, quantities, OUTPUTS, driven)
     check = (Check(True),) if w.formula_pivots or any(q.pivots for q in quantities) else ()
     return w.pair(
         ("outputs", "output_sensitivities"),
         ("The outputs of the model.", "Outputs and their total derivative along seeds."),
         w.state,
         ["outputs"],
-        (*zero, *before, *values, OUTPUTS, *copies),
-        (
-            *zero,
-            *before,
-            *zero_along,
-            *along,
-            *tangents,
-            OUTPUTS,
-            OUTPUTS.tangents(),
-            *copies,
-            *copies_along,
-            *check,
-        ),
+        (*values, *copies),
+        (*along, *copies, *copies_along, *check),
     )
 
 
 def switches(w: Shared) -> list[Procedure]:
     """Switching functions of the model, for integration over time."""
-    model = w.system.model
-    read: set[str] = set()
-    for s in model.switches.found:
-        read |= quantities_of(s)
-    quantities = measured(w.system, read, ())
-    energy = w.one("energy")
-    sums = (Own(energy), Zero(energy)) if any(q.energy for q in quantities) else ()
-    denergy = energy.tangent()
-    sums_along = (Own(denergy), Zero(denergy)) if sums else ()
-    along: tuple[Step, ...] = (*w.along, *w.turns)
-    values, tangents = w.measuring(quantities, w.begin, along)
+    read = set[str]().union(*map(quantities_of, w.system.model.switches.found))
     return w.pair(
         ("switches", "switch_sensitivities"),
         ("The switching functions of the model.", "Switching functions and their total derivative along seeds."),
         w.state,
         ["switches"],
-        (*sums, *w.begin, *values, SWITCHES),
-        (*sums, *w.begin, *sums_along, *along, *tangents, SWITCHES, SWITCHES.tangents()),
+        *_steps(w, measured(w.system, read, ()), SWITCHES),
+    )
+
+
+def _steps(
+    w: Shared, quantities: list[Quantity], formulas: Formulas, driven: bool = False
+) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
+    """Steps for formulas over quantities, and these with their tangents; `driven`: they read what prescribed motion takes too."""
+    sums = [w.one("energy")] if any(q.energy for q in quantities) else []
+    sums += [w.one(name) for q in quantities for name in q.sums]
+    zero = tuple(step for a in sums for step in (Own(a), Zero(a)))
+    zero_along = tuple(step for a in sums for step in (Own(a.tangent()), Zero(a.tangent())))
+    solved = driven or any(q.dynamics for q in quantities)
+    before, along = (w.solved, w.solved_along) if solved else (w.begin, (*w.along, *w.turns))
+    values, tangents = w.measuring(quantities, before, along)
+    return (
+        (*zero, *before, *values, formulas),
+        (*zero, *before, *zero_along, *along, *tangents, formulas, formulas.tangents()),
     )
 
 
 def driving_forces(w: Shared) -> list[Procedure]:
     """What prescribed motion takes."""
-    udot, dudot, driving, ddriving, found, dfound = w.of(
-        "udot", "dudot", "driving", "ddriving", "actuation", "dactuation"
-    )
-    before: tuple[Step, ...] = (*w.begin, Own(udot), *w.forward)
+    driving, ddriving, found, dfound = w.of("driving", "ddriving", "actuation", "dactuation")
     return w.pair(
         ("driving_forces", "driving_force_sensitivities"),
         (
@@ -126,8 +101,8 @@ def driving_forces(w: Shared) -> list[Procedure]:
         ),
         w.state,
         ["actuation"],
-        (*before, Copy(found, driving)),
-        (*before, *w.along, Own(dudot), w.balance, Copy(found, driving), Copy(dfound, ddriving)),
+        (*w.solved, Copy(found, driving)),
+        (*w.solved, *w.solved_along, Copy(found, driving), Copy(dfound, ddriving)),
     )
 
 
@@ -135,12 +110,9 @@ def reactions_of(w: Shared) -> list[Procedure]:
     """What joints and loops transmit. Its derivatives take those of udot, and two sweeps over directions more."""
     names = ["reaction", *(["loop_reaction"] if w.loops else [])]
     wrenches = w.of(*names)
-    udot = w.one("udot")
-    before: tuple[Step, ...] = (*w.begin, Own(udot), *w.forward)
-    along: tuple[Step, ...] = (*w.along, Own(udot.tangent()), w.balance)
-    poses, turned = w.measuring([POSE], before, along)
+    poses, turned = w.measuring([POSE], w.solved, w.solved_along)
     zero = tuple(map(Zero, wrenches[1:]))
-    values = (*before, *poses, *run("motion", "transmitted"))
+    values = (*w.solved, *poses, *run("motion", "transmitted"))
     return w.pair(
         ("reactions", "reaction_sensitivities"),
         (
@@ -154,7 +126,7 @@ def reactions_of(w: Shared) -> list[Procedure]:
             *zero,
             *values,
             *(Zero(a.tangent()) for a in wrenches[1:]),
-            *along,
+            *w.solved_along,
             *turned,
             *run("reaction_out", "reaction_in"),
         ),

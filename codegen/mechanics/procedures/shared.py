@@ -52,7 +52,10 @@ class Shared:
         self.elements = bool(system.elements)
         self.measures = [MEASURES[o.measure] for o in model.outputs]
         self.formula_pivots = any(isinstance(m, RecordMeasure) and m.pivots for m in self.measures)
-        self._routines()
+        self._begin()
+        self._apply()
+        self._solve()
+        self._rest()
 
     def of(self, *names: str) -> tuple[Array, ...]:
         """Arrays by name; seeds and derivatives begin with d."""
@@ -88,106 +91,82 @@ class Shared:
 
     # -- what procedures share -------------------------------------------------------------------------------------
 
-    def _routines(self) -> None:
-        u, dq, du, motion = self.of("u", "dq", "du", "prescribed")
+    def _begin(self) -> None:
+        """What comes before sweeps, and before sweeps over directions."""
+        u, dq, du = self.of("u", "dq", "du")
         held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
-        start = Routine(
+        motions = tuple(m.tangents() for m in self.motions)
+        self.start = _performed(
             "start",
             "Computes what depends on no other link: constants, sines and cosines, rotation matrices.",
             (Prepare(CONSTANTS), Prepare(GROUND), *self.motions, Prepare(ANGLES), *run("rotations"), *held),
         )
-        self.start = Perform(start)
         self.begin: tuple[Step, ...] = (self.start, Check()) if self.loops else (self.start,)
-        close = Routine(
+        close = _performed(
             "close",
             "Completes the seeds: those of dependent coordinates and speeds follow from the others.",
-            (
-                Hold(dq, dq.called("given_dq")),
-                Hold(du, du.called("given_du")),
-                *(m.tangents() for m in self.motions),
-                *run("turns", "complete"),
-            ),
+            (Hold(dq, dq.called("given_dq")), Hold(du, du.called("given_du")), *motions, *run("turns", "complete")),
         )
-        self.along: tuple[Step, ...] = (Perform(close),) if self.loops else ()
+        self.along: tuple[Step, ...] = (close,) if self.loops else ()
         # what closes loops begins with them
-        self.turns: tuple[Step, ...] = () if self.loops else (*(m.tangents() for m in self.motions), *run("turns"))
+        self.turns: tuple[Step, ...] = () if self.loops else (*motions, *run("turns"))
+        self.ground_tangent = _performed("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
+
+    def _apply(self) -> None:
+        """Forces of force elements."""
         coefficients = [c for c in (COEFFICIENTS, DRIVES) if {*c.targets} & self.system.coefficient_counts.keys()]
         known = (POSE, VELOCITY)
+        applied: tuple[Step, ...] = (*coefficients, *(s for x in known for s in x.values), *run("clear", "loads"))
+        tangents: tuple[Step, ...] = (*(c.tangents() for c in coefficients), *(s for x in known for s in x.tangents))
         self.applied: tuple[Step, ...] = ()
         self.applied_tangents: tuple[Step, ...] = ()
         if self.elements:
-            applied: tuple[Step, ...] = (*coefficients, *(s for x in known for s in x.values), *run("clear", "loads"))
-            self.applied = (
-                Perform(Routine("applied_forces", "Forces of force elements on links.", applied)),
-                Check(),
-            )
-            tangents: list[Step] = [c.tangents() for c in coefficients]
-            tangents += [s for x in known for s in x.tangents]
-            tangents += run("clear_tangents", "load_tangents")
-            self.applied_tangents = (
-                Perform(Routine("applied_force_tangents", "Their tangents along the seeds.", tuple(tangents))),
-            )
-        self.forward: tuple[Step, ...] = (
-            Perform(
-                Routine(
-                    "forward",
-                    "Forward dynamics: the three sweeps.",
-                    (
-                        *self.forces,
-                        *self.held,
-                        *self.applied[:1],
-                        *run("kinematics", "triangularize"),
-                        Check(),
-                        *run("back_substitute"),
-                    ),
-                )
-            ),
+            self.applied = (_performed("applied_forces", "Forces of force elements on links.", applied), Check())
+            tangents = (*tangents, *run("clear_tangents", "load_tangents"))
+            self.applied_tangents = (_performed("applied_force_tangents", "Their tangents along the seeds.", tangents),)
+
+    def _solve(self) -> None:
+        """Forward dynamics, and its derivative."""
+        forces = (*self.forces, *self.held)
+        sweeps: tuple[Step, ...] = (*run("kinematics", "triangularize"), Check(), *run("back_substitute"))
+        steps: tuple[Step, ...] = (*forces, *self.applied[:1], *sweeps)
+        self.forward: tuple[Step, ...] = (_performed("forward", "Forward dynamics: the three sweeps.", steps),)
+        before: tuple[Step, ...] = (
+            *(f.tangents() for f in forces),
+            self.ground_tangent,
+            *self.turns,
+            *self.applied_tangents,
         )
-        self.ground_tangent = Perform(
-            Routine("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
+        self.balance = _performed(
+            "balance",
+            "From seeds to dudot, with the factors and accelerations of the forward dynamics at hand.",
+            (*before, *run("balance_out", "balance_in", "balance_back")),
         )
-        self.balance = Perform(
-            Routine(
-                "balance",
-                "From seeds to dudot, with the factors and accelerations of the forward dynamics at hand.",
-                (
-                    *(f.tangents() for f in (*self.forces, *self.held)),
-                    self.ground_tangent,
-                    *self.turns,
-                    *self.applied_tangents,
-                    *run("balance_out", "balance_in", "balance_back"),
-                ),
-            )
-        )
-        tau = self.one("tau")
+        udot = self.one("udot")
+        self.solved: tuple[Step, ...] = (*self.begin, Own(udot), *self.forward)
+        """Steps to accelerations that no result holds, and to their derivatives."""
+        self.solved_along: tuple[Step, ...] = (*self.along, Own(udot.tangent()), self.balance)
+
+    def _rest(self) -> None:
+        """What takes everything but the mass matrix away."""
+        u, tau, motion = self.of("u", "tau", "prescribed")
         moving = tuple(i for i in range(motion.size) if i % 3)  # rates and accelerations of what is prescribed
         stopped = (ZeroEntries(motion, moving),) if moving else ()
         stopped_along = (ZeroEntries(motion.tangent(), moving),) if moving else ()
-        self.at_rest = Perform(
-            Routine(
-                "at_rest",
-                "Takes speeds, gravity and joint forces away: what is left of the dynamics is the mass matrix.",
-                (
-                    Own(u),
-                    Zero(u),
-                    *stopped,
-                    *([Zero(tau)] if self.forces else []),
-                    Prepare(GROUND_AT_REST),
-                    *(run("clear") if self.elements else ()),
-                ),
-            )
+        forces: tuple[Step, ...] = (*((Zero(tau),) if self.forces else ()), Prepare(GROUND_AT_REST))
+        self.at_rest = _performed(
+            "at_rest",
+            "Takes speeds, gravity and joint forces away: what is left of the dynamics is the mass matrix.",
+            (Own(u), Zero(u), *stopped, *forces, *(run("clear") if self.elements else ())),
         )
-        self.mass_tangent = Perform(
-            Routine(
-                "mass_tangent",
-                "Tangent of M x along dq and dp at fixed x = udot; force becomes M x.",
-                (
-                    *stopped_along,
-                    Prepare(GROUND_TANGENT_AT_REST, True),
-                    *(run("clear_tangents") if self.elements else ()),
-                    *run("inverse_out", "force_tangents"),
-                ),
-            )
+        cleared: tuple[Step, ...] = (
+            Prepare(GROUND_TANGENT_AT_REST, True),
+            *(run("clear_tangents") if self.elements else ()),
+        )
+        self.mass_tangent = _performed(
+            "mass_tangent",
+            "Tangent of M x along dq and dp at fixed x = udot; force becomes M x.",
+            (*stopped_along, *cleared, *run("inverse_out", "force_tangents")),
         )
 
     def measuring(
@@ -202,3 +181,8 @@ class Shared:
         taken |= set(walk(along))
         tangents = tuple(s for q in quantities for s in q.tangents if s not in taken)
         return values, tangents
+
+
+def _performed(name: str, doc: str, steps: tuple[Step, ...]) -> Perform:
+    """Do what a routine does."""
+    return Perform(Routine(name, doc, steps))
