@@ -309,12 +309,6 @@ def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
     return transmitted_along(MemberView(x, k), kind.links[k], j)
 
 
-def to_parent(x: Scope, member: Member, force: Vector, tag: str) -> Vector:
-    """Moment and force about the parent's origin, in its axes."""
-    n, f = force_to_parent(x, member.joint, member.r, force[:3], force[3:], tag)
-    return [*n, *f]
-
-
 def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
@@ -322,7 +316,9 @@ def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
         held[k] = [x.let("phi", v, "Eq. 45") for v in held[k]]
         parent = ear.members[k].parent
         if parent >= 0:
-            held[parent] = add(held[parent], to_parent(x, ear.members[k], held[k], "Eq. 45"))
+            held[parent] = add(
+                held[parent], force_to_parent(x, ear.members[k].joint, held[k], "Eq. 45", ear.members[k].r)
+            )
     return held
 
 
@@ -345,9 +341,9 @@ def transmit(
         d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
         if member.parent < 0 and not ear.roots[-1 - member.parent].feels:
             continue
-        on_parent = to_parent(x, member, phi[k], "Eq. 45")
+        on_parent = force_to_parent(x, member.joint, phi[k], "Eq. 45", member.r)
         if x.structural:
-            moved = add([pattern(v) for v in on_parent], to_parent(x, member, d_phi[k], ""))
+            moved = add([pattern(v) for v in on_parent], force_to_parent(x, member.joint, d_phi[k], "", member.r))
         else:
             d.give(phi[k], d_phi[k])
             d.run()

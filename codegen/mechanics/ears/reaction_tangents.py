@@ -240,8 +240,7 @@ def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector,
         if member.parent < 0 and not ear.roots[-1 - member.parent].feels:
             continue
         joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=True)
-        n, f = force_to_parent(x, joint, member.r, more[k][:3], more[k][3:], "d Eq. 45")
-        on_parent = [*n, *f]
+        on_parent = force_to_parent(x, joint, more[k], "d Eq. 45", member.r)
         if member.parent >= 0:
             more[member.parent] = add(more[member.parent], on_parent)
         else:

@@ -18,12 +18,12 @@ from ..stores import DDRIVING, DRIVING, ME, UDOT, UP
 from ..structure.kinds import LinkKind
 
 
-def carry(joint: LinkJoint, A: Vector, tag: str) -> Vector:
+def carry(joint: LinkJoint, A: Vector, tag: str, name: str = "b") -> Vector:
     """``S^T A`` of the parent, in the link's frame: six components."""
     al, a = A[:3], A[3:]
     r = joint.offset()
     moved = add(a, cross(al, r))
-    return joint.to_child(al, "bal", tag) + joint.to_child(moved, "ba", tag)
+    return joint.to_child(al, f"{name}al", tag) + joint.to_child(moved, f"{name}a", tag)
 
 
 def back_substitute(x: Scope, kind: LinkKind) -> None:

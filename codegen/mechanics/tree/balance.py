@@ -74,8 +74,7 @@ def solve_inward(x: Scope, kind: LinkKind) -> None:
         x.store(MY_LANE, fields.driving_rest, x.let("ddrive", joint.driven_column.along(P), "Eq. 53", lanes=True))
     eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
     if kind.carried_on:
-        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
-        hand_on_lanes(x, kind, n, f)
+        hand_on_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))
 
 
 def balance_outward(x: Scope, kind: LinkKind) -> None:
@@ -126,5 +125,4 @@ def mass_inward(x: Scope, kind: LinkKind) -> None:
         own = rotor(x, kind, j)
         x.set_entry(DFORCE, j, s.along(P) if is_zero(own) else s.along(P) + own * x.entry(RIGHT_SIDE, j))
     if kind.carried_on:
-        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
-        hand_on_lanes(x, kind, n, f)
+        hand_on_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))

@@ -13,22 +13,28 @@ alone; of the force, ``I dA + W dw``, and on the parent the turning of what the 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...program.block import Scope
 from ...program.scalar import Vector
 from ...program.store import Store
 from .. import fields
-from ..elimination import OF_FREEDOMS
+from ..elimination import OF_FREEDOMS, eliminate_force
 from ..joints import LinkJoint
 from ..joints.quaternion import QuaternionJoint
 from ..rotors import rotor
-from ..spatial import ZERO, add, cross, is_zero
+from ..spatial import ZERO, is_zero
 from ..stores import DFORCE, DUDOT, ME, MY_COLUMNS, RIGHT_SIDE, UP_COLUMNS
 from ..structure.kinds import LinkKind
+from .back_substitution import carry
 from .inverse_dynamics import joint_acceleration
 from .kinematics import accelerate, angular_velocity
 from .tangents import differentiate, tangent
 from .triangularization import articulated_inertia, force_to_parent
 from .turning import _sum_of_products, carried_change
+
+OF_COLUMNS = replace(OF_FREEDOMS, right_side=fields.column_drive, moving="P")
+"""The factors of the triangularization, and where right sides of columns are kept."""
 
 
 def column_clear(x: Scope, kind: LinkKind) -> None:
@@ -65,8 +71,7 @@ def column_seed(x: Scope, kind: LinkKind) -> None:
     moved: Vector = []
     if kind.carried_on:
         phi = x.load(ME, fields.joint_force)
-        n, f = force_to_parent(x, joint, joint.offset(), phi[:3], phi[3:], "Eq. 45")
-        moved = [*n, *f]
+        moved = force_to_parent(x, joint, phi, "Eq. 45")
     d = differentiate(x, kind, joint, own=True)
     turned = [tangent(d, e) for e in w]
     dA = [tangent(d, e) for e in (*al, *a)]
@@ -90,8 +95,7 @@ def column_unit(x: Scope, kind: LinkKind) -> None:
         wrench[s.lead] = wrench[s.lead] - x.entry(RIGHT_SIDE, j)
     _add(x, MY_COLUMNS, wrench)
     if kind.carried_on:
-        n, f = force_to_parent(x, joint, joint.offset(), [-e for e in wrench[:3]], [-e for e in wrench[3:]], "Eq. 45")
-        _add(x, UP_COLUMNS, [*n, *f])
+        _add(x, UP_COLUMNS, force_to_parent(x, joint, [-e for e in wrench], "Eq. 45"))
 
 
 def column_in(x: Scope, kind: LinkKind) -> None:
@@ -99,22 +103,10 @@ def column_in(x: Scope, kind: LinkKind) -> None:
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j in reversed(range(joint.freedoms)):
-        s = joint.columns[j]
-        r = x.let("r", -s.along(P), "d Eq. 53", lanes=True)
-        driven = x.let("rD", r * x.load(ME, OF_FREEDOMS.inverse(j)), "d Eq. 53", lanes=True)
-        x.store(MY_COLUMNS, fields.column_drive(j), driven)
-        if not (kind.carried_on or j):
-            return
-        for i in range(6):
-            if i != s.lead:
-                G = x.load(ME, OF_FREEDOMS.gain(j, i))
-                P[i] = x.let("P", P[i] + G * r, "d Eq. 45", lanes=True)
-        a = rotor(x, kind, j)
-        along = 0 if is_zero(a) else -a * driven
-        P[s.lead] = x.let("P", s.completed(P, along), "d Eq. 45", lanes=True)
+        left, own = range(6 if kind.carried_on or j else 0), rotor(x, kind, j)
+        eliminate_force(x, OF_COLUMNS, MY_COLUMNS, j, joint.columns[j], P, 0, [""] * 6, left, own)
     if kind.carried_on:
-        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
-        _add(x, UP_COLUMNS, [*n, *f])
+        _add(x, UP_COLUMNS, force_to_parent(x, joint, P, "Eq. 45"))
 
 
 def column_back(x: Scope, kind: LinkKind) -> None:
@@ -176,8 +168,7 @@ def composite_in(x: Scope, kind: LinkKind) -> None:
         own = rotor(x, kind, j)
         x.set_entry(DFORCE, j, s.along(P) if is_zero(own) else s.along(P) + own * x.entry(RIGHT_SIDE, j))
     if kind.carried_on:
-        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
-        _add(x, UP_COLUMNS, [*n, *f])
+        _add(x, UP_COLUMNS, force_to_parent(x, joint, P, "Eq. 45"))
 
 
 def _add(x: Scope, store: Store, value: Vector) -> None:
@@ -189,9 +180,7 @@ def _add(x: Scope, store: Store, value: Vector) -> None:
 
 def _carried(x: Scope, joint: LinkJoint) -> Vector:
     """``X dA_pr``: the parent's change of accelerations, in the link's frame."""
-    A = x.load(UP_COLUMNS, fields.column_acceleration)
-    moved = add(A[3:], cross(A[:3], joint.offset()))
-    return joint.to_child(A[:3], "dal", "d Eq. 54") + joint.to_child(moved, "da", "d Eq. 54")
+    return carry(joint, x.load(UP_COLUMNS, fields.column_acceleration), "d Eq. 54", "d")
 
 
 def _substitute(x: Scope, kind: LinkKind, joint: LinkJoint, A: Vector, drive: Vector) -> Vector:

@@ -119,27 +119,22 @@ def transfer(
     """Hand the transmitted force on to the parent, and its tangent, with what the parent gets `beside` as a partner."""
     r = joint.offset()
     named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
-    n, f = force_to_parent(x, joint, r, named[:3], named[3:], "Eq. 45")
+    force = force_to_parent(x, joint, named, "Eq. 45", r)
+    moved: Vector = []
+    if x.tangents and x.structural:
+        moved = add([pattern(v) for v in force], force_to_parent(x, joint, d_phi, "", r))
+    elif x.tangents:
+        extra = {s: v for s, v in zip(named, d_phi, strict=True) if isinstance(s, Symbol)}
+        d = differentiate(x, kind, joint, extra)
+        assert d is not None
+        moved = [d.value(v) for v in force]
+    if beside is not None:
+        moved = [x.let("beside", v, "d Eq. 45", lanes=True) for v in add(moved, beside)]
+    accumulate_force(x, UP, fields.transmitted, force, is_first(x, kind), "Eq. 45")
     if x.tangents:
-        if x.structural:
-            moved = force_to_parent(x, joint, r, d_phi[:3], d_phi[3:], "")
-            tn, tf = ([pattern(a) + b for a, b in zip(v, w, strict=True)] for v, w in zip((n, f), moved, strict=True))
-        else:
-            extra = {s: v for s, v in zip(named, d_phi, strict=True) if isinstance(s, Symbol)}
-            d = differentiate(x, kind, joint, extra)
-            assert d is not None
-            tn, tf = [d.value(v) for v in n], [d.value(v) for v in f]
-        if beside is not None:
-            tn, tf = (
-                [x.let("beside", a + b, "d Eq. 45", lanes=True) for a, b in zip(v, w, strict=True)]
-                for v, w in ((tn, beside[:3]), (tf, beside[3:]))
-            )
-        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 45")
-        hand_on_lanes(x, kind, tn, tf)
-    else:
-        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 45")
+        hand_on_lanes(x, kind, moved)
 
 
-def hand_on_lanes(x: Scope, kind: LinkKind, n: Vector, f: Vector) -> None:
+def hand_on_lanes(x: Scope, kind: LinkKind, force: Vector) -> None:
     """Add a tangent, or the bias force of a solve, to what the parent collects."""
-    accumulate_force(x, LUP, fields.articulated_force, [*n, *f], is_first(x, kind), "Eq. 45", lanes=True)
+    accumulate_force(x, LUP, fields.articulated_force, force, is_first(x, kind), "Eq. 45", lanes=True)

@@ -71,12 +71,15 @@ def is_first(x: Scope, kind: LinkKind) -> bool:
     return bool(kind.first_unit if x.units else kind.first)
 
 
-def force_to_parent(x: Scope, joint: LinkJoint, r: Vector, n: Vector, f: Vector, tag: str) -> tuple[Vector, Vector]:
-    """A moment and force about the link's origin, in the parent's axes about its origin: ``S F``."""
-    n = joint.to_parent(n, "pn", tag)
-    f = joint.to_parent(f, "pf", tag)
-    n = add(n, cross(r, f))
-    return x.let_vector("up_n", n, tag, lanes=joint.lanes), f
+def force_to_parent(x: Scope, joint: LinkJoint, force: Vector, tag: str, r: Vector | None = None) -> Vector:
+    """A moment and force about the link's origin, in the parent's axes about its origin: ``S F``.
+
+    `r` is from there to the link's origin, if that is known.
+    """
+    r = joint.offset() if r is None else r
+    n = joint.to_parent(force[:3], "pn", tag)
+    f = joint.to_parent(force[3:], "pf", tag)
+    return x.let_vector("up_n", add(n, cross(r, f)), tag, lanes=joint.lanes) + f
 
 
 def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
@@ -151,7 +154,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
         return
     r = joint.offset()
     couplings = [coupling_to_parent(x, joint, r, system.block(0, place)) for place in places]
-    moment, push = force_to_parent(x, joint, r, p[:3], p[3:6], "Eq. 45")
+    force = force_to_parent(x, joint, p[:6], "Eq. 45", r)
     J, H, M = joint.inertia_to_parent(*to_blocks(I), "Eq. 44")
     J, H, M = shift_inertia(x, r, J, H, M, "Eq. 44")
     parent = kind.partners.base
@@ -160,7 +163,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
         at = places[parent]
         more = to_blocks(_symmetrized(x, couplings[parent], system.block(at, at)))
         J, H, M = (_sum(x, block, by) for block, by in zip((J, H, M), more, strict=True))
-        moment, push = _sum(x, [moment, push], [p[at : at + 3], p[at + 3 : at + 6]])
+        (force,) = _sum(x, [force], [p[at : at + 6]])
 
     def remaining(m: int, n: int) -> Matrix:
         if n == CARRIER:
@@ -172,7 +175,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
         return _sum(x, couplings[n], system.block(places[parent], places[n]))
 
     first = is_first(x, kind)
-    accumulate_force(x, UP, fields.articulated_force, [*moment, *push], first, "Eq. 44")
+    accumulate_force(x, UP, fields.articulated_force, force, first, "Eq. 44")
     for field, block in ((fields.articulated.J, J), (fields.articulated.M, M), (fields.articulated.H, H)):
         accumulate(x, UP, field, block, first, "Eq. 44")
     turning, mass = scales
@@ -194,11 +197,7 @@ def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> N
 
 def coupling_to_parent(x: Scope, joint: LinkJoint, r: Vector, C: Matrix) -> Matrix:
     """A coupling whose rows are forces on the link, as forces on its parent."""
-    columns: Matrix = []
-    for column in transpose(C):
-        moment, push = force_to_parent(x, joint, r, column[:3], column[3:], "Eq. 44")
-        columns.append([*moment, *push])
-    return transpose(columns)
+    return transpose([force_to_parent(x, joint, column, "Eq. 44", r) for column in transpose(C)])
 
 
 def _sum(x: Scope, a: Matrix, b: Matrix) -> Matrix:

@@ -90,8 +90,7 @@ def turning(x: Scope, kind: LinkKind) -> None:
             a = rotor(x, kind, j)
             along = 0 if is_zero(a) else -a * gains[k]
             P[s.lead] = x.let("W", s.completed(P, along), "d Eq. 45")
-    way = joint.offset()
-    moved = [[*n, *f] for n, f in (force_to_parent(x, joint, way, P[:3], P[3:], "d Eq. 45") for P in columns)]
+    moved = [force_to_parent(x, joint, P, "d Eq. 45") for P in columns]
     rows = [joint.to_parent([P[i] for P in moved], "W", "d Eq. 45") for i in SIX]
     first = is_first(x, kind)
     accumulate(x, UP, fields.turning_moment, rows[:3], first, "d Eq. 45")
@@ -108,8 +107,8 @@ def _transmitted(x: Scope, kind: LinkKind, joint: LinkJoint) -> None:
     for j, s in enumerate(joint.columns):
         phi[s.lead] = s.completed(phi, transmitted_along(x, kind, j))
     x.store(ME, fields.joint_force, phi)
-    n, f = force_to_parent(x, joint, joint.offset(), phi[:3], phi[3:], "Eq. 45")
-    accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 45")
+    force = force_to_parent(x, joint, phi, "Eq. 45")
+    accumulate_force(x, UP, fields.transmitted, force, is_first(x, kind), "Eq. 45")
 
 
 def _sum_of_products(a: Vector, b: Vector) -> Value:
