@@ -6,7 +6,7 @@ from functools import cached_property
 
 from ..model.model import GROUND, closure_row_names
 from ..program.addresses import Address, Addresses, IndexTable, Kind, Row
-from ..program.store import CONSTANT, Owner, Store
+from ..program.store import CONSTANT, Memory, Owner, Store
 from .expansion import Program
 from .memory import SystemLayout
 from .stores import (
@@ -179,39 +179,40 @@ class SystemAddresses(Addresses):
             return Address(f"near_{variable}" if near else variable, region, self._row(kind, sweep, store, near), name)
         if memory is CONSTANT:
             return self._constant(kind, sweep, store, name)
+        if memory is PER_PARAMETER_LANE:
+            return Address("dp", "dp", None, self._parameter(kind, sweep, store, int(name)))
         region = store.name
         row: Row | None = None
-        if memory is PER_ANGLE:
-            row = self.of_links(kind, sweep, store, "TRIG", self.layout.trig_of)
-        elif memory in (PER_COORDINATE, PER_COORDINATE_LANE):
-            row = self.of_links(kind, sweep, store, "Q", [link.q for link in system.links])
-        elif memory in (PER_SPEED, PER_SPEED_LANE):
-            row = self.of_links(kind, sweep, store, "U", [link.u for link in system.links])
-        elif memory in (PER_MOTION, PER_MOTION_LANE):
-            row = self.of_links(kind, sweep, store, "MOTION", [3 * link.driven for link in system.links])
-        elif memory in (PER_DRIVE, PER_DRIVE_LANE):
-            row = self.of_links(kind, sweep, store, "DRIVEN", [link.driven for link in system.links])
-        elif memory in (WRENCH, WRENCH_LANE):
-            if store.owner is LOOP:
-                row = self.of_loops(kind, store, "_WRENCH", [6 * n for n in range(len(system.model.loops))])
-            else:
-                row = self.of_links(kind, sweep, store, "WRENCH", [6 * i for i in range(len(system.links))])
-        elif memory is PER_LOOP:
-            row = self.of_loops(kind, store)
-        elif memory in (PER_CONDITION, PER_CONDITION_LANE):
-            row = self.of_loops(kind, store, "_ROWS", self.first_conditions)
-        elif memory in (COEFFICIENTS, COEFFICIENTS_LANE):
-            row = Row("COEFFICIENTS", tuple(system.elements[n].first for n in kind.members))
-        elif memory is PER_PARAMETER_LANE:
-            return Address("dp", "dp", None, self._parameter(kind, sweep, store, int(name)))
-        elif memory in (ENERGY, ENERGY_LANE):
+        if memory in (ENERGY, ENERGY_LANE):
             name = str(int("potential" in store.name))
             region = store.name.replace("potential", "energy")
-        elif memory in (SUM, SUM_LANE):
-            pass
-        else:
-            raise KeyError(store)
+        elif memory in (COEFFICIENTS, COEFFICIENTS_LANE):
+            row = Row("COEFFICIENTS", tuple(system.elements[n].first for n in kind.members))
+        elif memory not in (SUM, SUM_LANE):
+            of_loop = store.owner is LOOP
+            column, of = self._begin_of[memory, of_loop]
+            row = self.of_loops(kind, store, column, of) if of_loop else self.of_links(kind, sweep, store, column, of)
         return Address(variable, region, row, name)
+
+    @cached_property
+    def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
+        """Where entries of arguments and results begin, of each link or (True) each loop: the column, and what it holds."""
+        links, loops = self.system.links, range(len(self.system.model.loops))
+        return {
+            (memory, of_loops): (column, of)
+            for memories, of_loops, column, of in (
+                ((PER_ANGLE,), False, "TRIG", self.layout.trig_of),
+                ((PER_COORDINATE, PER_COORDINATE_LANE), False, "Q", [link.q for link in links]),
+                ((PER_SPEED, PER_SPEED_LANE), False, "U", [link.u for link in links]),
+                ((PER_MOTION, PER_MOTION_LANE), False, "MOTION", [3 * link.driven for link in links]),
+                ((PER_DRIVE, PER_DRIVE_LANE), False, "DRIVEN", [link.driven for link in links]),
+                ((WRENCH, WRENCH_LANE), False, "WRENCH", [6 * i for i in range(len(links))]),
+                ((WRENCH, WRENCH_LANE), True, "_WRENCH", [6 * n for n in loops]),
+                ((PER_CONDITION, PER_CONDITION_LANE), True, "_ROWS", self.first_conditions),
+                ((PER_LOOP,), True, "", None),
+            )
+            for memory in memories
+        }
 
     def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> Row:
         """Number of the j-th design parameter that the constants of a link, a loop or a force element depend on."""

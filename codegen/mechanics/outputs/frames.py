@@ -7,20 +7,18 @@ link's velocity is the one that is found without kinetic energy.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
-from ...model.expressions import Expression
-from ...model.grammar import Tree
 from ...model.model import GROUND, Model
 from ...model.places import Point
-from ...program.block import Expansion
 from ...program.formula import Formula
 from ...program.scalar import Value, Vector
 from .. import fields
-from ..formulas import FormulaSlots, formula_kinds
+from ..formulas import formula_kinds
 from ..spatial import add, cross, matvec, transpose
 from ..structure.links import ORIGIN
 from ..structure.system import System
-from .outputs import record_formula
+from .outputs import RecordFormulas
 from .records import Records, carrier, expressions_of, structure_of
 
 FRAMES, ACCELERATIONS, PLACES = "frames", "frame_accelerations", "point_places"
@@ -92,41 +90,22 @@ class Body:
 
 def frame_formulas(system: System, target: str) -> list[Formula]:
     """The blocks of an array of frames, one per form."""
-    kinds: dict[str, Formula] = {}
-    slots = FormulaSlots(system.model)
+    found = RecordFormulas(system, target, "the frame of a body")
     turned = bool(system.way_of_ground)
     for body, spec in enumerate(system.model.bodies):
         on = (body, GROUND) if turned else (body,)
         links = (carrier(system, body)[0],)
-        slots.clear()
-        canonical: dict[Expression, Tree] = {}
-        for e in (*ORIGIN, *expressions_of(system, on)):
-            if e not in canonical:
-                canonical[e] = slots.convert(e.tree)
-        form = tuple(str(canonical[e]) for e in expressions_of(system, on))
-        key = repr((form, links[0] == GROUND, structure_of(system, on, links)))
-        kind = kinds.get(key)
-        if kind is None:
-            kind = kinds[key] = _formula(system, target, len(kinds), body, links, canonical)
-        kind.rows.append(slots.row(SIZES[target] * body, links))
-        kind.places.append(f"bodies.{spec.name}")
-    return list(kinds.values())
+        key = (links[0] == GROUND, structure_of(system, on, links))
+        write = partial(_write_frame, target, body, turned)
+        found.add(
+            SIZES[target] * body, f"bodies.{spec.name}", links, [*ORIGIN, *expressions_of(system, on)], key, write
+        )
+    return found.formulas
 
 
-def _formula(
-    system: System,
-    target: str,
-    index: int,
-    body: int,
-    links: tuple[int, ...],
-    canonical: dict[Expression, Tree],
-) -> Formula:
-    def write(x: Expansion, tangents: bool) -> list[Value]:
-        records = Records(x, system, links, canonical, tangents)
-        of = Body(records, body, bool(system.way_of_ground))
-        return of.motion() if target == FRAMES else of.acceleration()
-
-    return record_formula(write, index, target, "the frame of a body")
+def _write_frame(target: str, body: int, turned: bool, records: Records) -> list[Value]:
+    of = Body(records, body, turned)
+    return of.motion() if target == FRAMES else of.acceleration()
 
 
 def place_formulas(model: Model) -> list[Formula]:

@@ -6,6 +6,7 @@ Outputs of the same form share a block, like formulas; the links are data. What 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from ...model.expressions import Expression
 from ...model.grammar import Tree
@@ -42,44 +43,65 @@ def output_formulas(system: System) -> tuple[list[Formula], list[Formula]]:
     """Outputs as formulas of the state, and over records; those that are energies are copied by the procedures."""
     model = system.model
     values: list[tuple[int, Tree]] = []
-    kinds: dict[object, Formula] = {}
-    slots = FormulaSlots(model)
+    found = RecordFormulas(system, "outputs", "an output of the model")
     for i, o in enumerate(model.outputs):
         measure = MEASURES[o.measure]
         if isinstance(measure, FormulaMeasure):
             assert o.expression is not None
             values.append((i, model.switches.hold(o.expression.tree)))
         elif isinstance(measure, RecordMeasure):
-            _add_record(system, kinds, slots, i, o, measure)
-    return formula_kinds(model, "outputs", values), list(kinds.values())
+            links = links_of(system, o)
+            expressions = [*o.expressions(), *expressions_of(system, o.on), *measure.more(o, system)]
+            places = [o.on.index(body) for body in (*(p.body for p in o.points), *o.bodies)]
+            key = (o.measure, o.choice, structure_of(system, o.on, links), places)
+            found.add(i, f"outputs.{o.name}", links, expressions, key, partial(_write_output, o, measure))
+    return formula_kinds(model, "outputs", values), found.formulas
 
 
-def _add_record(
-    system: System, kinds: dict[object, Formula], slots: FormulaSlots, i: int, o: Output, measure: RecordMeasure
-) -> None:
-    """Add a row to the formula of its form, which is made if it is the first."""
-    links = links_of(system, o)
-    slots.clear()
-    expressions = [*o.expressions(), *expressions_of(system, o.on), *measure.more(o, system)]
-    canonical: dict[Expression, Tree] = {}
-    for e in expressions:
-        if e not in canonical:
-            canonical[e] = slots.convert(e.tree)
-    form = tuple(str(canonical[e]) for e in expressions)
-    places = [o.on.index(body) for body in (*(p.body for p in o.points), *o.bodies)]
-    key = (o.measure, o.choice, form, structure_of(system, o.on, links), places)
-    kind = kinds.get(repr(key))
-    if kind is None:
+def _write_output(o: Output, measure: RecordMeasure, records: Records) -> list[Value]:
+    for e in o.expressions():
+        records.evaluate(e)
+    return [records.x.let("value", measure.write(records, o))]
 
-        def write(x: Expansion, tangents: bool) -> list[Value]:
-            records = Records(x, system, links, canonical, tangents)
-            for e in o.expressions():
-                records.evaluate(e)
-            return [x.let("value", measure.write(records, o))]
 
-        kind = kinds[repr(key)] = record_formula(write, len(kinds), "outputs", "an output of the model")
-    kind.rows.append(slots.row(i, links))
-    kind.places.append(f"outputs.{o.name}")
+class RecordFormulas:
+    """Formulas over the records of links as they are found; those of one form share a block.
+
+    Parameters
+    ----------
+    system : System
+    target, title : str
+        Of the blocks.
+    """
+
+    def __init__(self, system: System, target: str, title: str):
+        self.system, self.target, self.title = system, target, title
+        self.by_form: dict[str, Formula] = {}
+        self._slots = FormulaSlots(system.model)
+
+    @property
+    def formulas(self) -> list[Formula]:
+        return list(self.by_form.values())
+
+    def add(
+        self, entry: int, place: str, links: tuple[int, ...], expressions: Sequence[Expression], key: object,
+        write: Callable[[Records], Sequence[Value]],
+    ) -> None:  # fmt: skip
+        """Add a row, which writes entries of the target from the given one on. With `expressions`, `key` is its form."""
+        self._slots.clear()
+        canonical: dict[Expression, Tree] = {}
+        for e in expressions:
+            if e not in canonical:
+                canonical[e] = self._slots.convert(e.tree)
+        form = repr((key, [str(canonical[e]) for e in expressions]))
+        if form not in self.by_form:
+
+            def written(x: Expansion, tangents: bool) -> Sequence[Value]:
+                return write(Records(x, self.system, links, canonical, tangents))
+
+            self.by_form[form] = record_formula(written, len(self.by_form), self.target, self.title)
+        self.by_form[form].rows.append(self._slots.row(entry, links))
+        self.by_form[form].places.append(place)
 
 
 def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: int, target: str, title: str) -> Formula:

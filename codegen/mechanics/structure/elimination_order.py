@@ -65,6 +65,13 @@ class Partners:
     between: list[tuple[int, int]] = field(default_factory=list)
     handed_on: list[HandedOn] = field(default_factory=list)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether units have the same blocks."""
+        return isinstance(other, Partners) and self.structure() == other.structure()
+
+    def __hash__(self) -> int:
+        return hash(self.structure())
+
     def structure(self) -> tuple[object, ...]:
         """Equal for units with the same blocks."""
         return (

@@ -59,23 +59,16 @@ def find_link_kinds(
             n not in c.shape.varying and c.values.get(n, 0.0) == float(n[2] == n[3])
             for n in (f"R.{a}{b}" for a in "xyz" for b in "xyz")
         )
-        first, first_unit = (
-            last_child[link.parent] == i,
-            order.first_contributor.get(link.parent) == order.unit_of_link[i],
-        )
-        signature: object = (
-            link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
-            c.shape.index, pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
-            order.partners_of_link(i).structure(), link.moves, link.driven in held,
+        first = last_child[link.parent] == i
+        first_unit = order.first_contributor.get(link.parent) == order.unit_of_link[i]
+        own = (
+            link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND, *order.role_of(i), i in pulled, forced,
+            order.partners_of_link(i), link.moves, link.driven in held,
         )  # fmt: skip
-        if unrolled:
-            signature = i
+        signature = i if unrolled else (own, i in has_child, c.shape.index, pattern(c), order.place_in_ear(i))
         kind = kinds.get(signature)
         if kind is None:
-            kind = kinds[signature] = LinkKind(
-                c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
-                *order.role_of(i), i in pulled, forced, order.partners_of_link(i), link.moves, link.driven in held,
-            )  # fmt: skip
+            kind = kinds[signature] = LinkKind(c.shape, len(kinds), *own)
         kind.members.append(i)
         kind.of_links &= i not in given
         kind_of.append(kind)
@@ -113,24 +106,10 @@ def find_unit_kinds(
             first = order.first_contributor.get(region.base) == n
             r, partners = len(region.freedoms), order.partners[n]
             far = tuple(-1 if i == GROUND else partners.links.index(i) for i in region.far)
-            key: object = (
-                "region", r, region.carried, region.rigid, first, far, partners.structure(), order.locked(region),
-                unit.number if unrolled else 0,
-            )  # fmt: skip
-            kind = found.setdefault(
-                key,
-                RegionKind(
-                    len(kinds) + len(found),
-                    r,
-                    total_sources(region),
-                    region.carried,
-                    region.rigid,
-                    first,
-                    far,
-                    partners,
-                    order.locked(region),
-                ),
-            )
+            own = (r, total_sources(region), region.carried, region.rigid, first, far, partners, order.locked(region))
+            key = ("region", own, unit.number if unrolled else 0)
+            kind = found.setdefault(key, RegionKind(len(kinds) + len(found), *own))
+            assert isinstance(kind, RegionKind)
             kind.members.append(unit.number)
         else:
             kind = _ear_kind(unit.number, n, regions, order, len(kinds) + len(found), kind_of, faces, closure_constants,
