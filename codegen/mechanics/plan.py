@@ -100,6 +100,3 @@ def _ground(program: Program) -> Ground:
                     terms.append((shape.varying[key], places[p]))
             tangents.append((name, terms))
     return Ground(fields, components, g, tangents, FALLING)
-
-
-__all__ = ["plan_of"]

@@ -178,6 +178,3 @@ class Addresses(ABC):
             entry = self.table(sweep).entry(rows[0].column, [i for i, _ in pairs], [v for _, v in pairs])
             self._expressions[key] = rows, entry
         return self._expressions[key][1]
-
-
-__all__ = ["Address", "Addresses", "IndexTable", "Kind", "Placed", "Row"]

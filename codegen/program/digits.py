@@ -62,6 +62,3 @@ def text_of(value: Expr | float) -> str:
         return repr(nearest)
     text: str = mpmath.nstr(exact, _digits.get(), strip_zeros=False)
     return text
-
-
-__all__ = ["are_long", "long_number", "long_numbers", "number", "text_of", "value_of"]

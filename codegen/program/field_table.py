@@ -64,6 +64,3 @@ def identifier(component: str) -> str:
 def field_of(component: str) -> AnyField | None:
     """The field that a component is of, or a family of fields; none of what is not listed."""
     return _found(component.partition("/")[0])[1]
-
-
-__all__ = ["field_of", "identifier", "list_fields"]

@@ -48,6 +48,3 @@ class Formula:
         made = transposed(self.tangent, f"{self.tangent.name}_transposed", f"transpose of {self.tangent.title}")
         made.stores += [s for s in self.tangent.stores if s[0].memory is MARGIN]
         return simplify(made)
-
-
-__all__ = ["Formula", "Row"]

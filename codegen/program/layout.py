@@ -73,6 +73,3 @@ def first_with(fields: dict[str, Fields]) -> dict[str, str]:
     """For each sweep, the first one with the same fields."""
     known: dict[tuple[str, ...], str] = {}
     return {sweep: known.setdefault(tuple(names), sweep) for sweep, names in fields.items()}
-
-
-__all__ = ["Fields", "Layout", "first_with", "numbered"]

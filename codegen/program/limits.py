@@ -58,6 +58,3 @@ def limited(limits: Limits) -> Iterator[None]:
 def limits() -> Limits:
     """Those of the program that is being written."""
     return _limits.get()
-
-
-__all__ = ["DOUBLE", "Limits", "limited", "limits"]

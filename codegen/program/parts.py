@@ -124,6 +124,3 @@ def _ends(lengths: list[int], lives: list[tuple[int, int]]) -> list[int]:
         )  # one statement may be longer than that
         ends.append(min(near, key=lambda i: (alive[i], abs(before[i] - middle))))
     return ends if ends[-1] == count else [*ends, count]
-
-
-__all__ = ["in_parts"]

@@ -10,6 +10,3 @@ Progress = Callable[[str, int, int], None]
 
 def silent(stage: str, step: int, steps: int) -> None:
     """Nobody listens."""
-
-
-__all__ = ["Progress", "silent"]

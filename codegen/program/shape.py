@@ -55,6 +55,3 @@ class Constants:
     numbers: tuple[float, ...]
     values: dict[str, float]
     index: int
-
-
-__all__ = ["Constants", "Shape"]
