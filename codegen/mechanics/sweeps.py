@@ -145,18 +145,6 @@ def _pulled(kind: LinkKind) -> bool:
     return kind.pulled
 
 
-def _closed_on(kind: LinkKind) -> bool:
-    return bool(kind.closed_on)
-
-
-def _carried_on(kind: LinkKind) -> bool:
-    return kind.carried_on
-
-
-def _is_free(kind: LinkKind) -> bool:
-    return kind.joint.freedoms > 0
-
-
 def _never(kind: LinkKind) -> bool:
     return False
 
@@ -168,8 +156,9 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=closures.closures, region=far_links.far_poses, units=True, closing=True),
     Sweep("residuals", "how far loops are open, in position and velocity", _nothing, OUTWARD, applies=_never,
           ear=assembly.residuals, units=True),
-    Sweep("correct", "Newton's step of the dependent coordinates", assembly.link_step, OUTWARD, applies=_closed_on,
-          ear=assembly.newton_step, region=assembly.far_steps, units=True, closing=True),
+    Sweep("correct", "Newton's step of the dependent coordinates", assembly.link_step, OUTWARD,
+          applies=lambda kind: bool(kind.closed_on), ear=assembly.newton_step, region=assembly.far_steps, units=True,
+          closing=True),
     Sweep("condition_numbers", "condition numbers of the closure matrices", _nothing, OUTWARD, applies=_never,
           ear=assembly.conditions, units=True),
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
@@ -227,7 +216,7 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("column_clear", "columns: no forces yet", columns.column_clear, OUTWARD, lanes=True, groups="below"),
     Sweep("column_rest", "columns: what drives no freedoms", columns.column_rest, OUTWARD, lanes=True, groups="rest"),
     Sweep("column_begin", "columns: links that do not turn", columns.column_begin, OUTWARD, lanes=True, groups="fresh",
-          applies=_carried_on),
+          applies=lambda kind: kind.carried_on),
     Sweep("column_turns", "columns: rotation vectors of quaternions", columns.column_turns, OUTWARD, lanes=True, groups="own",
           applies=_quaternion),
     Sweep("column_seed", "columns: what coordinates and speeds change at their own links", columns.column_seed, OUTWARD,
@@ -241,7 +230,7 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("column_add", "columns: changes at their own links", columns.column_add, OUTWARD, lanes=True, groups="own"),
     Sweep("composite", "composite inertias (Eq. 23)", composite.composite, INWARD),
     Sweep("composite_seed", "columns: forces for unit accelerations (Eq. 23)", columns.composite_seed, OUTWARD, lanes=True,
-          groups="own", applies=_is_free),
+          groups="own", applies=lambda kind: kind.joint.freedoms > 0),
     Sweep("composite_in", "columns, inward: the mass matrix (Eq. 45)", columns.composite_in, INWARD, lanes=True, groups="below"),
     Sweep("rates", "time derivatives of the coordinates (Eq. 1)", kinematics.coordinate_rates, OUTWARD),
     Sweep("rate_tangents", "tangent of the time derivatives of the coordinates", kinematics.coordinate_rates, OUTWARD,

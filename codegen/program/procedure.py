@@ -551,12 +551,11 @@ def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], boo
     return replace(procedure, steps=kept(procedure.steps))
 
 
-def flat(steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Steps with those of routines over directions in the place of routines."""
+def flat(steps: tuple[Step, ...], which: Callable[[Step], bool] = over_directions) -> tuple[Step, ...]:
+    """Steps with those of routines over directions, or of `which`, in the place of routines."""
     found: list[Step] = []
     for step in steps:
-        over = isinstance(step, Perform) and over_directions(step)
-        found += flat(step.routine.steps) if isinstance(step, Perform) and over else (step,)
+        found += flat(step.routine.steps, which) if isinstance(step, Perform) and which(step) else (step,)
     return tuple(found)
 
 
@@ -584,7 +583,7 @@ def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
     """What steps run once each, columns apart."""
     found: list[str] = []
     shared: dict[tuple[str, bool], int] = {}
-    for step in _flat(steps):
+    for step in flat(steps, lambda step: True):
         match step:
             case Run():
                 found.append(step.sweep)
@@ -601,11 +600,3 @@ def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
             case _:
                 pass
     return found
-
-
-def _flat(steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Steps with those of routines in the place of routines."""
-    found: list[Step] = []
-    for step in steps:
-        found += _flat(step.routine.steps) if isinstance(step, Perform) else (step,)
-    return tuple(found)

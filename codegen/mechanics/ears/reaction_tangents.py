@@ -52,7 +52,7 @@ from .closures import stored_factor
 from .conditions import Condition, of_loop, seen_by
 from .geometry import EarGeometry
 from .orthogonal import product
-from .region_balance import transmitted_fields
+from .region_balance import clear_transmitted
 from .roots import Frame, Ground, Root
 from .tangents import EarTangents
 
@@ -102,10 +102,7 @@ def of_root(x: Scope, root: Root) -> Vector:
 
 def region_needed(x: Scope, kind: RegionKind) -> None:
     """Nothing is summed up yet."""
-    for whole, balance in transmitted_fields(kind):
-        for i in SIX:
-            x.store(REGION, whole.scalars()[i], 0)
-            x.store(LREGION, balance.scalars()[i], 0)
+    clear_transmitted(x, kind)
 
 
 # -- inward ------------------------------------------------------------------------------------------------------------

@@ -25,11 +25,16 @@ def region_balance_start(x: Scope, kind: RegionKind) -> None:
     """Outward block over directions: nothing is summed yet; how far links move, in their own axes."""
     for c in range(kind.total):
         x.store(LREGION, fields.source_tangent_force(c), 0)
+    clear_transmitted(x, kind)
+    far_own_motions(x, kind)
+
+
+def clear_transmitted(x: Scope, kind: RegionKind) -> None:
+    """No forces on the links that a region hangs on yet, nor tangents."""
     for whole, balance in transmitted_fields(kind):
         for i in SIX:
             x.store(REGION, whole.scalars()[i], 0)
             x.store(LREGION, balance.scalars()[i], 0)
-    far_own_motions(x, kind)
 
 
 def transmitted_fields(kind: RegionKind) -> list[tuple[SixField, SixField]]:

@@ -142,7 +142,7 @@ def _ear_kind(
     region = regions.regions[ear.region]
     loops = [faces[c.loop] for c in ear.closures]
     key: object = (
-        "ear", order.ear_structure(e), tuple(kind_of[i].index for i in ear.links),
+        "ear", order.ear_structures[e], tuple(kind_of[i].index for i in ear.links),
         tuple(
             (f.loop.type, f.loop.turned, f.frames[0].index, f.frames[1].index, closure_constants[c.loop].shape.index,
              pattern(closure_constants[c.loop]))
@@ -179,7 +179,7 @@ def _ear_kind(
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
             region.rigid, inverse if angular else algebra.ONE, inverse,
-            region.carried or order.slides(ear.region), order.partners[n], locked=order.locked(region),
+            region.carried or order.region_structures[ear.region][0], order.partners[n], locked=order.locked(region),
         )  # fmt: skip
     assert isinstance(kind, EarKind)
     kind.members.append(e)

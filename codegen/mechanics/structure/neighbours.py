@@ -32,8 +32,6 @@ class Neighbours:
                 self.unit_of_link.update(dict.fromkeys(unit.links, n))
         self.last_use: dict[int, int] = dict(self.unit_of_link)
         self.first_follower: dict[int, int] = {}
-        self._structures: dict[int, tuple[object, ...]] = {}
-        self._of_regions: dict[int, tuple[bool, tuple[bool, ...], tuple[int, ...]]] = {}
         self.partners = regions.elimination.partners
         self.first_contributor = regions.elimination.first_contributor
         for n, unit in enumerate(regions.order):
@@ -54,6 +52,11 @@ class Neighbours:
                 if i != GROUND:
                     self.last_use[i] = n
         self._closed_on = self._followed()
+        self.region_structures = [self._of_region(region) for region in regions.regions]
+        """What the ears of a region have in common: whether the way between faces matters, which far links are the ground,
+        sources that are prescribed."""
+        self.ear_structures = [self._structure(e) for e in range(len(regions.ears))]
+        """Equal for ears of the same structure."""
 
     def _followed(self) -> dict[int, str]:
         """Links whose motion some loop closes on, and those between them and the link that carries them all.
@@ -99,14 +102,7 @@ class Neighbours:
         if e is None:
             return None
         ear = self.regions.ears[e]
-        return (ear.links.index(link), *self.ear_structure(e))
-
-    def ear_structure(self, e: int) -> tuple[object, ...]:
-        """Equal for ears of the same structure."""
-        found = self._structures.get(e)
-        if found is None:
-            found = self._structures[e] = self._structure(e)
-        return found
+        return (ear.links.index(link), *self.ear_structures[e])
 
     def _structure(self, e: int) -> tuple[object, ...]:
         ear = self.regions.ears[e]
@@ -118,24 +114,12 @@ class Neighbours:
             tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped, c.terms) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
             len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
-            *self.region_structure(ear.region), self.partners[n].structure() if n >= 0 else (),
+            *self.region_structures[ear.region], self.partners[n] if n >= 0 else (),
         )  # fmt: skip
 
-    def region_structure(self, n: int) -> tuple[bool, tuple[bool, ...], tuple[int, ...]]:
-        """What the ears of a region have in common: whether the way between faces matters, which far links are the ground,
-        sources that are prescribed."""
-        found = self._of_regions.get(n)
-        if found is None:
-            region = self.regions.regions[n]
-            found = self._of_regions[n] = (
-                any(c.slides(self.loop_types[c.loop]) for e in region.ears for c in self.regions.ears[e].closures),
-                tuple(i == GROUND for i in region.far), self.locked(region),
-            )  # fmt: skip
-        return found
-
-    def slides(self, n: int) -> bool:
-        """Whether the way between the faces of some loop of a region matters."""
-        return self.region_structure(n)[0]
+    def _of_region(self, region: Region) -> tuple[bool, tuple[bool, ...], tuple[int, ...]]:
+        slides = any(c.slides(self.loop_types[c.loop]) for e in region.ears for c in self.regions.ears[e].closures)
+        return slides, tuple(i == GROUND for i in region.far), self.locked(region)
 
     def locked(self, region: Region) -> tuple[int, ...]:
         """Sources of a region that are prescribed."""
