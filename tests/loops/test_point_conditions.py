@@ -278,6 +278,14 @@ def test_a_rod_without_length_and_equations_that_cannot_be_are_told() -> None:
         assert words in str(caught.value)
 
 
+@pytest.mark.parametrize("length", ["1/(r - r)", "rr"])
+def test_a_wrong_length_is_reported_once(length: str) -> None:
+    text = SLIDER.replace("LOOP", f"{{joint: {{type: distance, length: {length}}}, from: ground, to: bead}}")
+    with pytest.raises(codegen.ModelError) as caught:
+        parse_model(text)
+    assert [p.path for p in caught.value.problems if p.severity == "error"] == ["loops.wire.joint.length"]
+
+
 def test_where_a_gradient_vanishes_the_loop_has_lost_rank(made) -> None:
     solver = made(SLIDER.replace("LOOP", SAME["a distance is a sphere"][1]))
     with pytest.raises(SingularLoopError, match="wire"):

@@ -202,3 +202,27 @@ def test_a_motion_is_integrated_with_what_is_prescribed(arm) -> None:
             for s in (h, -h)
         ]
         assert error(found.dq[k, -1], (ends[0] - ends[1]) / (2 * h)) < 1e-7
+
+
+SWUNG = """
+model: swung
+gravity: [0, 0, -9.81]
+parameters: {w: 5}
+bodies:
+  arm: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, 0.1], inertia: {yy: 0.1}}
+  end: {parent: arm, joint: {type: revolute, axis: y, at: [0.5, 0, 0]}, mass: 1, com: [0.1, 0, 0], inertia: {yy: 0.1}}
+motion: {end: MOTION}
+"""
+
+
+@pytest.mark.parametrize(
+    ("motion", "t", "rest"), [("0.5*tanh(w*t)", 72, 0.5), ("tanh(400*(t - 1))", 0, -1), ("tanh(w*t)", 290, 1)]
+)
+def test_a_transition_is_over_far_from_its_middle(motion: str, t: float, rest: float) -> None:
+    """Squares of cosh overflow there; rates and all derivatives are those of a joint that stands still."""
+    moving, still = (RecursiveEngine(parse_model(SWUNG.replace("MOTION", str(x)))) for x in (motion, rest))
+    seeds = {"dq": [[1]], "du": [[2]], "dp": [[1]], "dt": [1]}
+    with np.errstate(over="ignore"):
+        both = [e.sensitivities([0.3], [0.7], t=t, **seeds) for e in (moving, still)]
+    for found, right in zip(*both, strict=True):
+        assert error(found, right) < 1e-14

@@ -40,8 +40,6 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
             owner.setdefault(own, name)
         _read_followed(reader, at, spec, own, joints, terms)
         offset = reader.bound(spec.offset, at, ("offset",), "parameters")
-        if isinstance(why := reader.value(offset), str):
-            reader.report(at, ("offset",), f"{offset} has no finite value at the default parameters: {why}")
         if name is not None and reader.errors == before:
             found.append(coupling(name, tuple(terms), offset))
     return found
@@ -67,10 +65,7 @@ def _read_followed(
             reader.report(at, sub, f"{other!r} {twice}; a coupling relates different coordinates, each given once")
             continue
         seen.add(other)
-        number = reader.value(value)
-        if isinstance(number, str):
-            reader.report(at, sub, f"{value} has no finite value at the default parameters: {number}")
-        elif number == 0:
+        if reader.value(value) == 0:
             message = f"the ratio {value} is 0 at the default parameters, so nothing follows {other!r}; leave it out"
             reader.report(at, sub, message)
         terms.append(_term(other, joints, -value))

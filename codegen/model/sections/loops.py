@@ -64,9 +64,10 @@ def read_equations(
     """The equations of a condition, and its length if it is a distance; what is wrong is reported."""
     if spec.length_key:
         sub: Path_ = ("joint", spec.length_key)
+        before = reader.errors
         length = reader.bound(getattr(spec, spec.length_key), at, sub, "parameters")
-        value = reader.value(length)
-        if not isinstance(value, str) and value <= 0:
+        value = reader.numeric(length)
+        if value <= 0 and reader.errors == before:
             message = (
                 f"a distance of {value:g} m; a positive number is needed, since a rod without length has no direction; points "
                 f"that coincide are a spherical joint"
