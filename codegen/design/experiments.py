@@ -83,7 +83,7 @@ class Experiment:
         )
         if len(found) < len(times):
             raise SimulationError(
-                f"the motion ends at t = {found.t[-1]:g} s, before the last sample: {found.ended}", found
+                f"the motion ends at t = {found.stats['t']:g} s, before the last sample: {found.ended}", found
             )
         return found
 

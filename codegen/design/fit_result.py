@@ -168,8 +168,12 @@ class Fit:
             lines.append(
                 f"  squares of residuals over sigma^2: {self.sum_of_squares:.6g}, that is {self.variance:.4g} per freedom"
             )
-        else:
+        elif self.freedom > 0:
             lines.append(f"  standard deviation of the residuals: {math.sqrt(self.variance):.4g}")
+        else:
+            lines.append(
+                "  no more samples than variables: give sigma, or more samples, to know how sure these values are"
+            )
         width = max(map(len, self.names))
         for name, unit, x, d in zip(self.names, self.units, self.values, self.deviations, strict=True):
             if name in self.at_bounds:
@@ -177,7 +181,7 @@ class Fit:
             elif math.isinf(d):
                 sure = "not determined"
             else:
-                sure = f"+- {d:.2g}" + (f" ({100 * d / abs(x):.2g}%)" if x else "")
+                sure = "" if math.isnan(d) else f"+- {d:.2g}" + (f" ({100 * d / abs(x):.2g}%)" if x else "")
             lines.append(f"  {name:{width}s}  {x:14.8g}{' ' + unit if unit else ''}  {sure}")
         for direction in self.undetermined:
             told = ", ".join(f"{name} by {change:.4g}" for name, change in direction.items())

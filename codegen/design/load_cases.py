@@ -15,19 +15,33 @@ from .variables import Variables
 
 
 class LoadCases(OfVariables):
-    """``f(x)``, ``f.gradient(x)`` and ``f.value_and_gradient(x)`` of a sum of objectives; made by `load_cases`.
+    """The weighted sum of objectives: one design for several motions, or models; `optimize` takes it like an `Objective`.
 
     A constraint is one of a case, ``f.cases[0].constraint(...)``: it takes the same x, and no motion of its own.
+
+    Parameters
+    ----------
+    objectives : sequence of Objective
+        One for each case, all of the same variables with the same bounds and scales; a search begins at the start of the first.
+    weights : (n,), optional
+        Of the cases in the sum; left out: one each.
+    threads : int
+        Cases that are computed at once, at most.
 
     Attributes
     ----------
     cases : tuple of Objective
     weights : array (n,)
-        One for each case.
+
+    Raises
+    ------
+    ValueError
     """
 
-    def __init__(self, cases: Sequence[Objective], weights: ArrayLike | None, threads: int):
-        self.cases = tuple(cases)
+    def __init__(self, objectives: Sequence[Objective], *, weights: ArrayLike | None = None, threads: int = 1):
+        if isinstance(objectives, Objective):
+            raise ValueError("load_cases: objectives are a list, such as [ordernm.objective(...), ...]")
+        self.cases = tuple(objectives)
         if not self.cases:
             raise ValueError("load_cases: no objective is given, such as ordernm.objective(...)")
         for i, case in enumerate(self.cases):
@@ -97,28 +111,8 @@ class LoadCases(OfVariables):
         return f"{len(self.cases)} load cases\n{told}"
 
 
-def load_cases(objectives: Sequence[Objective], *, weights: ArrayLike | None = None, threads: int = 1) -> LoadCases:
-    """The weighted sum of objectives: one design for several motions, or models.
-
-    Parameters
-    ----------
-    objectives : sequence of Objective
-        One for each case, all of the same variables with the same bounds and scales; a search begins at the start of the first.
-    weights : (n,), optional
-        Of the cases in the sum; left out: one each.
-    threads : int
-        So many cases are computed at once.
-
-    Returns
-    -------
-    LoadCases
-        `optimize` and SciPy's optimisers take it like an `Objective`.
-
-    Raises
-    ------
-    ValueError
-    """
-    return LoadCases(objectives, weights, threads)
+load_cases = LoadCases
+"""What makes it."""
 
 
 def _difference(a: Variables, b: Variables) -> str:

@@ -176,3 +176,9 @@ def test_a_motion_that_ends_before_the_last_sample_is_an_error(solver):
     t = np.linspace(0.1, 3.0, 8)
     with pytest.raises(SimulationError, match="before the last sample"):
         codegen.fit(solver, t, {"x": t}, ["mass"], q={"block": 1.0}, events=[Event("x", 0.5)])
+
+
+def test_no_deviations_come_of_as_many_samples_as_variables(solver):
+    found = codegen.fit(solver, [1.0], {"x": [0.5]}, ["q0.block"], p=FREE)
+    assert found.freedom == 0 and np.isnan(found.deviations).all()
+    assert "no more samples than variables" in repr(found) and "nan" not in repr(found)
