@@ -8,16 +8,16 @@ if TYPE_CHECKING:
     from .runtime import Solver, Trajectory
 
 PARTITIONS = (2, 4)
-"""So many choices of independent coordinates are generated when a motion meets a dead point with fewer."""
+"""Numbers of choices of independent coordinates that are generated when a motion meets a dead point with fewer."""
 
 
 def more_choices(solver: Solver, trajectory: Trajectory, held: int) -> int | None:
-    """So many choices may take a motion further; None where it has not ended at a dead point, or there are no more choices.
+    """The number of choices that may take a motion further; None where it has not ended at a dead point, or there are no more.
 
     Parameters
     ----------
     solver : Solver
-        Of which `held` choices were asked for.
+        Generated with `held` choices.
     trajectory : Trajectory
         What it has simulated.
     """

@@ -27,7 +27,7 @@ COMPUTING = ("simulate", "report", "bench")
 """Commands that may have large matrices."""
 
 PROBLEMS = 50
-"""So many problems of a model are listed."""
+"""Problems of a model that are listed."""
 
 NEW_MODEL = """\
 # {name}: a pendulum to begin with; docs/model_format.md describes every key.
@@ -109,7 +109,7 @@ def _tolerate_terminal() -> None:
 
 
 def _wrong(error: Any) -> None:
-    """Say what is wrong with a model: so many problems one reads."""
+    """Print what is wrong with a model, the first `PROBLEMS`."""
     from .summary import first
 
     for line in first(error.problems, PROBLEMS, "and {} more problems; these first"):

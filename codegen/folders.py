@@ -3,7 +3,7 @@
 A package is written beside its place, under a hidden name, and exchanged with what stands there in one step, so that there is a
 package at any time. Where the system cannot exchange two folders, the old one is moved away first: a kill between the two moves
 leaves it under its hidden name, and the next run moves it back. Whoever writes such a folder holds a lock on it, which the
-system takes back when the process ends: so folders of the living are told from leftovers.
+system takes back when the process ends: so folders in use are known from leftovers.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ OTHERS = ("_second", "_third", "_fourth")
 """What the names of files and C functions of further partitions have after the model's."""
 
 ATTEMPTS = 20
-"""So often a place is tried for that other processes take meanwhile."""
+"""Attempts to take a place that other processes take meanwhile."""
 
 
 class FolderError(Failure, ValueError):

@@ -31,7 +31,7 @@ TARGETS = ("c", "numpy", "both")
 SCALARS = ("float64", "float32")
 CHECK_STATES = 3
 CHECK_DRAWS = 12
-"""So many random states are drawn to find those where the model's expressions have a value."""
+"""Random states that are drawn, at most, to find those where the model's expressions have a value."""
 CHECK_LIMIT = 200
 """Models of more bodies are not checked against the generic engine, which is slow."""
 
@@ -74,7 +74,7 @@ def generate(
     functions : sequence of str, or str with commas, optional
         The functions that the solver has: names of its members, such as ``("accelerations", "gradients")``, or ``"dynamics"``,
         ``"rates"``, ``"mass"``, ``"forces"``, ``"states"``, ``"frames"`` for several together. Left out: all, of reactions and
-        frames those that are asked for. What makes states consistent is always there.
+        frames those that are requested. What makes states consistent is always there.
     scalar : {"float64", "float32"}
         The scalar type of the C, its arrays and results. In "float32" there are all functions and their derivatives, and batches
         have twice the lanes; motions are integrated in double precision, so `Solver.simulate` and `Solver.judge` are left out.
@@ -308,7 +308,7 @@ def check_solver(model: Model, report: Report) -> None:
     from .runtime import AssemblyError, SingularJointError, load
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been told
+        warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been reported
         solver = load(report.folder)
     if not {"sensitivities", "accelerations"} & solver.operations.keys():
         report.remarks.append(

@@ -16,10 +16,10 @@ from .model.outputs import MEASURES
 from .summary import counted
 
 FEW, FIRST = 40, 10
-"""A section of at most so many entries is shown as a whole, of a longer one its first. Of more bodies, those that are alike are
-gathered."""
+"""A section of at most `FEW` entries is shown as a whole, of a longer one the first `FIRST`. Of more than `FEW` bodies, those
+that are alike are gathered."""
 LEVELS = 12
-"""The tree is indented up to so many levels."""
+"""Levels of the tree that are indented."""
 LONG = 32
 """Expressions longer than this are shown by their value at the default parameters."""
 

@@ -1,7 +1,7 @@
 """``ordernm simulate``: from a model file, or a generated package, to a motion, its table, its file and its picture.
 
-What is written is checked before the work begins: a name that cannot be written to, or an extra that is not installed, is told
-before a long simulation, not after it.
+What is written is checked before the work begins: a name that cannot be written to, or an extra that is not installed, is
+reported before a long simulation, not after it.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ TOLERANCE = 1e-9
 """Relative and absolute, if nobody gives others."""
 
 ROWS, COLUMNS = 24, 6
-"""Of the table of final values: so many outputs, and derivatives of each."""
+"""Rows and columns of derivatives in the table of final values."""
 
 
 class RequestError(Failure, ValueError):
-    """What was asked for on the command line cannot be done."""
+    """The command line requests something that cannot be done."""
 
 
 class MotionError(Failure, ArithmeticError):
@@ -88,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--samples",
         type=int,
         metavar="N",
-        help=f"so many times from 0 to the end, equally far apart (default: {SAMPLES})",
+        help=f"N times from 0 to the end, equally far apart (default: {SAMPLES})",
     )
     sampled.add_argument(
         "--at",
@@ -135,7 +135,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str], width: int | None = None) -> Run:
-    """Do what the command line asks for, but for printing.
+    """Run the command, except for printing.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def _remarks(remarks: list[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _motion_errors() -> Iterator[None]:
-    """What `Solver.simulate` raises, told apart: the request is wrong, or the motion cannot be computed."""
+    """Sort what `Solver.simulate` raises: the request is wrong, or the motion cannot be computed."""
     from numpy.linalg import LinAlgError
 
     from .runtime import AssemblyError, CompileError, NoCompilerError
@@ -247,7 +247,7 @@ def _motion_errors() -> Iterator[None]:
         raise RequestError(str(error)) from None
 
 
-# -- what is asked for ---------------------------------------------------------------------------------------------------
+# -- requests -----------------------------------------------------------------------------------------------------------
 
 
 def times_of(options: argparse.Namespace) -> list[float]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 SHOWN = 20
-"""A report shows so many warnings, and twice as many lines about loops; the others are counted."""
+"""Warnings that a report shows, and half the lines about loops; the others are counted."""
 
 FORWARD = (
     "start", "rotations", "closures", "pose", "velocities", "loads", "kinematics", "triangularize", "back_substitute",
@@ -160,7 +160,7 @@ def counted(n: int, one: str, many: str = "") -> str:
 
 
 def first(lines: Iterable[object], limit: int, more: str) -> list[str]:
-    """So many lines, and how many more there are."""
+    """The first `limit` lines, and how many more there are."""
     found = [str(line) for line in lines]
     return found if len(found) <= limit else [*found[:limit], more.format(len(found) - limit)]
 

@@ -48,7 +48,7 @@ def width(stream: TextIO | Any) -> int | None:
 
 
 def wrapped(line: str, columns: int | None) -> list[str]:
-    """A line in lines of at most so many columns, broken between words; what follows is indented further."""
+    """A line broken between words into lines of at most `columns`; later ones are indented further."""
     if columns is None or len(line) <= columns:
         return [line]
     indent = " " * min(len(line) - len(line.lstrip()) + 4, columns // 2)
@@ -71,7 +71,7 @@ def write_lines(lines: Iterable[str], stream: TextIO | Any, styles: Iterable[str
 
 
 class StatusLine:
-    """One line of a terminal that tells what is being done, from `PATIENCE` on; it goes away in the end.
+    """One line of a terminal that says what is being done, after `PATIENCE` seconds; it is removed at the end.
 
     Call it as `codegen.generate` calls ``progress``. Where nobody looks it only remembers, for `where`.
 

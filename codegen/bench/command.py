@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], list[str]]:
-    """Do what the command line asks for, but for printing.
+    """Run the command, except for printing.
 
     Returns
     -------

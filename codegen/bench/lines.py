@@ -29,7 +29,7 @@ def result_lines(results: dict[str, Any], width: int | None) -> list[str]:
 
 
 def problem_lines(name: str, result: dict[str, Any], width: int | None) -> list[str]:
-    """A problem's title, its table and what was asked of it."""
+    """A problem's title, its table and its goals."""
     body = LINES[result["kind"]](result, width)
     return [f"{name}: {result['title']}", f"  reference: {result['source']}", *body]
 

@@ -16,7 +16,7 @@ At = Callable[[ArrayLike], Point]
 
 
 def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
-    """Bounds (count,) of so many functionals, checked.
+    """Checked bounds (count,) of `count` functionals.
 
     Raises
     ------

@@ -23,7 +23,7 @@ NO_PROGRESS, FEW_MOTIONS = 0.99, 20
 """A search that has run more motions and leaves more than this part of the first squares went nowhere."""
 
 STRONG = 0.95
-"""Correlations of more are told."""
+"""Stronger correlations are listed."""
 
 
 @dataclass(slots=True, eq=False)

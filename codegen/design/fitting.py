@@ -93,7 +93,7 @@ def fit(
         As those of `scipy.optimize.least_squares`; a loss other than "linear" takes outliers less seriously, and the
         covariance is then that of the samples as it weighs them.
     undetermined : float
-        Directions whose singular value is a smaller part of the largest are told as not determined.
+        Directions whose singular value is a smaller part of the largest are reported as not determined.
     most_motions : int, optional
         Evaluations of all motions that are allowed.
     tolerance : float

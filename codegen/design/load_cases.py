@@ -1,4 +1,4 @@
-"""Several motions that are judged together: the weighted sum of objectives of the same variables."""
+"""Several motions evaluated together: the weighted sum of objectives of the same variables."""
 
 from __future__ import annotations
 

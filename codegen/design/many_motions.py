@@ -19,7 +19,7 @@ from .failures import FAILURES
 
 @dataclass(slots=True, eq=False)
 class Motions(Sequence[Trajectory | None]):
-    """Trajectories in the order of what was asked for; ``motions["tip_x"]`` is a series of all of them.
+    """Trajectories in the order of the rows; ``motions["tip_x"]`` is a series of all of them.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def simulate_many(
     Returns
     -------
     Motions
-        In the order of the rows; motions that failed are told and recorded, the others go on.
+        In the order of the rows; motions that fail are recorded, and the others go on.
 
     Raises
     ------

@@ -51,7 +51,7 @@ def measure_digest(measure: Callable[..., Any]) -> str:
 
 
 def _described(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Iterator[str]:
-    """What tells a value from others, in words."""
+    """Words that identify a value."""
     if x is None or isinstance(x, (bool, int, float, complex, str, bytes, np.generic, Path)):
         yield f"{type(x).__name__} {x!r}"
         return

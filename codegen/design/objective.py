@@ -1,4 +1,4 @@
-"""A number that a motion is judged by, as a function that SciPy's optimisers take, with its exact gradient."""
+"""The value of a motion as a function that SciPy's optimisers take, with its exact gradient."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .outcome import Outcome
 from .variables import Variables, Wanted
 
 KEPT = 16
-"""So many points are remembered with their values and gradients."""
+"""Points that are kept with their values and gradients."""
 
 
 class OfVariables(ABC):
@@ -102,7 +102,7 @@ class Objective(OfVariables):
         self._known: OrderedDict[bytes, Point] = OrderedDict()
         self._last: Point | None = None
 
-    # -- what an optimiser asks ----------------------------------------------------------------------------------------
+    # -- for optimisers ---------------------------------------------------------------------------------------------
 
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
         """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``."""
@@ -133,7 +133,7 @@ class Objective(OfVariables):
     def _constrained(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike, upper: ArrayLike
     ) -> tuple[slice, Array, Array]:
-        """Functionals that are judged along with the objective, where they stand among all, and their bounds (m,)."""
+        """Functionals evaluated along with the objective: their places among all, and their bounds (m,)."""
         wanted = check_functionals(functionals, self.solver.output_names, self.start, self.end)
         low, high = bounds_of(len(wanted), lower, upper)
         first = len(self._functionals)
@@ -203,7 +203,7 @@ class Objective(OfVariables):
                 raise ValueError(f"combine gives {value} with the derivatives {weights} of {own}, expected numbers")
         return Point(value, weights @ gradients[:count], judged.values, gradients)
 
-    # -- what a person asks --------------------------------------------------------------------------------------------
+    # -- for people ---------------------------------------------------------------------------------------------------
 
     @property
     def motions(self) -> int:

@@ -26,7 +26,7 @@ STUCK = ("ABNORMAL", "Positive directional derivative")
 """In messages of SciPy's methods: a line search that finds no lower value."""
 
 STEP_BACK = 10.0
-"""A motion that fails counts as so many times the largest change of the objective that was seen."""
+"""A motion that fails counts as this multiple of the largest change of the objective so far."""
 
 
 def optimize(

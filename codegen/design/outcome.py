@@ -10,7 +10,7 @@ from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.motion.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
 
 ROWS = 40
-"""So many variables are shown."""
+"""Variables that are shown, at most."""
 
 AT_BOUND = 1e-6
 """A value is at its bound where it is nearer than this part of its range, or of its size."""

@@ -25,13 +25,13 @@ from .sweep_result import Sweep
 from .sweep_tasks import Bearer, run
 
 TASKS, LARGEST = 200, 50
-"""Cases are sent in about so many tasks, and in one task at most so many of them."""
+"""Tasks in which the cases are sent, about, and cases in one task, at most."""
 
 AHEAD = 64
-"""So many tasks wait at an executor or are computed there; the others wait here."""
+"""Tasks that wait at an executor or are computed there; the others wait here."""
 
 FEWER = 8
-"""Of a broken executor's tasks, so many times fewer are tried together, until the one that breaks it is alone."""
+"""After an executor breaks, tasks are tried together in groups smaller by this factor, until the one that breaks it is alone."""
 
 NO_EXECUTOR = "executor is {!r}, expected one of concurrent.futures, or a callable that makes one"
 
@@ -39,10 +39,10 @@ LOST = ("KilledWorker",)
 """Errors of Dask's, which goes on without the worker."""
 
 IN_VAIN = 3
-"""So many executors that die of one case each, one behind the other without a result, are not the fault of cases."""
+"""Executors in a row that die of one case each, without a result, before cases are no longer blamed."""
 
 SAME_ERROR = 8
-"""So many cases fail by errors in the measure, and none is measured, before a sweep is given up."""
+"""Cases that fail by errors in the measure, while none is measured, before a sweep is given up."""
 
 
 def sweep(

@@ -168,7 +168,7 @@ def _articulated(
         if k == 0:
             break
         gj, gm = [x * pivot for x in hj], [x * pivot for x in hm]
-        # The joint's row and column of what is handed on are exactly zero.
+        # The joint's row and column of the contribution to the parent are exactly zero.
         Ja = symmetric(lambda i, j: 0 if a in (i, j) else J[i][j] - gj[i] * hj[j])  # noqa: B023
         Ha = [[0 if i == a else H[i][j] - gj[i] * hm[j] for j in range(3)] for i in range(3)]
         Ma = symmetric(lambda i, j: M[i][j] - gm[i] * hm[j])  # noqa: B023

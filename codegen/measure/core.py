@@ -138,16 +138,16 @@ FIXED_WORK = ("core", "cache")
 """What it is called in a `Turn` and in a report."""
 
 WATCHED, MOST_WATCHED = 2e-3, 30
-"""After a turn the fixed work is done once for each so many seconds of it, but not more often than that."""
+"""After a turn the fixed work runs once for each interval of this many seconds, but not more often than `MOST_WATCHED`."""
 
 TURNS = 3
-"""A process measures each peak so often."""
+"""Measurements of each peak in a process."""
 
 TRIED = 15
-"""So often a core does the fixed work before it is chosen or not."""
+"""Runs of the fixed work by which a core is chosen."""
 
 PAGE = 512
-"""Numbers in a page of memory, by whose last bits of addresses a core tells them apart at first."""
+"""Numbers in a page of memory, within which addresses differ by the bits that a core compares first."""
 
 IN_CACHE, IN_MEMORY = 1536, 8_000_000
 """Numbers in each of the two arrays of which sums are measured: in the first cache, and far beyond the last."""

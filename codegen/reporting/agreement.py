@@ -46,10 +46,10 @@ MEASURED = {
 """Keys of what is compared in another way than entry by entry, or not at all: dates, and times that were taken once."""
 
 NOTABLE = 1.1
-"""A core that is so much slower is told."""
+"""Ratio of the fixed work from which a slower core is reported."""
 
 MOST_LINES = 12
-"""So many differences of a part are listed."""
+"""Differences of a part that are listed."""
 
 
 class NoReportError(Failure):
@@ -102,7 +102,7 @@ def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = 
     one, other : mapping
         As `read` gives them.
     most : int
-        So many sentences of a kind, and how many more there are.
+        Sentences of a kind, at most; the others are counted.
     """
     if why := incomparable(one, other):
         return [why]

@@ -31,14 +31,14 @@ DIGITS = 40
 """Of the numbers of the reference."""
 
 MOST_PARAMETERS, MIXED = 16, 3
-"""So many parameters' derivatives are compared, and so many along random directions of everything at once."""
+"""Parameters by which derivatives are compared, and random directions of everything at once."""
 
 VANISHING = 1e-12
 """What is less, in parts of its natural size, is zero but for the rounding of the state, such as the derivatives by speeds of a
 parallelogram, whose links turn alike."""
 
 MOST_COLUMNS = 60
-"""All columns of the Jacobians, and a gradient, are compared up to so many."""
+"""Columns of the Jacobians up to which they, and a gradient, are compared."""
 
 WITNESS = """\
 model: witness

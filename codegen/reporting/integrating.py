@@ -26,7 +26,7 @@ COSTLIEST = 5e8
 not seconds, so that another run of the same report makes the same motions."""
 
 PROBED, ALLOWED = 90, 12
-"""So many times `COSTLIEST` the first motion may cost, by which it is found how far motions go, and any later one."""
+"""Multiples of `COSTLIEST` that the first motion may cost, which finds how far motions go, and that a later one may cost."""
 
 FIXED = [2**i for i in range(5, 15)]
 """Numbers of steps of the method with constant ones."""
@@ -35,7 +35,7 @@ FIXED_TOLERANCE = 1e-9
 """Where the method with constant steps solves closures."""
 
 ROUNDS, SHORT = 5, 0.005
-"""A process times a motion so often, or until it has taken so many seconds."""
+"""Times that a process runs a motion, at most, and seconds after which it stops."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def turns(solver: Solver, setting: Setting, core: Core) -> list[Turn]:
 
 
 def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
-    """Of Dormand and Prince's method, twelve evaluations each, until a motion has cost so many times `COSTLIEST`."""
+    """Steps of Dormand and Prince's method, twelve evaluations each, that cost a multiple of `COSTLIEST`."""
     affordable = int(allowed * COSTLIEST / (12 * evaluation(solver, names)))
     return min(max(2 * max(FIXED), affordable), 1_000_000)
 

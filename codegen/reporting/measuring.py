@@ -207,7 +207,7 @@ def _compile(folder: Path, *apart: str) -> float:
     """Compile a package, all partitions, side by side with what is compiled apart; seconds that the first takes.
 
     All functions of the first partition are in one library: a report calls nearly all, and they share most of what is compiled.
-    Of the others motions alone are asked for.
+    The others are used for motions only.
     """
     manifest = read_manifest(folder)
     parts = [manifest, *manifest.get("others", [])]

@@ -48,22 +48,22 @@ ORDERS = {"dop853": 8, "radau": 5}
 
 REFERENCES = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
 """Tolerances of the motion that errors are against: the first that a motion comes to its end with. Of large angles and speeds the
-last digits are not to be had. By the next one it is judged how far it is right."""
+last digits cannot be computed. Its error is estimated by the next one."""
 
 LOST, LEAST = 1e-3, 1e-3
-"""A motion whose reference is known no better, a chaotic one, is halved, down to this part of what was asked for."""
+"""A motion whose reference is known no better, a chaotic one, is halved, down to this part of the requested time."""
 
 EXACT = 1e-11
 """An error below which a motion is exact but for rounding; a method that has one errs by more at its loosest tolerance."""
 
 FACTORS = 20
-"""So often an implicit method factors its matrices, at least; where that is too much it is left out."""
+"""Factorizations that an implicit method needs, at least; where they cost too much it is left out."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
-"""So many settings a diagram has."""
+"""Settings of a diagram."""
 
 LONGEST = 0.75 * COSTLIEST
-"""Those of a motion at a tolerance of 1e-6: what takes more is not integrated as far as asked."""
+"""Those of a motion at a tolerance of 1e-6: what takes more is integrated for a shorter time."""
 
 MOST_SENSITIVITIES = 4
 
@@ -82,7 +82,7 @@ def motions(
     Parameters
     ----------
     remade : callable
-        Gives a solver with so many choices of independent coordinates, for motions through dead points.
+        Gives a solver with that number of choices of independent coordinates, for motions through dead points.
     core : Core
         Timed beside motions.
 

@@ -18,7 +18,7 @@ PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "fi
 
 
 def need() -> None:
-    """ImportError, which tells what to install, where matplotlib is not there."""
+    """Raise ImportError, with what to install, where matplotlib is not installed."""
     from ..runtime.standalone.trajectory.plot import need as need_matplotlib
 
     need_matplotlib()

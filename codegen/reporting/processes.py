@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PROCESSES = 5
 
 LONG = 0.2
-"""A motion that has taken so many seconds is timed no more, but for once by the first process."""
+"""Seconds after which a motion is timed no more, except once by the first process."""
 
 
 class ProcessError(Failure, RuntimeError):

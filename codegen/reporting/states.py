@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RANDOM = 3
-"""So many random states."""
+"""Random states."""
 
 NEARER, FARTHER = 0.7, 1.1
 """Random states are drawn nearer by this after each that does not close, and farther after each that does: one of five does not,
 or so, and that takes longest to find."""
 
 SEARCHED = 100
-"""Among so many random states the one with the worst condition is taken for the one near a singularity."""
+"""Random states among which the one with the worst condition stands for one near a singularity."""
 
 TURNS, FAST = 1e5, 1e3
 """Extreme states: turns of every independent hinge, and by what speeds are multiplied."""

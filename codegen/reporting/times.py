@@ -33,7 +33,7 @@ BATCH = 2048
 """States a batch has where functions are compared, if its results are no larger: the cost of the call vanishes."""
 
 LONG, LEAST_BATCH = 0.03, 64
-"""Seconds that a call with a batch may take, about: of a slow function fewer states will do, though not less than so many."""
+"""Seconds that a call with a batch may take, about: a slow function gets fewer states, but at least `LEAST_BATCH`."""
 
 
 def turns(solver: Solver, state: State, budget: float, core: Core) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _in_time(call: Callable[[], object]) -> int:
-    """So many states take `LONG`, by the time of a single call."""
+    """The number of states that take `LONG`, by the time of a single call."""
     call()  # compiles and loads what it needs
     return max(LEAST_BATCH, int(LONG / max(elapsed(call, clock=time.thread_time)(), 1e-9)))
 

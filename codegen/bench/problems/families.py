@@ -15,7 +15,7 @@ from ..problem import Array, Evaluation, Family, Reference
 
 DIGITS = 40
 ENGINE_TO = 60
-"""Bodies up to which the generic engine in 40 digits is asked: about a second for ten of them."""
+"""Bodies up to which the generic engine in 40 digits is the reference: about a second for ten of them."""
 ALL_DIRECTIONS_TO, ONE_DIRECTION_TO = 100, 1000
 """Rods up to which a chain's eight directions, or its first one, are computed in 40 digits: 1 ms a rod and direction."""
 

@@ -34,7 +34,7 @@ bodies:
 DIRECTIONS = ("first joint", "middle joint", "all joints", "length", "all speeds")
 """A straight chain that turns as one has no derivative by its speeds."""
 ALL_TO, SOME = 100, 20
-"""Rods up to which every joint has a direction of its own, by its angle and by its speed; of longer chains so many have."""
+"""Rods up to which every joint has a direction of its own, by its angle and by its speed; joints of longer chains that have."""
 
 
 def planar(n: int, first: float, others: float) -> Evaluation:
