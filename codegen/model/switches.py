@@ -19,13 +19,15 @@ from ..elementary import TABLE, named, tree_of
 from .expressions import COMBINED, Expression
 from .grammar import AT_LEAST, WRAPPED, Number, Tree
 from .products import HELD, is_positive
+from .singular import singular_functions
 from .trees import nodes, parts
 
 MODE: Final = "mode."
 """Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
 
-KINDS: Final = ("sign", "turn")
-"""What modes are: the sign of the switching function, or the angle near which the function, an angle, is measured."""
+KINDS: Final = ("sign", "turn", "point")
+"""What modes are: the sign of the switching function, or the angle near which the function, an angle, is measured; a singular
+function has none, and is zero where an expression may have no value."""
 
 BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
 """Functions that have branches."""
@@ -131,6 +133,8 @@ class Switch:
     @property
     def words(self) -> str:
         """What changes its branch, for messages: ``sign(u.slope)``, ``q.band > s``."""
+        if self.kind == "point":
+            return f"{Expression(self.value)} = 0"
         if self.element:
             what = "angle of {}, at half a turn," if self.kind == "turn" else "line of {}, whose ends coincide,"
             return f"the {what.format(self.element)}"
@@ -151,7 +155,7 @@ class Switches:
     Attributes
     ----------
     found : list of Switch
-        Those whose modes are held within a step.
+        Those whose modes are held within a step, and singular functions.
     """
 
     def __init__(self, inputs: Collection[str]):
@@ -164,9 +168,10 @@ class Switches:
 
     def add(self, tree: Tree, place: str, output: int | None = None, moves: bool = False) -> None:
         """Find the switches of an expression of prescribed motion, which `moves`, of a force, or of an output."""
+        singular = [] if moves else [self._point(of).number for of in singular_functions(tree, self._varies)]
         held = self.hold(tree, moves)
         located = {n for part in _inner_first(tree) for n in self._located.get(part, ())} if self._located else set()
-        for number in sorted(self._numbers(held) | located):
+        for number in sorted(self._numbers(held) | located.union(singular)):
             switch = self.found[number]
             if place not in switch.places:
                 switch.places.append(place)
@@ -175,6 +180,11 @@ class Switches:
                 switch.drives = True
             else:
                 switch.outputs.add(output)
+
+    @property
+    def have_modes(self) -> bool:
+        """Whether any of them holds a branch; singular functions do not."""
+        return any(s.kind != "point" for s in self.found)
 
     def add_turn(self, element: str) -> None:
         """The angle between two bodies, which jumps at half a turn."""
@@ -233,6 +243,14 @@ class Switches:
         switch = self._by_value.get(value)
         if switch is None:
             switch = self._by_value[value] = Switch(len(self.found), call, value)
+            self.found.append(switch)
+        return switch
+
+    def _point(self, value: Tree) -> Switch:
+        """The switch of a singular function."""
+        switch = self._by_value.get(("point", value))
+        if switch is None:
+            switch = self._by_value["point", value] = Switch(len(self.found), (), value, "point")
             self.found.append(switch)
         return switch
 

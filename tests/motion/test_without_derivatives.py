@@ -137,9 +137,55 @@ def test_a_jump_at_a_point_that_no_switch_finds(made: Callable[..., Made], name:
                 given = {"p": {"x0": 0.5 * side, "v0": -side}, "method": way, **options}
                 found, messages = gradients(solver, [Final("x")], BY, **given)
                 assert np.isnan(found.gradients).all(), given
-                assert any("do not exist and are NaN" in m and "jumps there at no switch" in m for m in messages)
+                assert any("do not exist and are NaN" in m and "jump" in m for m in messages)
                 before = solver.judge(0.2, Final("y"), wrt=["x0", "v0"], **given)
                 assert np.isfinite(before.gradients).all()
+
+
+POINTS: dict[str, tuple[list[float], str]] = {
+    "k*q.y/q.x": ([0.0, np.nan, 0.0, 0.0], "q.x = 0"),
+    "k*q.x**2/(q.x**2 + q.y**2)": ([0.5, np.nan, 0.0, 0.0], "q.x**2 + q.y**2 = 0"),
+    "k*q.x*q.y/(q.x**2 + q.y**2)": ([0.0, np.nan, 0.0, 0.0], "q.x**2 + q.y**2 = 0"),
+    "k*sqrt(q.x**2 + q.y**2)": ([0.125, 0.0, np.nan, np.nan], "q.x**2 + q.y**2 = 0"),
+    "k*abs(sqrt(q.x**2 + q.y**2) - 2)": ([0.875, 0.0, np.nan, np.nan], "q.x**2 + q.y**2 = 0"),
+    "k*acos(cos(q.x))": ([0.125, 0.0, np.nan, np.nan], "(1 - cos(q.x))*(1 + cos(q.x)) = 0"),
+    "k*q.x**3/(q.x**2 + q.y**2)": ([-1 / 12, 0.0, 1.0, 1 / 3], ""),
+    "k*sin(3*q.x)/(3*q.x)": ([], ""),
+}  # fmt: skip
+"""Forces that have a value on the way of the motion, their derivatives by `BY`, and the point where some do not exist."""
+
+
+@pytest.mark.parametrize("law", list(POINTS))
+def test_points_at_which_a_force_has_no_value(made: Callable[..., Made], law: str) -> None:
+    """The motion passes the point exactly; disturbed ones pass beside it, where the force may be another one."""
+    solver = made(parsed, (PASSES + FORCE.format("w", law)).replace("{value: q.w + q.x}", "{value: q.w}")).solver
+    wanted, place = POINTS[law]
+    for options in METHODS if wanted else METHODS[:2]:
+        for way in ("forward", "adjoint"):
+            found, messages = gradients(
+                solver, [Final("x")], BY, p={"x0": -0.5003} if not wanted else {}, method=way, **options
+            )
+            if wanted:
+                close = 1e-6 if "rk4" not in options.values() else 1e-4
+                np.testing.assert_allclose(found.gradients[0], wanted, rtol=close, atol=close)
+            else:
+                assert np.isfinite(found.gradients).all()
+            assert all("do not exist and are NaN" in m and f"passes {place} in forces.w.value" in m for m in messages)
+            assert len(messages) == bool(place), messages
+
+
+def test_points_in_outputs_and_beside_parameters(made: Callable[..., Made]) -> None:
+    """Outputs count where they are integrated; a parameter may move the point itself."""
+    law = "k*q.x**2/(q.x**2 + (q.y - s)**2)"
+    text = (PASSES + FORCE.format("w", law)).replace("{k:", "{s: 0.0, k:").replace(
+        "outputs: {", 'outputs: {r: {value: "sqrt((q.x + 0.25)**2 + q.y**2)"}, '
+    )  # fmt: skip
+    solver = made(parsed, text).solver
+    found, messages = gradients(solver, Final("y"), ["s", "k", "x0"], method="forward")
+    assert np.isnan(found.gradients[0]).tolist() == [True, False, False] and "q.x**2" in messages[0]
+    found, messages = gradients(solver, Integral("r"), ["x0", "k"], method="adjoint")
+    assert np.isnan(found.gradients[0]).tolist() == [True, False]
+    assert "outputs.r.value" in messages[0]
 
 
 @pytest.mark.parametrize("jump", [1e-3, 0.03, 1.0])
@@ -152,7 +198,7 @@ def test_a_small_jump_beside_rates_that_change_far_more(made: Callable[..., Made
     for options in (*METHODS[:2], {**METHODS[2], "step": 0.001}):
         found, messages = gradients(solver, [Final("x")], ["s"], p={"J": jump}, **options)
         assert np.isnan(found.gradients).all(), options
-        assert any("jumps there at no switch" in m for m in messages)
+        assert any("the motion passes s - q.x" in m or "jumps there at no switch" in m for m in messages)
 
 
 def test_steep_forces_are_no_jumps(made: Callable[..., Made]) -> None:

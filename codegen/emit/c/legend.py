@@ -33,7 +33,7 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool) -> li
         lines.append("  t         time, s")
     if outputs:
         lines.append(f"  outputs[{len(outputs)}]: {some(outputs)}")
-    if model.switches.found:
+    if model.switches.have_modes:
         lines.append(
             f"  modes[{len(model.switches.found)}]: of switches, for functions whose name has _in_modes, which integrators call:"
         )

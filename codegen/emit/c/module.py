@@ -35,7 +35,7 @@ class CWriter(CPrepared):
         places: dict[str, int] = {}
         at = 0
         memory = c_functions.memory(found)
-        switching = bool(model.switches.found)
+        switching = model.switches.have_modes
         if switching:  # functions that nobody calls with modes read that there are none
             memory.fields.setdefault(MODES.name, False)
         _ = self.swept

@@ -101,10 +101,12 @@ def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
     names = {p.name for p in found}
     if not w.system.model.switches.found or "state_rates" not in names:
         return found
-    further = switches(w)
+    further = switches(w)[: None if w.system.model.switches.have_modes else 1]  # singular functions are looked at only
     if "sensitivities_transposed" in names:
         further += backwards(w, further)
     found += tuple(replace(p, internal=True) for p in further)
+    if not w.system.model.switches.have_modes:
+        return found
     modes = w.one("modes")
     switched = any(place.startswith("motion.") for s in w.system.model.switches.found for place in s.places)
     names = {*IN_MODES, *(CLOSING_IN_MODES if switched else ())}

@@ -6,7 +6,7 @@
  *     room, explicit_backwards, radau_backwards, switches_backwards     memory and the beginning; one step, and switches, backwards
  *     steps, step_sizes, events, results, lost, transposes  between steps; how long; events in them; what is kept; directions without
  *                                                           derivatives; a state backwards
- *     explicit, radau, passing                             one step; over a switch
+ *     explicit, radau, passing, points                     one step; over a switch; where rates may have no value
  *     radau_sensitivities, switches, poses, dead_points    its derivatives; modes; where loops lose rank
  *     radau_equations, report, errors                      its equations; a row of results; errors of steps
  *     state, linear, extremes                              one state with its loops closed; factors; where outputs turn
@@ -197,6 +197,11 @@ struct ordernm_motion {
     scalar together_since, *z_before, *modes_before, *switches_kept; /* ... since when, from which state and modes; room for modes */
     scalar *lost;             /* [ngroups][LANES] NaN: there is no derivative along the direction any more; else 0 */
     int *resting;             /* [nswitches] room for those that the motion rests at */
+    int npoints;              /* singular functions that are looked for */
+    scalar *singular;         /* [5][nswitches] what they are within the step */
+    scalar *sides[6];         /* [size] rates on both sides of such a point, see points.c */
+    scalar *moved_p;          /* [np] parameters beside it */
+    const scalar *p;          /* parameters: the problem's, or those */
     int suspects;             /* steps in which rates may jump without a switch */
     int jumps_at_end;         /* they seem to at the end of this one */
     scalar turning;           /* the longest step in which no angle that jumps at half a turn leaves its mode by so much; 0 for any */
@@ -301,6 +306,7 @@ int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k);
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed);
 int ordernm_rates_jump(const ordernm_motion *m, const scalar *before, const scalar *after);
 scalar ordernm_other_mode(const ordernm_motion *m, int k);
+int ordernm_matters(const ordernm_motion *m, int k);
 void ordernm_hold_switches(ordernm_motion *m);
 int ordernm_switching(ordernm_motion *m, scalar t, const scalar *z);
 scalar ordernm_side(const ordernm_motion *m, int k);
@@ -329,6 +335,18 @@ int ordernm_wants_precise(ordernm_motion *m);
 int ordernm_keep(ordernm_motion *m, scalar t, const scalar *z);
 int ordernm_sample(ordernm_motion *m, scalar end);
 void ordernm_keep_step(const ordernm_motion *m, scalar h);
+
+/* points.c */
+typedef struct {
+    int which;                /* the singular function */
+    scalar part;              /* of the step, where it is zero */
+    int before, after;        /* rates on this side have the modes at hand */
+} point;
+void ordernm_between(const ordernm_motion *m, scalar h, scalar x, scalar *z);
+int ordernm_next_point(ordernm_motion *m, const trial *step, point *found);
+int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at);
+int ordernm_rates_are_rough(const ordernm_motion *m, scalar h, const point *at);
+int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, int lane);
 
 /* lost.c */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z);

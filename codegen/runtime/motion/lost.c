@@ -1,7 +1,7 @@
 /* Directions along which the motion has no derivative from some time on, though it goes on itself.
  *
- * There are three kinds: rates whose derivatives are not finite, such as that of sqrt(abs(x)) where x stays at zero; a switch that the
- * motion rests at, of whose branches one holds on either side; and rates that jump where no switch is known, as those of atan2(y, x) do
+ * There are four kinds: rates whose derivatives are not finite, such as that of sqrt(abs(x)) where x stays at zero; a switch that the
+ * motion rests at, of whose branches one holds on either side; points that the motion passes, see points.c; and rates that jump where no switch is known, as those of atan2(y, x) do
  * where the motion passes the point at which both are zero. A direction that is lost is NaN in results, and zero in the state. */
 #include "radau.h"
 
@@ -171,20 +171,12 @@ static scalar widest_pair(const ordernm_motion *m, const int *order, int points,
     return all > 0.0 ? largest/all : 0.0;
 }
 
-/* Values in the step, by the cubic through its ends. */
-static void between(ordernm_motion *m, scalar h, scalar x, scalar *z)
-{
-    const scalar y = 1.0 - x, *const first = m->rate[0], *const last = m->rate[m->method->stages];
-    for (long i = 0; i < m->values; ++i)
-        z[i] = y*y*((1.0 + 2.0*x)*m->z[i] + h*x*first[i]) + x*x*((3.0 - 2.0*x)*m->next[i] - h*y*last[i]);
-}
-
 /* A rate in the step, on that cubic; 0 where it has one. */
 static int rate_within(ordernm_motion *m, scalar h, scalar x, int i, scalar *rate)
 {
     const scalar *at = x == 0.0 ? m->rate[0] : x == 1.0 ? m->rate[m->method->stages] : m->at_pose;
     if (at == m->at_pose) {
-        between(m, h, x, m->trial);
+        ordernm_between(m, h, x, m->trial);
         if (ordernm_rates_of(m, m->t + x*h, m->trial, m->at_pose, 0, 0, RATES | INTEGRALS)) return 1;
         if (m->nd && m->results->condition_here > m->poor) return 1; /* a loop loses rank there */
     }
@@ -265,12 +257,31 @@ static void look_for_jump(ordernm_motion *m, scalar h)
     if (some) note(m, ORDERNM_JUMPS, which);
 }
 
+/* Directions that have no derivative behind points that the step passes. Without directions it is the first such point. */
+static void look_at_points(ordernm_motion *m, const trial *step)
+{
+    point at = {.which = -1};
+    while (ordernm_next_point(m, step, &at)) {
+        int some = !m->ngroups && !m->results->lost_count;
+        if (m->ngroups && ordernm_look_at_point(m, step->h, &at)) continue;
+        for (int n = 0; n < m->ngroups; ++n)
+            for (int l = 0; l < m->groups[n].used; ++l) {
+                if (m->lost[n*LANES + l] != 0.0 || !is_moved(m, n, l)) continue;
+                if (!ordernm_rates_are_rough(m, step->h, &at) && !ordernm_lost_at_point(m, step->h, &at, n, l)) continue;
+                lose(m, n, l);
+                some = 1;
+            }
+        if (some) note(m, ORDERNM_PASSES, at.which);
+    }
+}
+
 /* Loses directions that have no derivative behind the step that has been made. */
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step)
 {
     const scalar condition = m->results->condition_here;
     if (!m->ngroups && !m->results->lost) return;
     look_at_rest(m, step->end);
+    if (m->npoints) look_at_points(m, step);
     if (m->rejected_before || m->jumps_at_end || !m->adaptive) m->suspects = SUSPECTS;
     if (m->suspects > 0 && step->event < 0) look_for_jump(m, step->h);
     m->suspects -= m->suspects > 0;

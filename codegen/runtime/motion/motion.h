@@ -55,8 +55,8 @@ typedef struct {
 } ordernm_precise;
 
 /* What the mode of a switch is: the sign of its function, or the angle near which its function, an angle that jumps at half a turn, is
- * measured. */
-enum { ORDERNM_SIGN, ORDERNM_TURN };
+ * measured. A singular function has none: it is zero where rates may have no value. */
+enum { ORDERNM_SIGN, ORDERNM_TURN, ORDERNM_POINT };
 
 typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;
@@ -203,8 +203,9 @@ typedef struct {
     ordernm_scalar stiffness; /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
 
-/* Derivatives of rates are not finite; the motion stays where a switch is zero; rates jump where none is. */
-enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS };
+/* Derivatives of rates are not finite; the motion stays where a switch is zero; rates jump where none is; the motion passes a point at
+ * which a singular function is zero. */
+enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS, ORDERNM_PASSES };
 
 enum { ORDERNM_JUMPED = -1, ORDERNM_JUMPED_BY_STATE = -2 };
 

@@ -84,12 +84,17 @@ static void lay_out_switches(ordernm_motion *m, memory *of, int at)
     const long lanes = switching ? (long)m->ngroups*LANES : 0;
     m->held = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     if (at) ordernm_hold_switches(m);
+    for (int k = 0; k < s->nswitches; ++k) m->npoints += s->switch_kind[k] == ORDERNM_POINT && ordernm_matters(m, k);
     scalar **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go, &m->speeds, &m->modes_before,
         &m->switches_kept};
     for (int i = 0; i < 8; ++i) *of_switches[i] = ordernm_numbers(of, s->nswitches);
     m->together = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->resting = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->z_before = ordernm_numbers(of, switching ? m->size : 0);
+    const long beside = m->npoints ? m->size : 0;
+    m->singular = ordernm_numbers(of, 5L*s->nswitches);
+    for (int i = 0; i < 6; ++i) m->sides[i] = ordernm_numbers(of, beside);
+    m->moved_p = ordernm_numbers(of, m->npoints ? s->np : 0);
     m->dswitches = ordernm_numbers(of, (long)s->nswitches*LANES);
     scalar **of_lanes[] = {&m->switch_along, &m->switch_time, &m->passing_time};
     for (int i = 0; i < 3; ++i) *of_lanes[i] = ordernm_numbers(of, lanes);
@@ -115,6 +120,7 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     if (!at) m = &none;
     memset(m, 0, sizeof *m);
     m->problem = p;
+    m->p = p->p;
     m->system = s;
     m->method = method_of(p);
     m->adaptive = p->method != ORDERNM_RK4 && !p->fixed;

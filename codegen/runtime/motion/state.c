@@ -68,7 +68,7 @@ void ordernm_arguments(ordernm_motion *m, scalar t, const scalar *z, ordernm_cal
 {
     ordernm_expand(m, z);
     memset(c, 0, sizeof *c);
-    c->p = m->problem->p;
+    c->p = m->p;
     c->t = t;
     c->dt = m->dt;
     c->modes = m->modes;

@@ -45,23 +45,27 @@ static scalar mode_of(const ordernm_motion *m, int k)
     return sign_of(x);
 }
 
-/* The modes of switches that the rates of this motion depend on are held, and of those in outputs that events are of. */
-void ordernm_hold_switches(ordernm_motion *m)
+/* Whether the rates of this motion depend on a switch, or outputs that events are of. */
+int ordernm_matters(const ordernm_motion *m, int k)
 {
     const ordernm_system *const s = m->system;
     const ordernm_problem *const p = m->problem;
-    m->nheld = 0;
-    if (!s->switches) return;
-    for (int k = 0; k < s->nswitches; ++k) {
-        int held = s->drives[k];
-        for (int i = 0; i < s->nswitch_outputs && !held; ++i) {
-            if (s->switch_of_output[2*i] != k) continue;
-            const int output = s->switch_of_output[2*i + 1];
-            for (int n = 0; n < m->nx; ++n) held |= p->integrals[n] == output;
-            for (int n = 0; n < p->nevents; ++n) held |= p->events[n].output == output;
-        }
-        if (held) m->held[m->nheld++] = k;
+    int found = s->drives[k];
+    for (int i = 0; i < s->nswitch_outputs && !found; ++i) {
+        if (s->switch_of_output[2*i] != k) continue;
+        const int output = s->switch_of_output[2*i + 1];
+        for (int n = 0; n < m->nx; ++n) found |= p->integrals[n] == output;
+        for (int n = 0; n < p->nevents; ++n) found |= p->events[n].output == output;
     }
+    return found;
+}
+
+/* The modes of these are held; singular functions have none. */
+void ordernm_hold_switches(ordernm_motion *m)
+{
+    const ordernm_system *const s = m->system;
+    for (int k = 0; k < s->nswitches; ++k)
+        if (s->switch_kind[k] != ORDERNM_POINT && ordernm_matters(m, k)) m->held[m->nheld++] = k;
 }
 
 /* All switching functions at a state, in the modes at hand. Returns what a function returned. */

@@ -12,7 +12,7 @@ from ..calls.non_finite import culprit
 from .problem import Segment
 from .switches import switch_words
 
-INFINITE, RESTS, JUMPS = range(3)
+INFINITE, RESTS, JUMPS, PASSES = range(4)
 """As ``motion.h`` numbers the reasons."""
 
 
@@ -23,6 +23,9 @@ def why_lost(
     if why == RESTS:
         place = switch_words(segment.opened.manifest, which)
         reason = f"the motion stays where {place} changes its branch, and the branches differ"
+    elif why == PASSES:
+        place = switch_words(segment.opened.manifest, which)
+        reason = f"the motion passes {place}, and the value or its derivatives jump there or grow without bounds"
     elif why == JUMPS:
         reason = (
             f"the rate of {entries[which]} jumps there at no switch that is known, as where the ends of a spring meet or "

@@ -1,0 +1,72 @@
+"""Where the expressions of a model may have no value, or no derivative, though no branch of theirs changes.
+
+A quotient where its denominator is zero, a root or a power where its base is, `atan2` where both arguments are: there the value
+may be finite on the way of a motion, and yet jump, have a kink, or change without bounds beside it. The *singular function* of
+such an expression is zero at these places: the denominator, the base, `x**2 + y**2`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from .expressions import Expression, combine
+from .grammar import Tree
+from .products import ONE, TWO, is_positive
+from .trees import parts
+
+
+def singular_functions(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
+    """The singular functions of a bound expression in which a varying name is, each once.
+
+    Parameters
+    ----------
+    tree : tuple
+        Of a bound expression.
+    varies : callable (str) -> bool
+        Whether a name changes during a motion.
+
+    Returns
+    -------
+    list of tuple
+        Those that are not seen to be above zero.
+    """
+    found: dict[Tree, None] = {}
+    seen: set[Tree] = set()
+    stack = [tree]
+    while stack:
+        part = stack.pop()
+        if part in seen:
+            continue
+        seen.add(part)
+        stack += parts(part)
+        for of in _of_node(part):
+            while (
+                of[0] == "neg"
+                or of[:2] in (("call", "abs"), ("call", "sqrt"))
+                or (of[0] == "**" and of[2][0] == "number")
+            ):
+                of = of[2] if of[0] == "call" else of[1]
+            if not is_positive(of) and any(map(varies, Expression(of).names)):
+                found[of] = None
+    return list(found)
+
+
+def _of_node(tree: Tree) -> Iterator[Tree]:
+    """What is zero where the outermost operation of a tree is singular."""
+    match tree:
+        case ("/", _, below):
+            yield below
+        case ("**", base, exponent):
+            if not (exponent[0] == "number" and isinstance(exponent[1], int) and exponent[1] >= 0):
+                yield base
+        case ("call", "sqrt" | "log", x):
+            yield x
+        case ("call", "asin" | "acos", x):
+            yield combine("*", combine("-", ONE, x), combine("+", ONE, x))
+        case ("call", "tan", x):
+            yield ("call", "cos", x)
+        case ("call", "atan2", y, x) if not is_positive(x):
+            yield combine("+", combine("**", x, TWO), combine("**", y, TWO))
+
+
+__all__ = ["singular_functions"]

@@ -1,0 +1,270 @@
+/* Points that a motion passes at which rates may have no value, or no derivative: the zeros of singular functions, such as the
+ * denominator of a quotient, or x^2 + y^2 of atan2(y, x). Nothing is wrong with most: sin(x)/x is smooth. So rates, and their derivatives
+ * along directions, are looked at on both sides of such a point, and beside it. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A singular function is looked at in PARTS + 1 places of a step; it is searched where it comes as near to zero, in parts of its largest
+ * value, and is zero where it is less than AT_POINT. */
+enum { PARTS = 4, GOLDEN = 48 };
+static const scalar AT_END = 1e-9, NEAR = 0.2, NEARER = 1e-3, AT_POINT = 1e-9;
+
+/* On each side rates at AWAY distances from the point, in parts of the step, the farthest first. What they tend to follows by Aitken's
+ * rule, exactly if they differ from it by a power of the distance; they tend to nothing if their changes do not become less. */
+enum { AWAY = 3 };
+static const scalar DISTANCE[AWAY] = {1e-2, 1e-3, 1e-4};
+static const scalar CONVERGES = 0.8;
+
+/* What rates tend to is known to this part of what is left at the nearest distance. */
+static const scalar BENT = 0.2;
+
+/* A stage as near to the point, in parts of the step, is at it. */
+static const scalar HIT = 1e-12;
+
+/* Rates that differ by less, in parts of their size, are the same; and those whose differences change what is integrated by less. */
+static const scalar SAME = 2e-5, ROUNDING = 1e-9;
+
+/* Beside the point, in parts of the distances; changes there become less with the distance, or rates jump. */
+static const scalar BESIDE_POINT[] = {-1.0, -0.4, 0.0, 0.7};
+static const scalar CONTINUOUS = 0.3;
+
+/* Values in the step, by the cubic through its ends. */
+void ordernm_between(const ordernm_motion *m, scalar h, scalar x, scalar *z)
+{
+    const scalar y = 1.0 - x, *const first = m->rate[0], *const last = m->rate[m->method->stages];
+    for (long i = 0; i < m->values; ++i)
+        z[i] = y*y*((1.0 + 2.0*x)*m->z[i] + h*x*first[i]) + x*x*((3.0 - 2.0*x)*m->next[i] - h*y*last[i]);
+}
+
+/* All switching functions at a state in which loops are closed as it has been predicted. */
+static int look(ordernm_motion *m, scalar t, const scalar *z, scalar *found)
+{
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    c.switches = found;
+    return m->system->switches(&c);
+}
+
+static scalar singular_function(ordernm_motion *m, scalar h, int k, scalar part, int exactly)
+{
+    if (exactly) m->method->interpolate(m, h, part, m->trial);
+    else ordernm_between(m, h, part, m->trial);
+    return look(m, m->t + part*h, m->trial, m->switches) ? NAN : m->switches[k];
+}
+
+/* Where a singular function is zero or nearest to it between two places. */
+static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar high, int exactly, scalar *least)
+{
+    static const scalar G = 0.61803398874989485;
+    const scalar first = singular_function(m, h, k, low, exactly);
+    if (first*singular_function(m, h, k, high, exactly) < 0.0) {
+        for (int n = 0; n < GOLDEN; ++n) {
+            const scalar middle = 0.5*(low + high);
+            if (first*singular_function(m, h, k, middle, exactly) > 0.0) low = middle;
+            else high = middle;
+        }
+        *least = 0.0;
+        return high;
+    }
+    scalar one = high - G*(high - low), other = low + G*(high - low);
+    scalar f = fabs(singular_function(m, h, k, one, exactly)), g = fabs(singular_function(m, h, k, other, exactly));
+    for (int n = 0; n < GOLDEN; ++n) {
+        if (f < g) {
+            high = other, other = one, g = f;
+            f = fabs(singular_function(m, h, k, one = high - G*(high - low), exactly));
+        } else {
+            low = one, one = other, f = g;
+            g = fabs(singular_function(m, h, k, other = low + G*(high - low), exactly));
+        }
+    }
+    *least = fmin(f, g);
+    return f < g ? one : other;
+}
+
+/* The least value that a parabola through three places has between them, or the least of the three. */
+static scalar least_between(const scalar *y)
+{
+    const scalar slope = 0.5*(y[2] - y[0]), bend = y[2] - 2.0*y[1] + y[0], least = fmin(y[0], fmin(y[1], y[2]));
+    return bend > 0.0 && fabs(slope) <= bend ? fmin(least, y[1] - 0.5*slope*slope/bend) : least;
+}
+
+/* Whether a singular function, whose values in the step are y, is zero in it: between which places it may be, and where it is. */
+static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *part)
+{
+    scalar size[PARTS + 1], range = 0.0, least;
+    for (int i = 0; i <= PARTS; ++i) {
+        if (y[i]*0.0 != 0.0) return 0;
+        size[i] = fabs(y[i]), range = fmax(range, size[i]);
+    }
+    for (int i = 0; i <= PARTS; ++i) {
+        const int from = i > 0 ? i - 1 : 0, to = i < PARTS ? i + 1 : PARTS, middle = i < 1 ? 1 : i < PARTS ? i : PARTS - 1;
+        const int changes = y[from]*y[i] < 0.0 || y[i]*y[to] < 0.0;
+        if (!changes && (size[i] > size[from] || size[i] > size[to] || !(range > 0.0))) continue;
+        if (!changes && least_between(size + middle - 1) > NEAR*range) continue;
+        const scalar low = (scalar)(y[from]*y[i] < 0.0 || !changes ? from : i)/PARTS, high = (scalar)(y[from]*y[i] < 0.0 ? i : to)/PARTS;
+        nearest(m, h, k, low, high, 0, &least);
+        if (!(least <= NEARER*range)) continue;
+        if (!m->complete && m->method->complete(m, h)) return 0;
+        m->complete = 1;
+        *part = nearest(m, h, k, low, high, 1, &least);
+        if (least <= AT_POINT*range) return 1;
+    }
+    return 0;
+}
+
+/* Finds the next point that the step passes, of singular functions behind `point->which`; whether there is one. */
+int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
+{
+    const ordernm_system *const s = m->system;
+    int cut = 0;
+    if (found->which < 0)
+        for (int i = 0; i <= PARTS; ++i) {
+            ordernm_between(m, step->h, (scalar)i/PARTS, m->trial);
+            if (look(m, m->t + step->h*i/PARTS, m->trial, m->singular + i*s->nswitches)) return 0;
+        }
+    for (int i = 0; i < m->nheld; ++i) cut |= step->event >= 0 && m->happened[m->problem->nevents + i] > 0.0;
+    while (++found->which < s->nswitches) {
+        const int k = found->which;
+        scalar y[PARTS + 1];
+        if (s->switch_kind[k] != ORDERNM_POINT || !ordernm_matters(m, k)) continue;
+        for (int i = 0; i <= PARTS; ++i) y[i] = m->singular[i*s->nswitches + k];
+        if (!passes(m, step->h, k, y, &found->part)) continue;
+        const int first = found->part < AT_END, last = found->part > 1.0 - AT_END;
+        if (first && !m->switched && m->results->accepted) continue; /* the step before has seen it */
+        found->before = !(first && m->switched), found->after = !(last && cut);
+        return 1;
+    }
+    return 0;
+}
+
+/* Looks at rates along all directions, on both sides. Returns what a function returned. */
+int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at)
+{
+    for (int n = 0; n < 2*AWAY; ++n) {
+        const scalar part = at->part + (n < AWAY ? -1.0 : 1.0)*DISTANCE[n%AWAY];
+        if (!(n < AWAY ? at->before : at->after)) continue;
+        m->method->interpolate(m, h, part, m->trial);
+        const int status = ordernm_rates(m, m->t + part*h, m->trial, m->sides[n]);
+        if (status) return status;
+    }
+    return 0;
+}
+
+/* What a rate tends to on one side of the point; `open` is how far apart the two nearest are, where they tend to nothing. */
+static scalar limit(scalar *const *sides, long n, scalar *open)
+{
+    const scalar last = sides[2][n], before = sides[1][n] - sides[0][n], change = last - sides[1][n];
+    *open = fabs(change) < CONVERGES*fabs(before) ? 0.0 : fabs(change);
+    return *open > 0.0 || change == 0.0 ? last : last - change*change/(change - before);
+}
+
+static scalar rate_at_point(const ordernm_motion *m, const point *at, long n)
+{
+    scalar open;
+    const scalar one = at->before ? limit(m->sides, n, &open) : 0.0, other = at->after ? limit(m->sides + AWAY, n, &open) : 0.0;
+    return at->before && at->after ? 0.5*(one + other) : one + other;
+}
+
+/* Whether some rates, one number in `width`, tend to nothing at the point, or to something else on its other side, or are something else
+ * at a stage that is at it, where formulas may give anything; and by more than rounding of what is integrated. */
+static int is_rough(const ordernm_motion *m, scalar h, const point *at, long first, int width)
+{
+    scalar integrated = 0.0;
+    for (long i = 0; i < m->ny + m->nx; ++i) integrated = fmax(integrated, fabs(m->z[first + i*width]));
+    for (long i = 0; i < m->ny + m->nx; ++i) {
+        const long n = first + i*width;
+        const int both = at->before && at->after;
+        scalar open[2] = {0.0, 0.0}, ends[2] = {0.0, 0.0};
+        if (at->before) ends[0] = limit(m->sides, n, open);
+        if (at->after) ends[1] = limit(m->sides + AWAY, n, open + 1);
+        scalar jump = both ? fabs(ends[0] - ends[1]) : 0.0, size = fabs(m->rate[0][n]), bend = 0.0;
+        for (int k = 0; k <= m->method->stages && both; ++k) {
+            const scalar away = (k < m->method->stages ? m->method->times[k] : 1.0) - at->part;
+            const scalar error = fabs(m->rate[k][n] - 0.5*(ends[0] + ends[1]));
+            if (fabs(away) < HIT && !(error <= jump)) jump = error;
+        }
+        for (int k = 0; k < 2; ++k) {
+            if (!(k ? at->after : at->before)) continue;
+            size = fmax(size, fmax(fabs(m->sides[k*AWAY][n]), fabs(ends[k])));
+            bend = fmax(bend, fabs(m->sides[k*AWAY + AWAY - 1][n] - ends[k]));
+        }
+        const scalar apart = fmax(jump <= BENT*bend ? 0.0 : jump, fmax(open[0], open[1]));
+        if ((ends[0] - ends[1])*0.0 != 0.0) return 1;
+        if (!(apart <= SAME*size) && !(h*apart <= ROUNDING*integrated)) return 1;
+    }
+    return 0;
+}
+
+int ordernm_rates_are_rough(const ordernm_motion *m, scalar h, const point *at) { return is_rough(m, h, at, 0, 1); }
+
+/* The state at a point, moved along it and along a direction; m->p too. */
+static void moved_state(ordernm_motion *m, scalar h, scalar part, const group *g, int lane, scalar by)
+{
+    m->method->interpolate(m, h, part, m->trial);
+    for (long i = 0; i < m->ny + m->nx; ++i) m->trial[i] += by*m->trial[g->at + i*g->width + lane];
+    for (int i = 0; i < m->system->np; ++i) m->moved_p[i] = m->problem->p[i] + by*g->dp[i*g->width + lane];
+}
+
+static scalar moved_function(ordernm_motion *m, scalar h, const point *at, const group *g, int lane, scalar by)
+{
+    moved_state(m, h, at->part, g, lane, by);
+    m->p = m->moved_p;
+    const int status = look(m, m->t + at->part*h, m->trial, m->switches);
+    m->p = m->problem->p;
+    return status ? 0.0 : fabs(m->switches[at->which]);
+}
+
+/* How far along a direction the singular function is what it is at the farther distances of the motion; 0 if it is zero all along. */
+static scalar reach(ordernm_motion *m, scalar h, const point *at, const group *g, int lane)
+{
+    scalar size = 0.0, by;
+    const scalar away = fabs(singular_function(m, h, at->which, at->part + (at->part < 0.5 ? 1.0 : -1.0)*DISTANCE[0], 1));
+    m->method->interpolate(m, h, at->part, m->trial);
+    for (long i = 0; i < m->ny + m->nx; ++i) size = fmax(size, fabs(m->trial[g->at + i*g->width + lane]));
+    for (int i = 0; i < m->system->np; ++i) size = fmax(size, fabs(g->dp[i*g->width + lane]));
+    if (!(size > 0.0)) return 0.0;
+    by = 1.0/size;
+    for (int n = 0; n < 20 && moved_function(m, h, at, g, lane, by) <= away; ++n) by *= 4.0;
+    if (moved_function(m, h, at, g, lane, by) <= away) return 0.0;
+    for (int n = 0; n < 80 && moved_function(m, h, at, g, lane, by) > away; ++n) by *= 0.5;
+    return by;
+}
+
+/* Whether rates change from the point to places beside it, along a direction, by as much however near these are. */
+static int jumps_beside(ordernm_motion *m, scalar h, const point *at, const group *g, int lane)
+{
+    const int n = m->ny + m->nx;
+    scalar *const change = m->error[0], *const nearer = m->error[1], *const rates = m->at_pose;
+    scalar largest = 0.0, worst = 0.0;
+    const scalar by = reach(m, h, at, g, lane);
+    if (!(by > 0.0)) return 0;
+    m->p = m->moved_p;
+    memset(change, 0, m->values*sizeof(scalar));
+    memset(nearer, 0, m->values*sizeof(scalar));
+    for (int near = 0; near < 2; ++near)
+        for (int i = 0; i < 8; ++i) {
+            const scalar scale = near ? 0.1 : 1.0, along = at->part + scale*DISTANCE[0]*BESIDE_POINT[i/2];
+            moved_state(m, h, along, g, lane, (i%2 ? scale : -scale)*by);
+            const int status = ordernm_rates_of(m, m->t + along*h, m->trial, rates, 0, 0, RATES | INTEGRALS);
+            for (int k = 0; k < n && !status; ++k) {
+                const scalar d = fabs(rates[k] - rate_at_point(m, at, k));
+                scalar *const most = (near ? nearer : change) + k;
+                if (!(d <= *most)) *most = d;
+            }
+        }
+    m->p = m->problem->p;
+    for (int k = 0; k < n; ++k) largest = fmax(largest, fmax(fabs(rate_at_point(m, at, k)), change[k]));
+    for (int k = 0; k < n; ++k)
+        if (!(nearer[k] <= CONTINUOUS*change[k])) worst = nearer[k] == nearer[k] ? fmax(worst, nearer[k]) : INFINITY;
+    return worst > SAME*largest;
+}
+
+/* Whether a direction has no derivative behind a point. */
+int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, int lane)
+{
+    const group *const g = m->groups + n;
+    if (is_rough(m, h, at, g->at + lane, g->width)) return 1;
+    return at->before && at->after && jumps_beside(m, h, at, g, lane);
+}
