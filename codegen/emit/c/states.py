@@ -108,6 +108,12 @@ def states_context(
                     "b->failed = -1;",
                     "b->code = 0;",
                 ],
+                "inside": "    " if p.seeds else "",
+                "turns": [
+                    f"for (long k = 0; !k || k < b->directions; k += {DIRECTIONS}) {{",
+                    f"    const int m = b->directions - k < {DIRECTIONS} ? (int)(b->directions - k) : {DIRECTIONS};",
+                ] if p.seeds else [],
+                "turned": ["}"] if p.seeds else [],
             }
         )  # fmt: skip
     return {
@@ -124,9 +130,6 @@ def states_context(
         "of_one": [library_function(f, scalar) for f in library if f not in OF_TWO],
         "of_two": [library_function(f, scalar) for f in library if f in OF_TWO],
         "directions": DIRECTIONS,
-        "states_of_values": [f for f in found if not f["seeds"]],
-        "states_along": [f for f in found if f["seeds"]],
-        "along": [f for f in found if f["seeds"]][:1],
     }
 
 
