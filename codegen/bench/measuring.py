@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,8 @@ from ..measure.operations import point, total
 from ..model import parse_model
 from ..runtime import Solver, load
 from .peers.robots import measure_robots
-from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, Setting, setting_of
-from .work_precision import diagram, error_at_end, integrate
+from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, Setting
+from .work_precision import Point, cheapest, diagram, error_at_end, fastest, integrate
 
 BATCH = 1e-3
 """Seconds of a turn in C, about."""
@@ -75,11 +77,11 @@ def _motion(problem: Motion, folder: Path, quick: bool, progress: Progress, budg
     result: Result = {
         "kind": "motion", "title": problem.title, "source": problem.source, "end": problem.end,
         "quantities": list(problem.quantities), "generation_seconds": seconds,
-        "operations": total(solver.operations["accelerations"]), "points": points,
+        "operations": total(solver.operations["accelerations"]), "points": [point_record(p) for p in points],
     }  # fmt: skip
     if quick:
         result["within"] = problem.within
-        result["failed"] = [setting_of(p) for p in points if _is_off(p["error"], problem.within) or p["error"] is None]
+        result["failed"] = [str(p.setting) for p in points if not p.error <= problem.within]
     else:
         result["goals"] = [_goal(goal, points) for goal in problem.goals]
         result["failed"] = [g["goal"] for g in result["goals"] if not g["met"] and not g["slow"]]
@@ -90,14 +92,21 @@ def _motion(problem: Motion, folder: Path, quick: bool, progress: Progress, budg
     return result
 
 
-def _goal(goal: Goal, points: Sequence[Result]) -> Result:
+def point_record(p: Point) -> Result:
+    """A point as it is written to JSON."""
+    found = asdict(p)
+    return found.pop("setting") | found | {"error": p.error if math.isfinite(p.error) else None}
+
+
+def _goal(goal: Goal, points: Sequence[Point]) -> Result:
     """Whether a goal is met, and by which setting: the one with fewest evaluations, or, where time counts, the fastest."""
-    reached = [p for p in points if p["error"] is not None and p["error"] <= goal.error]
-    work = "evaluations" if goal.seconds is None else "seconds"
-    best = min(reached, key=lambda p: float(p[work]), default=None)
-    slow = best is not None and goal.seconds is not None and best["seconds"] >= goal.seconds
-    costly = best is not None and goal.evaluations is not None and best["evaluations"] >= goal.evaluations
-    return {"goal": str(goal), "met": best is not None and not slow and not costly, "slow": slow, "reached": best}
+    best = fastest(points, goal.error) if goal.seconds is not None else cheapest(points, goal.error)
+    slow = best is not None and goal.seconds is not None and best.seconds >= goal.seconds
+    costly = best is not None and goal.evaluations is not None and best.evaluations >= goal.evaluations
+    return {
+        "goal": str(goal), "met": best is not None and not slow and not costly, "slow": slow,
+        "reached": None if best is None else point_record(best),
+    }  # fmt: skip
 
 
 TIGHT, LOOSE = Setting("dop853", 1e-12, 1e-12), Setting("dop853", 1e-9, 1e-9)

@@ -178,18 +178,20 @@ def test_results_that_cannot_be_printed_are_refused(run, monkeypatch, capsys, op
 # -- work-precision diagrams -----------------------------------------------------------------------------------------------
 
 
-DIAGRAM = [
-    {"method": "dop853", "rtol": 10.0**-i, "atol": 10.0**-i, "error": error, "evaluations": n, "seconds": seconds}
-    for i, (error, n, seconds) in enumerate(
-        [(1e-4, 100, 1e-3), (1e-6, 200, 2e-3), (2e-6, 300, 5e-3), (1e-8, 400, 4e-3), (None, 50, 1e-4)]
-    )
-]
+def points(*rows):
+    return [
+        work_precision.Point(Setting("dop853", 10.0**-i, 10.0**-i), error, n, n // 12, 0, seconds, "finished")
+        for i, (error, n, seconds) in enumerate(rows)
+    ]
+
+
+DIAGRAM = points((1e-4, 100, 1e-3), (1e-6, 200, 2e-3), (2e-6, 300, 5e-3), (1e-8, 400, 4e-3), (math.nan, 50, 1e-4))
 
 
 def test_the_cheapest_and_the_fastest_setting_that_reach_an_error():
-    assert measuring._goal(Goal(1e-5), DIAGRAM)["reached"]["evaluations"] == 200
-    assert measuring._goal(Goal(1e-7, seconds=1.0), DIAGRAM)["reached"]["seconds"] == 4e-3
-    assert measuring._goal(Goal(1e-9), DIAGRAM)["reached"] is None
+    assert work_precision.cheapest(DIAGRAM, 1e-5).evaluations == 200
+    assert work_precision.fastest(DIAGRAM, 1e-7).seconds == 4e-3
+    assert work_precision.cheapest(DIAGRAM, 1e-9) is None
 
 
 def test_an_interrupt_is_not_taken_for_a_motion_that_ends_early():
@@ -199,6 +201,12 @@ def test_an_interrupt_is_not_taken_for_a_motion_that_ends_early():
 
     with pytest.raises(KeyboardInterrupt):
         work_precision.integrate(Interrupted(), 1.0, Setting("dop853", 1e-6, 1e-6))
+
+
+def test_the_time_at_an_error_is_between_points_that_no_other_beats():
+    assert work_precision.seconds_at(DIAGRAM, 1e-5) == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-12)
+    assert work_precision.seconds_at(DIAGRAM, 1e-8) == pytest.approx(4e-3, rel=1e-12)
+    assert math.isnan(work_precision.seconds_at(DIAGRAM, 1e-9))
 
 
 def test_goals_count_errors_evaluations_and_times():
