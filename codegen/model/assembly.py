@@ -28,7 +28,7 @@ from .sections.motion import read_motion
 from .sections.named_expressions import check_named_expressions, read_named_expressions, warn_of_unused
 from .sections.points import read_points
 from .sections.quantities import model_name, read_inputs, read_parameters, warn_of_unused_quantities
-from .sections.tables import read_tables, warn_of_unused_tables
+from .sections.tables import read_tables
 
 
 def assemble(document: Document, folder: str | None = None) -> Model:
@@ -97,8 +97,8 @@ def _model(reader: Reader) -> Model | None:
     initial = read_initial(reader, bodies)
     independent = read_independent(reader, bodies)
     loop_tolerance = read_loop_tolerance(reader)
-    warn_of_unused(reader, named)
-    warn_of_unused_tables(reader, tables)
+    warn_of_unused(reader, "expression", (at for at, _ in named))
+    warn_of_unused(reader, "table", tables)
     if any(p.severity == "error" for p in reader.problems):
         return None
     warn_of_unused_quantities(reader, parameters)

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .expressions import Expression
+from .members import outward
 from .mobility import Driven, Value, placement, singular_joint
 from .model import GROUND, Body, Joint
 from .motions import Ball, Displacement, Slide, Turn
@@ -195,20 +196,6 @@ def _parallel(c: np.ndarray) -> np.ndarray:
     return c @ c * np.eye(3) - np.outer(c, c)
 
 
-def _outward(bodies: Sequence[Body]) -> tuple[list[list[int]], list[int]]:
-    """The children of every body of a tree, and all bodies, depth first."""
-    children: list[list[int]] = [[] for _ in bodies]
-    roots: list[int] = []
-    for k, body in enumerate(bodies):
-        (roots if body.parent == GROUND else children[body.parent]).append(k)
-    order, stack = list[int](), roots[::-1]
-    while stack:
-        k = stack.pop()
-        order.append(k)
-        stack.extend(children[k][::-1])
-    return children, order
-
-
 def check_freedoms(
     bodies: Sequence[Body],
     value: Value,
@@ -235,7 +222,7 @@ def check_freedoms(
         yield 0, ("joint",), "all joints are fixed, so nothing can move; give at least one of them a freedom", "error"
         return
     mass, inertia, scale, dirt = _mass_and_inertia(bodies, value)
-    children, order = _outward(bodies)
+    children, order = outward(bodies)
     massless = (mass == 0) & (scale <= dirt)
     light = massless.copy()
     light[list(held)] = False

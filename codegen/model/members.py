@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from .axes import Vector
@@ -231,6 +232,19 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
         return (f"{loop.name}.q",)
     linear, angular = loop.closure
     return tuple(f"{loop.name}.{c}{i + 1}" for c, n in (("l", linear), ("a", angular)) for i in range(n))
+
+
+def outward(bodies: Sequence[Body]) -> tuple[list[list[int]], list[int]]:
+    """The children of every body of a tree, and all bodies, each subtree contiguous (depth first)."""
+    children: list[list[int]] = [[] for _ in (*bodies, GROUND)]  # the ground's, whose index is -1, last
+    for k, body in enumerate(bodies):
+        children[body.parent].append(k)
+    order, stack = list[int](), children[GROUND][::-1]
+    while stack:
+        k = stack.pop()
+        order.append(k)
+        stack.extend(children[k][::-1])
+    return children, order
 
 
 def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

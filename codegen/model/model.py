@@ -32,6 +32,7 @@ from .members import (
     closure_row_names,
     coupling,
     joint_coordinates,
+    outward,
 )
 from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
@@ -329,16 +330,7 @@ class Model:
     @cached_property
     def outward(self) -> tuple[int, ...]:
         """Body indices, every parent before its children, each subtree contiguous (depth first)."""
-        children: dict[int, list[int]] = {}
-        for k, b in enumerate(self.bodies):
-            children.setdefault(b.parent, []).append(k)
-        order: list[int] = []
-        stack = children.get(GROUND, [])[::-1]
-        while stack:
-            k = stack.pop()
-            order.append(k)
-            stack.extend(children.get(k, [])[::-1])
-        return tuple(order)
+        return tuple(outward(self.bodies)[1])
 
     def expressions(self) -> Iterator[Expression]:
         """Every expression of the model, shared ones as often as they are used."""

@@ -239,21 +239,16 @@ class Reader(Problems):
         value = self.value(expression)
         return 0.0 if isinstance(value, str) else value
 
-    def new_name(self, at: Instance, name: str, space: str, what: str) -> bool:
-        """Register a name in its namespace; False after a problem."""
+    def new_name(self, at: Instance, name: str, space: str, what: str, sub: Path_ = (), key: bool = True) -> bool:
+        """Register a name in its namespace; False after a problem, which is reported at the path, or the `key` there."""
         if name in RESERVED:
-            self.report(
-                at, (), f"{name!r} is reserved and cannot name {with_article(what)}; choose another name", key=True
-            )
+            message = f"{name!r} is reserved and cannot name {with_article(what)}; choose another name"
+            self.report(at, sub, message, key=key)
             return False
         taken = self.first_seen.get((space, name))
         if taken is not None:
-            self.report(
-                at,
-                (),
-                f"name {name!r} is already taken by {with_article(taken)}; each name may be given once",
-                key=True,
-            )
+            message = f"name {name!r} is already taken by {with_article(taken)}; each name may be given once"
+            self.report(at, sub, message, key=key)
             return False
         self.first_seen[space, name] = what
         return True

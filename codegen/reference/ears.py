@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
+from ..loops.disjoint_sets import DisjointSets
 from ..loops.partition import Ear, Partition
 from ..model.model import GROUND, Coupling, Model
 
@@ -41,28 +42,28 @@ class Group:
 
 def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tuple[Group, ...]:
     """All bodies in groups, in outward order: a group comes after those of its ends. Speeds that are `held` are of none."""
-    together = _Together(len(model.bodies))
+    together = DisjointSets(len(model.bodies))
     loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops it closes
     for ear in partition.ears:
         members = new_bodies(model, ear)
-        together.join(members)
+        _join(together, members)
         if members:
             loops_at.append((members[0], ear.loops))
     while True:
         loops: dict[int, list[int]] = {}
         for member, closed in loops_at:
-            loops.setdefault(together.of(member), []).extend(closed)
+            loops.setdefault(together.find(member), []).extend(closed)
         graph = _ends(model, together, loops)
         try:
-            order = tuple(TopologicalSorter({g: {together.of(k) for k in graph[g]} for g in graph}).static_order())
+            order = tuple(TopologicalSorter({g: {together.find(k) for k in graph[g]} for g in graph}).static_order())
         except CycleError as cycle:  # ears that wait for each other are closed together
-            together.join(list(cycle.args[1]))
+            _join(together, list(cycle.args[1]))
             continue
         break
     dependent = {i for ear in partition.ears for i in ear.dependent}
     members_of: dict[int, list[int]] = {}
     for k in model.outward:
-        members_of.setdefault(together.of(k), []).append(k)
+        members_of.setdefault(together.find(k), []).append(k)
     result = []
     for g in order:
         speeds = [i for k in members_of[g] for i in _speeds(model, k) if i not in held]
@@ -76,6 +77,13 @@ def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tupl
             )
         )
     return tuple(result)
+
+
+def _join(together: DisjointSets, bodies: Sequence[int]) -> None:
+    """Let some bodies be of one group, which is known by its first one."""
+    for k in bodies[1:]:
+        first, other = sorted((together.find(bodies[0]), together.find(k)))
+        together.join(other, into=first)
 
 
 def new_bodies(model: Model, ear: Ear) -> list[int]:
@@ -101,14 +109,14 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
     return found
 
 
-def _ends(model: Model, together: _Together, loops: dict[int, list[int]]) -> dict[int, set[int]]:
+def _ends(model: Model, together: DisjointSets, loops: dict[int, list[int]]) -> dict[int, set[int]]:
     """For each group the bodies outside that it follows from."""
-    ends: dict[int, set[int]] = {together.of(k): set() for k in model.outward}
+    ends: dict[int, set[int]] = {together.find(k): set() for k in model.outward}
     for k in model.outward:
-        ends[together.of(k)].add(model.bodies[k].parent)
+        ends[together.find(k)].add(model.bodies[k].parent)
     for g, closed in loops.items():
         ends[g] |= {face.body for i in closed for face in (model.loops[i].start, model.loops[i].end)}
-    return {g: {k for k in bodies if k != GROUND and together.of(k) != g} for g, bodies in ends.items()}
+    return {g: {k for k in bodies if k != GROUND and together.find(k) != g} for g, bodies in ends.items()}
 
 
 def _branches(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
@@ -127,20 +135,3 @@ def _branches(model: Model, start: int, end: int) -> tuple[list[int], list[int]]
 def _speeds(model: Model, k: int) -> range:
     rows = model.coordinate_slices[k][1]
     return range(rows.start, rows.stop)
-
-
-class _Together:
-    """Sets of bodies that grow together; each is named by one of its bodies."""
-
-    def __init__(self, n: int) -> None:
-        self._next = list(range(n))
-
-    def of(self, k: int) -> int:
-        while self._next[k] != k:
-            k = self._next[k]
-        return k
-
-    def join(self, bodies: list[int]) -> None:
-        for k in bodies[1:]:
-            a, b = sorted((self.of(bodies[0]), self.of(k)))
-            self._next[b] = a

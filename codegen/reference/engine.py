@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -20,7 +20,7 @@ from ..model.places import Face, Point
 from .arguments import ALONG, Arguments, State, flat
 from .arithmetic import Array
 from .forces import LAWS, End, Wrench
-from .outputs import VALUES, Moving
+from .outputs import VALUES, Moving, Seen
 from .pairs import Pair, Pairs
 from .primitives import placed_rotation
 
@@ -372,53 +372,20 @@ class Engine(Arguments):
         return total
 
     def _outputs(self, state: State) -> Pair:
-        """The outputs, (noutputs, 1)."""
-        seen = _Seen(self, state, self._motion(state))
-        return state.pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
-
-
-class _Seen:
-    """What outputs see of a model: `outputs.Seen`. Accelerations and sums are found when the first output asks."""
-
-    def __init__(self, engine: Engine, state: State, motion: Any) -> None:
-        self.engine = engine
-        self.state = state
-        self.motion = motion
-
-    @property
-    def pairs(self) -> Pairs:
-        return self.state.pairs
-
-    def point(self, point: Point) -> tuple[Pair, Pair]:
-        return self.engine._point(self.motion, point.body, self.pairs.vector(point.at))
-
-    @cached_property
-    def _accelerations(self) -> Callable[[int, Pair], Pair]:
-        return self.engine._accelerating(self.state, self.motion, self.engine._accelerations(self.state))
-
-    def acceleration(self, point: Point) -> Pair:
-        return self._accelerations(point.body, self.pairs.vector(point.at))
-
-    def attitude(self, body: int) -> tuple[Pair, Pair]:
-        return self.engine._attitude(self.motion, body)
-
-    @cached_property
-    def _bodies(self) -> list[Moving]:
-        return self.engine._moving(self.state, self.motion)
-
-    def bodies(self) -> list[Moving]:
-        return self._bodies
-
-    @cached_property
-    def _driving_forces(self) -> Pair:
-        return self.engine._driving_forces(self.state)
-
-    def driving_force(self, name: str) -> Pair:
-        return self._driving_forces[self.engine.given.prescribed_names.index(name), 0]
-
-    def energies(self) -> tuple[Pair, Pair]:
-        kinetic, potential = self.engine._energies(self.state, self.motion)
-        return kinetic[0, 0], potential[0, 0]
+        """The outputs, (noutputs, 1); accelerations and sums are found when the first of them needs these."""
+        pairs, motion, names = state.pairs, self._motion(state), self.given.prescribed_names
+        accelerating = cache(lambda: self._accelerating(state, motion, self._accelerations(state)))
+        driving = cache(lambda: self._driving_forces(state))
+        seen = Seen(
+            pairs,
+            point=lambda point: self._point(motion, point.body, pairs.vector(point.at)),
+            acceleration=lambda point: accelerating()(point.body, pairs.vector(point.at)),
+            attitude=lambda body: self._attitude(motion, body),
+            energies=lambda: self._energies(state, motion),
+            driving_forces=lambda: {name: driving()[i : i + 1] for i, name in enumerate(names)},
+            bodies=cache(lambda: self._moving(state, motion)),
+        )
+        return pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
 
 
 def _weighted(weights: Any, J: Jacobians) -> Gradients:

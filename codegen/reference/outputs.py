@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Final, Protocol
+from typing import Final
 
 from ..model.outputs import QUATERNION, Output
 from ..model.places import Point
@@ -33,30 +33,35 @@ class Moving:
     spin: Pair
 
 
-class Seen(Protocol):
-    """A model at a state, as an engine sees it."""
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """A model at a state, as an engine sees it.
 
-    @property
-    def pairs(self) -> Pairs:
-        """Evaluates expressions at the state."""
+    Attributes
+    ----------
+    pairs : Pairs
+        Evaluates expressions at the state.
+    point : callable
+        Position, m, and velocity of a point in the ground frame, (3, 1).
+    acceleration : callable
+        Acceleration of a point against the ground, (3, 1).
+    attitude : callable
+        Of a body: its components into ground components, (3, 3), and its angular velocity in the ground frame, (3, 1).
+    energies : callable
+        Kinetic and potential energy, (1, 1), J.
+    driving_forces : callable
+        The generalised forces that prescribed coordinates take, (1, 1) each, N m or N, by their names.
+    bodies : callable
+        All bodies, in the order of the model.
+    """
 
-    def point(self, point: Point) -> tuple[Pair, Pair]:
-        """Position, m, and velocity of a point in the ground frame, (3, 1)."""
-
-    def acceleration(self, point: Point) -> Pair:
-        """Acceleration of a point against the ground, (3, 1)."""
-
-    def attitude(self, body: int) -> tuple[Pair, Pair]:
-        """Body components into ground components, (3, 3), and angular velocity in the ground frame, (3, 1)."""
-
-    def energies(self) -> tuple[Pair, Pair]:
-        """Kinetic and potential energy, J, numbers."""
-
-    def driving_force(self, name: str) -> Pair:
-        """The generalised force that a prescribed coordinate takes, a number, N m or N."""
-
-    def bodies(self) -> Sequence[Moving]:
-        """All bodies, in the order of the model."""
+    pairs: Pairs
+    point: Callable[[Point], tuple[Pair, Pair]]
+    acceleration: Callable[[Point], Pair]
+    attitude: Callable[[int], tuple[Pair, Pair]]
+    energies: Callable[[], tuple[Pair, Pair]]
+    driving_forces: Callable[[], dict[str, Pair]]
+    bodies: Callable[[], Sequence[Moving]]
 
 
 def along(output: Output, seen: Seen, v: Pair) -> Pair:
@@ -65,16 +70,14 @@ def along(output: Output, seen: Seen, v: Pair) -> Pair:
     return seen.pairs.dot(seen.pairs.unit(seen.pairs.vector(output.axis)), v)
 
 
-def position(output: Output, seen: Seen) -> Pair:
-    """n . x"""
-    (point,) = output.points
-    return along(output, seen, seen.point(point)[0])
+def of_points(which: int) -> Callable[[Output, Seen], Pair]:
+    """n . x of a point, or n . (x_2 - x_1) of two, x their positions (0) or velocities (1)."""
 
+    def value(output: Output, seen: Seen) -> Pair:
+        *first, last = (seen.point(point)[which] for point in output.points)
+        return along(output, seen, last - first[0] if first else last)
 
-def velocity(output: Output, seen: Seen) -> Pair:
-    """n . v"""
-    (point,) = output.points
-    return along(output, seen, seen.point(point)[1])
+    return value
 
 
 def rotation(output: Output, seen: Seen) -> Pair:
@@ -161,53 +164,26 @@ def distance(output: Output, seen: Seen) -> Pair:
     return seen.pairs.call("sqrt", square)
 
 
-def relative_position(output: Output, seen: Seen) -> Pair:
-    """n . (x_2 - x_1)"""
-    first, second = (seen.point(p)[0] for p in output.points)
-    return along(output, seen, second - first)
-
-
-def relative_velocity(output: Output, seen: Seen) -> Pair:
-    """n . (v_2 - v_1)"""
-    first, second = (seen.point(p)[1] for p in output.points)
-    return along(output, seen, second - first)
-
-
-def driving_force(output: Output, seen: Seen) -> Pair:
-    """Of the coordinate that the output names."""
-    return seen.driving_force(output.choice[0])
-
-
 def value(output: Output, seen: Seen) -> Pair:
+    """Of the output's expression."""
     assert output.expression is not None
     return seen.pairs.expression(output.expression)
 
 
-def kinetic_energy(output: Output, seen: Seen) -> Pair:
-    return seen.energies()[0]
-
-
-def potential_energy(output: Output, seen: Seen) -> Pair:
-    return seen.energies()[1]
-
-
 VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
-    function.__name__: function
-    for function in (
-        position,
-        velocity,
-        rotation,
-        angular_velocity,
-        acceleration,
-        center_of_mass,
-        momentum,
-        distance,
-        relative_position,
-        relative_velocity,
-        driving_force,
-        value,
-        kinetic_energy,
-        potential_energy,
-    )
+    "position": of_points(0),
+    "velocity": of_points(1),
+    "rotation": rotation,
+    "angular_velocity": angular_velocity,
+    "acceleration": acceleration,
+    "center_of_mass": center_of_mass,
+    "momentum": momentum,
+    "distance": distance,
+    "relative_position": of_points(0),
+    "relative_velocity": of_points(1),
+    "driving_force": lambda output, seen: seen.driving_forces()[output.choice[0]][0, 0],
+    "value": value,
+    "kinetic_energy": lambda _, seen: seen.energies()[0][0, 0],
+    "potential_energy": lambda _, seen: seen.energies()[1][0, 0],
 }
 """By the name of the measure."""

@@ -266,12 +266,9 @@ def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, result: Bound, so
         keys = ("xx", "yy", "zz", "xy", "xz", "yz")
         six: Any = tuple(result.get(("inertia", k), ZERO) for k in keys)
         return joint, result.get(("mass",), ZERO), com, six, sound
-    for what in ("length", "radius"):
-        if ("shape", what) in result:
-            _check_size(reader, result["shape", what], at, ("shape", what))
-    for i in range(3):
-        if ("shape", "size", i) in result:
-            _check_size(reader, result["shape", "size", i], at, ("shape", "size", i))
+    for path in ("length",), ("radius",), *(("size", i) for i in range(3)):
+        if (size := result.get(("shape", *path))) is not None and (value := reader.numeric(size)) < 0:
+            reader.report(at, ("shape", *path), f"{checks.with_value(size, value)} is negative; a size is at least 0")
     if ("shape", "axis", 0) in result:
         reader.direction(vector(result, "shape", "axis"), at, ("shape", "axis"))
     sound = sound and reader.errors == before
@@ -288,12 +285,6 @@ def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, result: Bound, so
             reader.report(at, ("shape",), f"no finite mass properties at the default parameters: {why}")
             return nothing
     return joint, mass, center, inertia, True
-
-
-def _check_size(reader: Reader, size: Expression, at: Instance, sub: Path_) -> None:
-    if reader.numeric(size) < 0:
-        seen = checks.with_value(size, reader.numeric(size))
-        reader.report(at, sub, f"{seen} is negative; a size is at least 0")
 
 
 def _joint(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound: bool) -> Joint:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Final
 
 from ..entries import ZERO
@@ -52,12 +53,12 @@ def check_named_expressions(reader: Reader, found: list[tuple[Instance, Expressi
             at.part.stands_for(reader.local_name(at), ZERO.tree)  # it has been said
 
 
-def warn_of_unused(reader: Reader, found: list[tuple[Instance, Expression]]) -> None:
-    """Warn of those that nothing names."""
-    for at, _ in found:
+def warn_of_unused(reader: Reader, what: str, found: Iterable[Instance]) -> None:
+    """Warn of expressions, or tables, that nothing names."""
+    for at in found:
         name = reader.local_name(at)
         if name not in at.part.asked:
-            reader.report(at, (), f"expression {name!r} is not used", key=True, severity="warning")
+            reader.report(at, (), f"{what} {name!r} is not used", key=True, severity="warning")
 
 
 def _size(tree: Any, most: int) -> int:

@@ -10,7 +10,6 @@ from typing import Final
 
 from ..binding import vector_key
 from ..entries import RESERVED, seen
-from ..errors import with_article
 from ..expressions import Expression
 from ..grammar import ExpressionError
 from ..model import Parameter
@@ -165,13 +164,7 @@ def read_inputs(reader: Reader) -> None:
         if local is None or reader.given(at, local, "inputs") is not None:
             continue
         name = at.part.name(local)
-        if name in RESERVED:
-            reader.report(at, sub, f"{name!r} is reserved and cannot name an input; choose another name")
-        elif ("value", name) in reader.first_seen:
-            taken = with_article(reader.first_seen["value", name])
-            reader.report(at, sub, f"name {name!r} is already taken by {taken}; each name may be given once")
-        else:
-            reader.first_seen["value", name] = "input"
+        if reader.new_name(at, name, "value", "input", sub, key=False):
             reader.inputs.append(name)
             reader.allowed["inputs"][name] = None
 

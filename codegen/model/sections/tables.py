@@ -64,11 +64,3 @@ def _check_period(reader: Reader, at: Instance, spec: TableEntry, x: list[float]
             f"both the same value, or leave the last point out and write its period: {length:g}"
         )
         reader.report(at, ("y", len(spec.y) - 1), message)
-
-
-def warn_of_unused_tables(reader: Reader, found: list[Instance]) -> None:
-    """Warn of those that nothing calls."""
-    for at in found:
-        name = reader.local_name(at)
-        if name not in at.part.asked:
-            reader.report(at, (), f"table {name!r} is not used", key=True, severity="warning")
