@@ -96,12 +96,15 @@ def python_compiled_once(whole_run):
 
 @pytest.fixture(scope="session", autouse=True)
 def made_once(whole_run, request):
-    """Solvers are written and compiled once in all processes of this run; a test that patches anything writes its own."""
-    from once_a_run import compiled_once, written_once
+    """Solvers are written and compiled once in all processes of this run, their dependents chosen once in each.
+
+    A test that patches anything makes its own.
+    """
+    from once_a_run import chosen_once, compiled_once, written_once
 
     def patched():
         return "monkeypatch" in request.config.stash[RUNNING].fixturenames
 
     (kept := whole_run / "kept").mkdir(exist_ok=True)
-    with compiled_once(kept), written_once(kept, patched):
+    with compiled_once(kept), written_once(kept, patched), chosen_once(patched):
         yield

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import inspect
 import io
 import os
@@ -20,6 +21,7 @@ from typing import Any
 import pytest
 
 import codegen.pipeline
+from codegen.loops.ears import Partition
 from codegen.model import Model
 from codegen.pipeline import Source
 from codegen.program.progress import silent
@@ -79,6 +81,26 @@ def written_once(kept: Path, anew: Callable[[], bool]) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(codegen.pipeline, "write_solver", write_or_read)
+        yield
+
+
+@contextmanager
+def chosen_once(anew: Callable[[], bool]) -> Iterator[None]:
+    """Dependents of a mechanism are chosen once for the generator and all engines of a process, unless `anew()`."""
+    module = importlib.import_module("codegen.loops.partition")
+    choose_anew = module._found
+    known: dict[str, Partition] = {}
+
+    def choose_or_remember(model: Model, *geometry: Any) -> Partition:
+        if anew():
+            return choose_anew(model, *geometry)
+        key = digest(part(model))
+        if key not in known:
+            known[key] = choose_anew(model, *geometry)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_found", choose_or_remember)
         yield
 
 
