@@ -577,33 +577,21 @@ def _transient(program: Program) -> dict[str, list[str]]:
 
     They need no place of their own in every link: memory for one path through the tree will do, and stays in the cache.
     """
-    flows: dict[str, dict[str, set[str]]] = {}
+    uses: dict[str, dict[str, bool]] = {}
     of_links = {n for blocks in program.blocks.values() for b in blocks.values() for _, n, _ in b.stores}
     crossing: set[str] = {n for m, _, n in program.read_outside if m[0] is RECORD}
     for sweep, blocks in program.blocks.items():
-        stored: set[str] = set()
-        from_me: set[str] = set()
-        from_others: set[str] = set()
-        handed_in: set[str] = set()
-        for b in blocks.values():
-            for store, name, _ in b.stores:
-                if store.memory is RECORD:
-                    stored.add(name)
-                    if store.owner is not LINK:
-                        handed_in.add(name)
-            for store, name in b.loads.values():
-                if store.memory is RECORD:
-                    (from_me if store.owner is LINK else from_others).add(name)
-        crossing |= (from_me | from_others) - stored - (program.ground_fields - of_links)
-        crossing |= from_me - handed_in  # written by an earlier sweep
-        for name in stored | from_me | from_others:
-            flows.setdefault(name, {})[sweep] = {"stored"} if name in stored else set()
-    for name, sweeps in flows.items():
-        if any("stored" not in f for f in sweeps.values()) and name not in program.ground_fields:
-            crossing.add(name)
+        written = {(a.owner is LINK, n) for b in blocks.values() for a, n, _ in b.stores if a.memory is RECORD}
+        loaded = {(a.owner is LINK, n) for b in blocks.values() for a, n in b.loads.values() if a.memory is RECORD}
+        stored, read = {n for _, n in written}, {n for _, n in loaded}
+        crossing |= read - stored - (program.ground_fields - of_links)
+        crossing |= {n for is_own, n in loaded if is_own and (False, n) not in written}  # written by an earlier sweep
+        for name in stored | read:
+            uses.setdefault(name, {})[sweep] = name in stored
+    crossing |= {name for name, sweeps in uses.items() if not all(sweeps.values())} - program.ground_fields
     result: dict[str, list[str]] = {}
     for name in program.fields[RECORD]:
         if name not in crossing:
-            for sweep in flows.get(name, {}):
+            for sweep in uses.get(name, {}):
                 result.setdefault(sweep, []).append(name)
     return result

@@ -17,11 +17,9 @@ from ...model.forces import ForceElement
 from ...model.grammar import Tree
 from ...model.model import Model
 from ...model.places import GROUND, Face, Point
-from ...program.algebra import Expr
 from ...program.field import XYZ
 from ...program.scalar import Value
 from ...program.shape import Constants
-from ...program.store import Store
 from ..spatial import matmul, matvec, transpose
 from ..stores import ELEMENT_CONSTANTS
 from .constants import split
@@ -165,14 +163,7 @@ class ElementKind(Folded):
     units: list[int] = field(default_factory=list)
 
     role = "element"
-
-    def number_of(self, store: Store, name: str) -> Expr | None:
-        """Constants that are the same number for the whole kind."""
-        return self.number(name) if store is ELEMENT_CONSTANTS else None
-
-    def alias_of(self, store: Store, name: str) -> str:
-        """The first constant of equal value."""
-        return self.shape.varying.get(name, name) if store is ELEMENT_CONSTANTS else name
+    store = ELEMENT_CONSTANTS
 
     def no_value(self, what: str) -> ModelError:
         """The error for coefficients that have no value for any state."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from ...program import algebra
 from ...program.algebra import Expr
 from ...program.digits import number
 from ...program.shape import Constants, Shape
+from ...program.store import Store
 
 
 @dataclass(slots=True, eq=False)
@@ -22,6 +24,9 @@ class Folded:
     data : dict of str to int
         Constants that differ among owners: places among an owner's numbers.
     """
+
+    store: ClassVar[Store]
+    """Where the constants are, of a kind of units."""
 
     shape: Shape
     literal: dict[str, Expr] = field(default_factory=dict, kw_only=True)
@@ -41,6 +46,14 @@ class Folded:
         if "/" in name:
             return algebra.ZERO
         return self.literal.get(name)
+
+    def number_of(self, store: Store, name: str) -> Expr | None:
+        """`number`, for the constants among all fields."""
+        return self.number(name) if store is self.store else None
+
+    def alias_of(self, store: Store, name: str) -> str:
+        """The first constant of equal value."""
+        return self.shape.varying.get(name, name) if store is self.store else name
 
     def fold(self, owned: list[Constants]) -> None:
         """Find the numbers that are the same for all owners."""

@@ -6,7 +6,7 @@ it has children, forces on its joint); those of ears and regions from how they h
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 from ...model.model import GROUND, PointCondition
 from ...program import algebra
@@ -26,9 +26,9 @@ def find_link_kinds(
     constants_of: Sequence[Constants],
     order: Neighbours,
     forced_speeds: set[int],
+    held: set[int],
     pulled: set[int],
     unrolled: bool,
-    held: Collection[int] = (),
 ) -> tuple[list[LinkKind], list[LinkKind]]:
     """Kinds of links, and the kind of each link.
 
@@ -36,12 +36,12 @@ def find_link_kinds(
     ----------
     forced_speeds : set of int
         Speeds whose joint has a force of the model.
+    held : set of int
+        Of what is prescribed: that whose joint has a force of the model.
     pulled : set of int
         Links that force elements act on.
     unrolled : bool
         Every link is of a kind of its own.
-    held : collection of int
-        Of what is prescribed: that whose joint has a force of the model.
     """
     has_child = {link.parent for link in links}
     last_child: dict[int, int] = {}

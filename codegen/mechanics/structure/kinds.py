@@ -78,19 +78,12 @@ class LinkKind(Folded):
     of_links: bool = True
 
     role = "link"
+    store = CONSTANTS
 
     @property
     def geared(self) -> tuple[bool, ...]:
         """Which of the joint's speeds, a prescribed one too, have the reflected inertia of a rotor."""
         return tuple(f"rotor{j}" in self.shape.fields for j in range(self.joint.speeds()))
-
-    def number_of(self, store: Store, name: str) -> Expr | None:
-        """`number`, for the constants among all fields."""
-        return self.number(name) if store is CONSTANTS else None
-
-    def alias_of(self, store: Store, name: str) -> str:
-        """The first constant of equal value."""
-        return self.shape.varying.get(name, name) if store is CONSTANTS else name
 
 
 @dataclass(slots=True, eq=False)

@@ -109,7 +109,7 @@ class System:
     @property
     def held(self) -> set[int]:
         """Of what is prescribed: that whose joint has a force of the model."""
-        return held_coordinates(self.model)
+        return speeds_and_held(self.model)[1]
 
     @property
     def fields_of_gravity(self) -> dict[str, str]:
@@ -182,8 +182,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None, tu
         force_of.setdefault(force.body, []).append(force)
     order = Neighbours(links, regions, [loop.type for loop in model.loops])
     pulled = {i for e in elements for i in e.acted_on}
-    held = held_coordinates(model)
-    kinds, kind_of = find_link_kinds(links, constants_of, order, forced_speeds(model), pulled, unrolled, held)
+    kinds, kind_of = find_link_kinds(links, constants_of, order, *speeds_and_held(model), pulled, unrolled)
     unit_kinds, unit_kind_of = find_unit_kinds(regions, order, kinds, kind_of, faces, closure_constants, unrolled)
     kind_numbers = {GROUND: GROUND} | {i: kind.index for i, kind in enumerate(kind_of)}
     element_kinds = find_element_kinds(len(kinds) + len(unit_kinds), kind_numbers, elements, model)
@@ -196,14 +195,10 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None, tu
     )  # fmt: skip
 
 
-def forced_speeds(model: Model) -> set[int]:
-    """Speeds whose joint has a force of the model that is not zero."""
-    return {i for of in model.forces for i, _ in speeds_with_forces(model, of) if i >= 0}
-
-
-def held_coordinates(model: Model) -> set[int]:
-    """Of what is prescribed: that whose joint has a force of the model that is not zero."""
-    return {-1 - i for of in model.forces for i, _ in speeds_with_forces(model, of) if i < 0}
+def speeds_and_held(model: Model) -> tuple[set[int], set[int]]:
+    """Speeds, and of what is prescribed that, whose joint has a force of the model that is not zero."""
+    found = {i for of in model.forces for i, _ in speeds_with_forces(model, of)}
+    return {i for i in found if i >= 0}, {-1 - i for i in found if i < 0}
 
 
 def speeds_with_forces(model: Model, force: JointForce) -> Iterator[tuple[int, Expression]]:
