@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..program.procedure import Formulas, Run, Step, walk
+from ..program.procedure import Formulas, Run, Step
 from .structure.system import System
 from .sweeps import SWEEP
 
@@ -102,9 +102,3 @@ def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> li
             wanted |= {q.name for q in (*potential, *([POSE] if stored else []))}
     assert wanted <= {*QUANTITIES, *(q.name for q in potential)}, wanted
     return [q for q in (*QUANTITIES.values(), *potential) if q.name in wanted]
-
-
-def missing(quantities: Iterable[Quantity], taken: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Steps for what some steps have not computed yet."""
-    known = set(walk(taken))
-    return tuple(s for q in quantities if not known.issuperset(q.values) for s in q.values)

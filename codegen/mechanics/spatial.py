@@ -38,6 +38,16 @@ def dot(a: Components, b: Components) -> Value:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def product(a: Value, b: Value) -> Value:
+    """Of values any of which may be the int 0 or 1."""
+    return b if isinstance(a, int) and a == 1 else a * b
+
+
+def inner(a: Components, b: Components) -> Value:
+    """The sum of products, of any number of components; those of `a` may be the int 0 or 1."""
+    return sum(product(p, q) for p, q in zip(a, b, strict=True))
+
+
 def scale(s: Value, a: Components) -> Vector:
     return [s * x for x in a]
 

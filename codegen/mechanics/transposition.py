@@ -38,14 +38,6 @@ def kept(store: Store) -> Store:
     return found
 
 
-def _is_margin(store: Store) -> bool:
-    return store.memory is MARGIN
-
-
-def _is_none(store: Store) -> bool:
-    return False
-
-
 def _names(blocks: Iterable[Block], stored: bool) -> set[Name]:
     """What blocks store, or load."""
     if stored:
@@ -100,7 +92,7 @@ def transpose_sweeps(
             )
             forwards[kind] = values(
                 block, f"{values_name(sweep)}_{kind}", f"values of {title}", keeping,
-                _is_margin if sweep in checked else _is_none,
+                (lambda store: store.memory is MARGIN) if sweep in checked else (lambda store: False),
             )  # fmt: skip
         program.blocks[transpose_name(sweep)] = backwards
         program.blocks[values_name(sweep)] = forwards

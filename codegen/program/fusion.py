@@ -10,11 +10,7 @@ from .block import Block, Component, Statement, symbols_of
 from .store import Store
 
 
-def _unknown(store: Store, name: str) -> bool:
-    return False
-
-
-def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store, str], bool] = _unknown) -> Block:
+def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store, str], bool]) -> Block:
     """One block that does what several do in their order.
 
     What an earlier block has stored is not loaded again, and only the last value of a place is stored. Stores that may mean the

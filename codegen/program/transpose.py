@@ -24,12 +24,7 @@ from .passes import drop_dead
 from .store import Store
 
 Cleared = Callable[[Store, str], bool]
-"""Whether the adjoint of something that a block stores must be zero afterwards."""
-
-
-def nothing_cleared(store: Store, name: str) -> bool:
-    """Of blocks whose results nobody replaces: their adjoints are used once."""
-    return False
+"""Whether the adjoint of something that a block stores must be zero afterwards; of results that nobody replaces it need not."""
 
 
 def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
@@ -125,7 +120,7 @@ NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store
 
 
 def transposed(
-    block: Block, name: str, title: str, cleared: Cleared = nothing_cleared, kept: Kept = NOTHING_KEPT
+    block: Block, name: str, title: str, cleared: Cleared = lambda store, name: False, kept: Kept = NOTHING_KEPT
 ) -> Block:
     """The block that gives the adjoints of what `block` loads from those of what it stores.
 

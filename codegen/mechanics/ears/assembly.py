@@ -17,7 +17,7 @@ from ..couplings import partner_store
 from ..spatial import ZERO, add, cross, dot, is_zero, minus, rotate, transpose
 from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, STEP, UP, VELOCITY
 from ..structure.kinds import EarKind, LinkKind, RegionKind
-from .closures import stored_factor
+from .closures import dependents, stored_factor
 from .completion import dependent_displacements
 from .conditions import joint_conditions, kept_conditions, seen_by
 from .couplings import open_by
@@ -185,10 +185,9 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
     """Scales of the columns, in the order of the factor: displacements, and rows, in parts of the characteristic length."""
-    dependents = [(k, j) for k, own in enumerate(kind.dependent) for j in own]
     found = []
     for column in f.order:
-        k, j = dependents[column]
+        k, j = dependents(kind)[column]
         link = kind.links[k]
         turns = any(not is_zero(e) for e in link.joint(MemberView(x, k), link).all_columns[j].angular)
         found.append(algebra.ratio(kind.per_length if turns else algebra.ONE, kind.scale))

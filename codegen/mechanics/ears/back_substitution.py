@@ -15,21 +15,14 @@ from ..joints import Column
 from ..spatial import add, cross, matvec, rotate, scale, transpose
 from ..stores import BASE, DDRIVING, DRIVING, DUDOT, EAR, LBASE, LME, LREGION, ME, MY_LANE, REGION, UDOT
 from ..structure.kinds import EarKind, RegionKind
-from .closures import own_sources
+from .closures import dependents, own_sources
 from .geometry import EarGeometry
 from .region_system import place_of_base, places_of_partners, unknowns
 
 
-def base_acceleration(x: Scope, kind: RegionKind, lanes: bool) -> Vector:
-    """The base's acceleration, as far as it is explicit in udot; nothing for the ground."""
-    if not kind.carried:
-        return []
-    return list(x.load(LBASE if lanes else BASE, fields.explicit_acceleration))
-
-
 def outer_accelerations(x: Scope, kind: RegionKind, lanes: bool) -> dict[int, Value]:
     """What is known of a region's unknowns before its own are: motions of far links, base and partners, by place."""
-    base = base_acceleration(x, kind, lanes)
+    base = x.load(LBASE if lanes else BASE, fields.explicit_acceleration) if kind.carried else []
     of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
     found = {place_of_base(kind) + i: value for i, value in enumerate(base)}
     for m in others(kind):
@@ -94,8 +87,7 @@ def find_joints(x: Scope, kind: EarKind, lanes: bool) -> None:
             x.set_entry(driving[k], 0, x.load(store, fields.source_driving(c)))
         else:
             x.set_entry(udot[k], j, a[c])
-    dependents = [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
-    for d, (k, j) in enumerate(dependents):
+    for d, (k, j) in enumerate(dependents(kind)):
         held = (MY_LANE[k], fields.dependent_acceleration(j)) if lanes else (EAR, fields.dependent_remainder(d))
         value = x.load(*held)
         for c in range(kind.total):

@@ -19,7 +19,7 @@ from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
 from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along
-from ..spatial import SIX, UNIT, add, cross, is_zero, matvec, minus, transpose
+from ..spatial import SIX, UNIT, add, cross, is_zero, matvec, minus, product, transpose
 from ..stores import DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, UDOT
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
@@ -27,13 +27,12 @@ from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less
 from ..tree.tangents import pattern
 from ..tree.triangularization import force_to_parent
 from .closing_accelerations import closing_accelerations
-from .closures import named_root_velocities, own_sources, stored_factor
+from .closures import dependents, named_root_velocities, own_sources, stored_factor
 from .conditions import Condition, kept_conditions
 from .couplings import CouplingForces
 from .geometry import EarGeometry
 from .members import Member, MemberView
 from .motions import Motion, Twist
-from .orthogonal import product
 from .tangents import EarTangents, ear_tangents, tangents_of
 
 
@@ -275,11 +274,6 @@ def missed(
     change = s.change(ear.members[k].view, phi)
     change = change + taken.tangents.get((k, j), 0)
     return x.let("dgamma", s.along(d_phi) + change - dtau, "d Eq. 53", lanes=True)
-
-
-def dependents(kind: EarKind) -> list[tuple[int, int]]:
-    """Link and freedom of the dependent freedoms."""
-    return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
 
 
 def column_of(ear: EarGeometry, k: int, j: int) -> Column:

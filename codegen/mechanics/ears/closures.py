@@ -7,6 +7,8 @@ Gamma and Xi, applied to the sources at once. Accelerations obey the same maps, 
 
 from __future__ import annotations
 
+from functools import partial
+
 from ...program import algebra
 from ...program.block import Scope
 from ...program.scalar import Value, Vector
@@ -30,10 +32,13 @@ def own_sources(kind: EarKind) -> dict[int, tuple[int, int]]:
     return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
 
 
-def own_coefficients(ear: EarGeometry, kind: EarKind, c: int, dependent: Vector) -> list[Vector]:
-    """Rates of all freedoms of the ear for a unit of a source."""
-    own = own_sources(kind).get(c)
-    return ear.coefficients(dependent, lambda k, j: int(own == (k, j)))
+def dependents(kind: EarKind) -> list[tuple[int, int]]:
+    """Link and freedom of the dependent freedoms."""
+    return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
+
+
+def _of_unit(own: tuple[int, int] | None, k: int, j: int) -> int:
+    return int(own == (k, j))
 
 
 def closures(x: Scope, kind: EarKind) -> FactorForm:
@@ -75,7 +80,8 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
         for d, y in enumerate(Y):
             x.store(EAR, fields.dependent_rate(d, c), y)
             rates[d] = rates[d] + y * speed
-        for k, twist in enumerate(ear.walk(roots, own_coefficients(ear, kind, c, Y), "Z", "Eq. 37")):
+        coefficients = ear.coefficients(Y, partial(_of_unit, own))
+        for k, twist in enumerate(ear.walk(roots, coefficients, "Z", "Eq. 37")):
             x.store(ME[k], fields.per_source(c).angular, twist.angular)
             x.store(ME[k], fields.per_source(c).linear, twist.linear)
         if own is not None:

@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ...program.scalar import Value, Vector
-from ..spatial import UNIT, add, cross, scale
+from ..spatial import UNIT, add, cross, inner, product, scale
 from .geometry import EarGeometry
 from .motions import Twist
-from .orthogonal import product
 from .surfaces import SurfaceCondition
 
 
@@ -168,15 +167,8 @@ def seen_by(
     result: Vector = []
     for row in rows:
         v = at_cuts[row.loop].angular if row.angular else at_cuts[row.loop].linear
-        result.append(ear.x.let(name, _along(row.n, v), tag, lanes=lanes))
+        result.append(ear.x.let(name, inner(row.n, v), tag, lanes=lanes))
     return result
-
-
-def _along(n: Vector, v: Vector) -> Value:
-    total: Value = 0
-    for a, b in zip(n, v, strict=True):
-        total = total + product(a, b)
-    return total
 
 
 def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 
 from ...program.scalar import Value, Vector
 from .. import fields
+from ..spatial import product
 from ..stores import CL_DP, LOOP_CONSTANTS
 from .conditions import Condition
 from .geometry import EarGeometry
 from .motions import Twist
-from .orthogonal import product
 from .tangents import EarTangents
 
 

@@ -8,14 +8,13 @@ least-squares sense: on consistent motion the redundant conditions agree.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from ...program.block import ANY, Scope
 from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from .. import fields
-from ..spatial import cross
+from ..spatial import cross, inner, product
 from ..stores import EAR, RANK
 from ..structure.factor_form import FactorForm, Step
 
@@ -53,9 +52,7 @@ class Factor:
         """``x`` of ``E x = b``, in the order of E's columns."""
         let = self.x.let
         n = len(self.order)
-        y = [
-            let(f"{name}_y", _sum(product(q, v) for q, v in zip(qj, b, strict=True)), tag, lanes=lanes) for qj in self.q
-        ]
+        y = [let(f"{name}_y", inner(qj, b), tag, lanes=lanes) for qj in self.q]
         found: Vector = [0] * n
         for j in reversed(range(n)):
             rest = y[j]
@@ -74,10 +71,7 @@ class Factor:
                 rest = rest - product(self.R.get((i, j), 0), z[i])
             z.append(let(f"{name}_z", product(rest, self.inverse[j]), tag, lanes=lanes))
         rows = len(self.q[0]) if self.q else 0
-        return [
-            let(name, _sum(product(q[i], v) for q, v in zip(self.q, z, strict=True)), tag, lanes=lanes)
-            for i in range(rows)
-        ]
+        return [let(name, inner([q[i] for q in self.q], z), tag, lanes=lanes) for i in range(rows)]
 
     def _sorted(self, values: Vector) -> Vector:
         result: Vector = [0] * len(values)
@@ -124,18 +118,6 @@ def load_factor(x: Scope, form: FactorForm) -> Factor:
     return f
 
 
-def product(a: Value, b: Value) -> Value:
-    """Of values any of which may be the int 0 or 1."""
-    return b if isinstance(a, int) and a == 1 else a * b
-
-
-def _sum(terms: Iterable[Value]) -> Value:
-    total: Value = 0
-    for t in terms:
-        total = total + t
-    return total
-
-
 def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
     """The unit vector normal to one, two or three orthonormal ones in as many dimensions and one more."""
     let = x.let
@@ -176,14 +158,14 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
             last = _complement(x, [[f.q[i][k] for k in spans] for i in wide], tag)
             f.q.append([last[spans.index(k)] if k in spans else 0 for k in range(rows)])
             for i in wide:
-                f.R[i, j] = let("R", _sum(product(f.q[i][k], v[k]) for k in spans), tag)
-            r = let("r", _sum(product(f.q[-1][k], v[k]) for k in spans), tag)
+                f.R[i, j] = let("R", inner([f.q[i][k] for k in spans], [v[k] for k in spans]), tag)
+            r = let("r", inner([f.q[-1][k] for k in spans], [v[k] for k in spans]), tag)
             square = r * r
         else:
             for again in (False, True):
                 for i in wide:
                     q = f.q[i]
-                    c = let("R", _sum(product(q[k], v[k]) for k in range(rows)), tag)
+                    c = let("R", inner(q, v), tag)
                     if not again:  # what the second pass finds is rounding, for R too
                         f.R[i, j] = c
                     v = [let("E", v[k] - product(c, q[k]), tag) for k in range(rows)]
@@ -195,14 +177,14 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
                 square = r * r
                 f.q.append([1 if k in left else 0 for k in range(rows)])
             else:
-                square = let("rr", _sum(v[k] * v[k] for k in range(rows)), tag)
+                square = let("rr", inner(v, v), tag)
                 r = let("r", x.sqrt(square), tag)
                 inverse = let("rinv", 1 / r, tag)
                 f.q.append([let("q", product(e, inverse), tag) for e in v])
         if x.structural:
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
-        above = _sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
+        above = sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
         # a column that is all but zero, of a joint that has come to move nothing, is told too
         margin = let(
             "margin", square - x.number(limits().rounding(SMALLEST, 2)) * (x.number(size * size) + above), "rank"

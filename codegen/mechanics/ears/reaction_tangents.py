@@ -18,7 +18,7 @@ from .. import fields
 from ..couplings import hand_force, others
 from ..handing_on import accumulate
 from ..joints import LinkJoint
-from ..spatial import SIX, add, cross, dot, is_zero, matvec, transpose
+from ..spatial import SIX, add, cross, dot, inner, is_zero, matvec, product, transpose
 from ..stores import (
     BASE,
     DLOOP_REACTION,
@@ -42,16 +42,14 @@ from .balance import (
     Handed,
     begin_inward,
     closing_wrench,
-    dependents,
     forces_at_links,
     hand_to_roots,
     let_wrench_act,
     missed,
 )
-from .closures import stored_factor
+from .closures import dependents, stored_factor
 from .conditions import Condition, of_loop, seen_by
 from .geometry import EarGeometry
-from .orthogonal import product
 from .region_balance import clear_transmitted
 from .roots import Frame, Ground, Root
 from .tangents import EarTangents
@@ -172,10 +170,7 @@ def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Ve
     d.run()
     moved = [x.let("dEz", d.of(v), "d Eq. 9", lanes=True) for v in seen]
     for q in factor.q:
-        along: Value = 0
-        for e, v in zip(q, moved, strict=True):
-            along = along + product(e, v)
-        along = x.let("along", along, "d Eq. 9", lanes=True)
+        along = x.let("along", inner(q, moved), "d Eq. 9", lanes=True)
         moved = [x.let("dEz", v - product(e, along), "d Eq. 9", lanes=True) for e, v in zip(q, moved, strict=True)]
     return moved
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from ...program.block import Scope
 from ...program.field import SixField
-from ...program.scalar import Matrix, Value, Vector
+from ...program.scalar import Matrix, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import from_far, hand_force, others
@@ -24,15 +24,9 @@ from .conditions import kept_conditions, of_loop
 from .far_links import far_motions
 from .geometry import EarGeometry
 from .kinematics import member_motion, store_motions
-from .members import Freedom, MemberView
+from .members import MemberView
 from .motions import Motion
 from .region_balance import transmitted_fields
-
-
-def along_freedom(x: Scope, kind: EarKind, k: int, freedom: Freedom, force: tuple[Vector, Vector]) -> Value:
-    """What a force misses along a dependent freedom: its component less the model's own joint force and what a rotor takes."""
-    tau = transmitted_along(MemberView(x, k), kind.links[k], freedom.index)
-    return x.let("gamma", freedom.along(*force) - tau, "Eq. 53")
 
 
 def inward(x: Scope, ear: EarGeometry, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
@@ -93,11 +87,6 @@ def region_motion(x: Scope, kind: RegionKind) -> None:
     far_motions(x, kind, fields.total, fields.far_total)
 
 
-def ground_attitude(ear: EarGeometry, place: int) -> Matrix:
-    """Ground components from those of a link of the ear, or (place negative) of a root."""
-    return ear.x.load(ME[place] if place >= 0 else ear.roots[-1 - place].record, fields.attitude)
-
-
 def ear_transmitted(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: what its joints and loops do."""
     ear = EarGeometry(x, kind)
@@ -115,7 +104,10 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
     held = inward(x, ear, phi)
     on_roots: list[tuple[int, tuple[Vector, Vector]]] = []
     if rows:
-        gamma = [along_freedom(x, kind, k, freedom, held[k]) for k, freedom in ear.dependents()]
+        gamma: Vector = []  # what they miss along dependent freedoms: less the joint's own force and what a rotor takes
+        for k, freedom in ear.dependents():
+            tau = transmitted_along(MemberView(x, k), kind.links[k], freedom.index)
+            gamma.append(x.let("gamma", freedom.along(*held[k]) - tau, "Eq. 53"))
         multipliers = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c, closure in enumerate(kind.closures):
             if closure.is_coupling:  # one number, along the coordinate whose factor is 1
@@ -129,7 +121,8 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
             turned = [
                 matvec(transpose(ear.attitude(end)), [e if closure.turned else -e for e in v]) for v in (moment, force)
             ]
-            store_reaction(x, LOOP_REACTION[c], ground_attitude(ear, end), turned[0], turned[1])
+            attitude = x.load(ME[end] if end >= 0 else ear.roots[-1 - end].record, fields.attitude)
+            store_reaction(x, LOOP_REACTION[c], attitude, turned[0], turned[1])
             for side, sign in ((0, -1), (1, 1)):
                 place = closure.faces[side]
                 lever = ear.arm(c, side)

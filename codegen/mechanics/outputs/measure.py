@@ -15,16 +15,6 @@ Write = Callable[[Records, Output], Value]
 """Writes the statements of an output's value."""
 
 
-def nothing_else(output: Output) -> tuple[str, ...]:
-    """Every output of the measure reads the same."""
-    return ()
-
-
-def nothing_more(output: Output, system: System) -> Sequence[Expression]:
-    """An output is made of its own expressions."""
-    return ()
-
-
 @dataclass(frozen=True, slots=True)
 class RecordMeasure:
     """A formula over what sweeps leave in the records of links, and over what they sum up.
@@ -44,9 +34,9 @@ class RecordMeasure:
 
     reads: tuple[str, ...]
     write: Write
-    also: Callable[[Output], tuple[str, ...]] = nothing_else
+    also: Callable[[Output], tuple[str, ...]] = lambda output: ()
     pivots: bool = False
-    more: Callable[[Output, System], Sequence[Expression]] = nothing_more
+    more: Callable[[Output, System], Sequence[Expression]] = lambda output, system: ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,16 +33,14 @@ from .shared import Shared
 from .words import OTHER_WIDTHS, OUTPUTS
 
 TRANSPOSED = {
-    "accelerations": "sensitivities", "coordinate_rates": "coordinate_rate_sensitivities", "energies": "energy_sensitivities",
-    "outputs": "output_sensitivities", "completion": "completion_sensitivities", "switches": "switch_sensitivities",
-}  # fmt: skip
-"""Functions that have a transpose, with those that give their derivatives."""
-
-GRADIENTS = {
-    "accelerations": "gradients", "coordinate_rates": "coordinate_rate_gradients", "energies": "energy_gradients",
-    "outputs": "output_gradients", "completion": "assemble_gradients", "switches": "switch_gradients",
-}  # fmt: skip
-"""What a solver calls these transposes, by the functions of values."""
+    "accelerations": ("sensitivities", "gradients"),
+    "coordinate_rates": ("coordinate_rate_sensitivities", "coordinate_rate_gradients"),
+    "energies": ("energy_sensitivities", "energy_gradients"),
+    "outputs": ("output_sensitivities", "output_gradients"),
+    "completion": ("completion_sensitivities", "assemble_gradients"),
+    "switches": ("switch_sensitivities", "switch_gradients"),
+}
+"""Functions that have a transpose, with those that give their derivatives, and what a solver calls the transpose."""
 
 ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
 """The sweeps of the balance's transpose. Where no others come after them, what they kept needs no clearing."""
@@ -51,7 +49,7 @@ ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_
 def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:
     """The transposes of functions over directions, for those in `TRANSPOSED`."""
     by_name = {p.name: p for p in found}
-    pairs = [(by_name.get(values), by_name.get(along)) for values, along in TRANSPOSED.items()]
+    pairs = [(by_name.get(values), by_name.get(along)) for values, (along, _) in TRANSPOSED.items()]
     both = [(values, along) for values, along in pairs if values and along]
     # outputs that read accelerations give adjoints of their own before the balance runs backwards
     once = sum(Run("balance_in", True) in flat(along.steps) for _, along in both) == 1
@@ -67,7 +65,7 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
     steps = [s for s in flat(along.steps) if over_directions(s)]
     swept = [s.sweep for s in steps if isinstance(s, Run)]
     assert len(set(swept)) == len(swept), "a sweep that runs twice does not leave adjoints as it should"
-    together = run_together(w, steps) if once and along.name == TRANSPOSED["accelerations"] else {}
+    together = run_together(w, steps) if once and values.name == "accelerations" else {}
     scalars = tuple(Run(values_name(s)) for s in swept if values_name(s) not in together)
     weights = tuple(r for r in along.results if r.lanes)
     own = [s.array for s in steps if isinstance(s, Own)]
@@ -121,7 +119,7 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
         ),
         weights,
         OTHER_WIDTHS,
-        GRADIENTS[values.name],
+        TRANSPOSED[values.name][1],
     )
 
 

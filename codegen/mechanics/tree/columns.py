@@ -23,7 +23,7 @@ from ..elimination import OF_FREEDOMS, eliminate_force
 from ..joints import LinkJoint
 from ..joints.quaternion import QuaternionJoint
 from ..rotors import rotor
-from ..spatial import ZERO, is_zero
+from ..spatial import ZERO, inner, is_zero
 from ..stores import DFORCE, DUDOT, ME, MY_COLUMNS, RIGHT_SIDE, UP_COLUMNS
 from ..structure.kinds import LinkKind
 from .back_substitution import carry
@@ -31,7 +31,7 @@ from .inverse_dynamics import joint_acceleration
 from .kinematics import accelerate, angular_velocity
 from .tangents import differentiate, tangent
 from .triangularization import articulated_inertia, force_to_parent
-from .turning import _sum_of_products, carried_change
+from .turning import carried_change
 
 OF_COLUMNS = replace(OF_FREEDOMS, right_side=fields.column_drive, moving="P")
 """The factors of the triangularization, and where right sides of columns are kept."""
@@ -79,7 +79,7 @@ def column_seed(x: Scope, kind: LinkKind) -> None:
     x.store(MY_COLUMNS, fields.seed_acceleration, dA)
     W = [*x.load(ME, fields.all_turning_moment), *x.load(ME, fields.all_turning_push)]
     P = [
-        x.let("P", _sum_of_products(row, dA) + _sum_of_products(turns, turned), "d Eq. 45", lanes=True)
+        x.let("P", inner(row, dA) + inner(turns, turned), "d Eq. 45", lanes=True)
         for row, turns in zip(articulated_inertia(x), W, strict=True)
     ]
     _add(x, MY_COLUMNS, P)
@@ -128,12 +128,12 @@ def column_turn(x: Scope, kind: LinkKind) -> None:
         turned = joint.to_child(x.load(UP_COLUMNS, fields.column_turning), "dw", "d Eq. 18")
         for j in range(joint.freedoms):
             gain = [x.load(ME, fields.turning_gain(j, k)) for k in range(3)]
-            drive[j] = drive[j] + _sum_of_products(gain, turned)
+            drive[j] = drive[j] + inner(gain, turned)
     found = _substitute(x, kind, joint, A, drive)
     if kind.carried_on:
         values = kind.joint(x, kind)
         C = carried_change(x, values, x.load(ME, fields.parents_velocity))
-        A = [x.let("A", e + _sum_of_products(row, turned), "d Eq. 21", lanes=True) for e, row in zip(A, C, strict=True)]
+        A = [x.let("A", e + inner(row, turned), "d Eq. 21", lanes=True) for e, row in zip(A, C, strict=True)]
     x.store(MY_COLUMNS, fields.column_turning, turned)
     x.store(MY_COLUMNS, fields.column_acceleration, _moved(x, joint, A, found))
 
@@ -157,7 +157,7 @@ def composite_seed(x: Scope, kind: LinkKind) -> None:
     freedoms = range(kind.joint.freedoms)
     forces = [x.load(ME, fields.composite_force(j)) for j in freedoms]
     units = [x.entry(RIGHT_SIDE, j) for j in freedoms]
-    _add(x, MY_COLUMNS, [_sum_of_products(list(of), units) for of in zip(*forces, strict=True)])
+    _add(x, MY_COLUMNS, [inner(list(of), units) for of in zip(*forces, strict=True)])
 
 
 def composite_in(x: Scope, kind: LinkKind) -> None:

@@ -19,7 +19,7 @@ from ..elimination import OF_FREEDOMS
 from ..handing_on import accumulate, accumulate_force
 from ..joints import LinkJoint
 from ..rotors import rotor, transmitted_along
-from ..spatial import SIX, cross, is_zero, matvec, skew, transpose
+from ..spatial import SIX, cross, inner, is_zero, matvec, skew, transpose
 from ..stores import ME, UP
 from ..structure.kinds import LinkKind
 from .kinematics import own_inertia
@@ -73,7 +73,7 @@ def turning(x: Scope, kind: LinkKind) -> None:
     C = carried_change(x, joint, x.load(ME, fields.parents_velocity))
     columns = []
     for k in range(3):
-        IC = [_sum_of_products(I[i], [row[k] for row in C]) for i in SIX]
+        IC = [inner(I[i], [row[k] for row in C]) for i in SIX]
         columns.append([x.let("W", W[i][k] + IC[i], "d Eq. 45") for i in SIX])
     for j in reversed(range(joint.freedoms)):
         s = joint.columns[j]
@@ -109,10 +109,3 @@ def _transmitted(x: Scope, kind: LinkKind, joint: LinkJoint) -> None:
     x.store(ME, fields.joint_force, phi)
     force = force_to_parent(x, joint, phi, "Eq. 45")
     accumulate_force(x, UP, fields.transmitted, force, is_first(x, kind), "Eq. 45")
-
-
-def _sum_of_products(a: Vector, b: Vector) -> Value:
-    total = a[0] * b[0]
-    for p, q in zip(a[1:], b[1:], strict=True):
-        total = total + p * q
-    return total
