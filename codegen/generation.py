@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 LAYOUTS = ("auto", "kinds", "unrolled")
 TARGETS = ("c", "numpy", "both")
-SCALARS = ("float64", "float32")
 CHECK_STATES = 3
 CHECK_DRAWS = 12
 """Random states that are drawn, at most, to find those where the model's expressions have a value."""
@@ -110,14 +109,17 @@ def generate(
         There is no C compiler, and `compile` is "all"; the package stays.
     """
     # long: what it takes is described
-    for name, value, allowed in (("target", target, TARGETS), ("layout", layout, LAYOUTS), ("scalar", scalar, SCALARS)):
+    from .emit.c import C
+
+    scalars = [s.name for s in C.scalars]
+    for name, value, allowed in (("target", target, TARGETS), ("layout", layout, LAYOUTS), ("scalar", scalar, scalars)):
         if value not in allowed:
             raise ValueError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
     if isinstance(functions, str):
         functions = [name.strip() for name in functions.split(",")]
     elif functions is not None:
         functions = _names(functions)
-    if scalar != SCALARS[0] and target != "c":
+    if scalar != scalars[0] and target != "c":
         raise ValueError(f"scalar is {scalar!r}, which the C target has alone; target is {target!r}, and 'c' is needed")
     if isinstance(partitions, bool) or partitions not in range(1, len(OTHERS) + 2):
         raise ValueError(f"partitions is {partitions!r}; allowed are 1 to {len(OTHERS) + 1}")
@@ -137,7 +139,6 @@ def generate(
     keep = refuse_foreign(path, force)
 
     from .compiling_ahead import CompilingAhead
-    from .emit.c import C
     from .pipeline import write_solver
 
     chosen: dict[str, Any] = {

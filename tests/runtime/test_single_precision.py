@@ -18,6 +18,7 @@ from codegen.cli import generate_main
 from codegen.emit.c import C
 from codegen.mechanics.procedures import UnknownFunctionError
 from codegen.model import Model, ModelError, load_model, parse_model
+from codegen.runtime.standalone.arrays import SCALARS
 from codegen.runtime.standalone.calls import batches
 from codegen.runtime.standalone.errors import SingularJointError
 
@@ -207,6 +208,13 @@ def test_motions_and_fine_tolerances_are_refused(pair):
         codegen.generate(EXAMPLES / "arm.yaml", target="numpy", scalar="float32")
     with pytest.raises(ValueError, match="allowed are float64, float32"):
         codegen.generate(EXAMPLES / "arm.yaml", scalar="half")
+
+
+def test_python_and_the_command_line_know_every_scalar_type_of_the_target(capsys):
+    assert {s.name: s.word for s in C.scalars} == SCALARS
+    with pytest.raises(SystemExit):
+        generate_main(["--help"])
+    assert f"[--scalar {{{','.join(SCALARS)}}}]" in capsys.readouterr().out
 
 
 def test_the_command_line_says_which_options_go_together(capsys):
