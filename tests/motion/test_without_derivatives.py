@@ -201,6 +201,19 @@ def test_a_small_jump_beside_rates_that_change_far_more(made: Callable[..., Made
         assert any("the motion passes s - q.x" in m or "jumps there at no switch" in m for m in messages)
 
 
+def test_a_jump_beside_four_rates_that_are_steep(made: Callable[..., Made]) -> None:
+    """All rates are looked at, in any order: the spring's ends meet at the time at which four forces turn over."""
+    names = ["a", "b", "c", "d"]
+    bodies = "".join(f"  {n}: {{parent: ground, joint: {{type: prismatic, axis: y}}, mass: 1}}\n" for n in names)
+    text = PASSES.replace("bodies:\n", "bodies:\n" + bodies) + JUMPS["spring"].replace(
+        "stiffness: 5", "stiffness: 1e-3"
+    )
+    solver = made(parsed, text + "".join(FORCE.format(n, "tanh(q.x/1e-5)") for n in names)).solver
+    for options in METHODS:
+        found, messages = gradients(solver, [Final("x")], ["x0"], **options)
+        assert np.isnan(found.gradients).all() and "jumps there at no switch" in messages[0], options
+
+
 def test_steep_forces_are_no_jumps(made: Callable[..., Made]) -> None:
     """Neither is an angle that turns fast where the motion passes beside the point, at 1e-3."""
     forces = ["k*(q.x**2 + q.y**2)", "k*tanh(q.x/1e-3)", "k*q.x/sqrt(q.x**2 + q.y**2 + 1e-6)"]

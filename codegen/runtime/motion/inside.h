@@ -52,6 +52,7 @@ static inline void *ordernm_line(scalar *room)
 }
 
 enum { LANES = 8, MOST_STAGES = 16 };
+enum { HALVES = 40 };         /* how often a time is halved in which rates may jump */
 
 /* Directions that are evaluated together. */
 typedef struct {
@@ -202,6 +203,7 @@ struct ordernm_motion {
     scalar *sides[6];         /* [size] rates on both sides of such a point, see points.c */
     scalar *moved_p;          /* [np] parameters beside it */
     const scalar *p;          /* parameters: the problem's, or those */
+    scalar *halves[HALVES + 1]; /* [values] rates at these times, and how much a jump is at least */
     int suspects;             /* steps in which rates may jump without a switch */
     int jumps_at_end;         /* they seem to at the end of this one */
     scalar turning;           /* the longest step in which no angle that jumps at half a turn leaves its mode by so much; 0 for any */

@@ -14,8 +14,8 @@ static const scalar AGREE = 1e-10;
 /* A rate jumps where its change between two neighbouring stages is at least PART_OF_STEP of all its changes in the step, where at least
  * PART_OF_CHANGE of it remains however often the time between is halved, where it exceeds PART_OF_RATE of the rate, and where over the whole
  * motion it would move the state by ERRORS_ALLOWED tolerances. The search covers the SUSPECTS steps after a refused one, and every step of
- * constant size; in a step it looks at no more than CANDIDATES rates. */
-enum { HALVES = 40, SUSPECTS = 4, CANDIDATES = 4 };
+ * constant size. */
+enum { SUSPECTS = 4 };
 static const scalar PART_OF_STEP = 0.5, PART_OF_CONSTANT_STEP = 0.8, PART_OF_CHANGE = 0.25, PART_OF_RATE = 1e-9, ERRORS_ALLOWED = 10.0;
 
 static void clear(const ordernm_motion *m, const group *g, int lane, scalar *z)
@@ -171,65 +171,48 @@ static scalar widest_pair(const ordernm_motion *m, const int *order, int points,
     return all > 0.0 ? largest/all : 0.0;
 }
 
-/* A rate in the step, on that cubic; 0 where it has one. */
-static int rate_within(ordernm_motion *m, scalar h, scalar x, int i, scalar *rate)
+/* Rates in the step, on the cubic through its ends; 0 where they have no value. */
+static scalar *rates_within(ordernm_motion *m, scalar h, scalar x, scalar *rates)
 {
-    const scalar *at = x == 0.0 ? m->rate[0] : x == 1.0 ? m->rate[m->method->stages] : m->at_pose;
-    if (at == m->at_pose) {
-        ordernm_between(m, h, x, m->trial);
-        if (ordernm_rates_of(m, m->t + x*h, m->trial, m->at_pose, 0, 0, RATES | INTEGRALS)) return 1;
-        if (m->nd && m->results->condition_here > m->poor) return 1; /* a loop loses rank there */
-    }
-    *rate = at[i];
-    return 0;
+    if (x == 0.0 || x == 1.0) return m->rate[x == 0.0 ? 0 : m->method->stages];
+    ordernm_between(m, h, x, m->trial);
+    if (ordernm_rates_of(m, m->t + x*h, m->trial, rates, 0, 0, RATES | INTEGRALS)) return 0;
+    return m->nd && m->results->condition_here > m->poor ? 0 : rates; /* a loop loses rank there */
 }
 
-/* Whether a rate jumps between two neighbouring stages. These are beside the motion, so times before and behind them are looked at as well:
- * that interval in which it changes most is halved, of the halves that one in which it changes more, and so on. */
-static int jumps_between(ordernm_motion *m, scalar h, int i, const int *order, int points, int k)
+/* Whether a rate jumps between two places, and which: halves are looked at in which one changes by more than its least jump. */
+static int jumps_between(ordernm_motion *m, scalar h, scalar from, scalar to, const scalar *low, const scalar *high, int halved, int *which)
 {
-    const scalar of_stages = change(m, i, m->rate[order[k]][i], m->rate[order[k + 1]][i]);
-    const scalar least = fmax(PART_OF_CHANGE*of_stages, ERRORS_ALLOWED);
-    scalar from = 0.0, to = 0.0, low = 0.0, high = 0.0, last = 0.0, x = 0.0, here = 0.0;
-    for (int n = k > 0 ? k - 1 : 0; n < points && n <= k + 2; ++n) {
-        const scalar x_before = x, before = here;
-        x = n < points - 1 ? m->method->times[order[n]] : 1.0;
-        if (rate_within(m, h, x, i, &here)) return 0;
-        if (n < k || n == 0 || !(change(m, i, before, here) > last)) continue;
-        from = x_before, to = x, low = before, high = here, last = change(m, i, before, here);
-    }
-    for (int halved = 0; halved < HALVES && last > least; ++halved) {
-        const scalar middle = 0.5*(from + to);
-        if (rate_within(m, h, middle, i, &here)) return 0;
-        const scalar before = change(m, i, low, here), behind = change(m, i, here, high);
-        if (before > behind) high = here, to = middle;
-        else low = here, from = middle;
-        last = fmax(before, behind);
-    }
-    return last > least;
+    const scalar *const least = m->halves[HALVES], middle = 0.5*(from + to);
+    int i = 0;
+    while (i < ordernm_counted(m) && !(change(m, i, low[i], high[i]) > least[i])) ++i;
+    *which = i;
+    if (i == ordernm_counted(m) || halved == HALVES) return i < ordernm_counted(m);
+    const scalar *const here = rates_within(m, h, middle, m->halves[halved]);
+    return here && (jumps_between(m, h, from, middle, low, here, halved + 1, which)
+                    || jumps_between(m, h, middle, to, here, high, halved + 1, which));
 }
 
-/* Whether a rate jumps within the step, and which. Each one is compared with its own changes: others may change far more. Of those of which
- * one change is most of all, a few are looked at. */
+/* Whether a rate jumps within the step, and which. Each one is compared with its own changes: others may change far more. It is looked at
+ * where one change between stages is most of all; stages are beside the motion, so times before and behind them are looked at as well. */
 static int jumps(ordernm_motion *m, scalar h, int *which)
 {
     const scalar part = m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP;
-    int order[MOST_STAGES], entries[CANDIDATES], widest[CANDIDATES], count = 0;
+    int order[MOST_STAGES];
     const int points = sort_stages(m, order);
-    scalar shares[CANDIDATES];
+    unsigned places = 0;
     for (int i = 0, n = ordernm_counted(m); i < n; ++i) {
-        int k = 0, at = count < CANDIDATES ? count : CANDIDATES - 1;
-        const scalar share = widest_pair(m, order, points, i, &k);
-        if (share < part || (count == CANDIDATES && share <= shares[at])) continue;
-        if (!(change(m, i, m->rate[order[k]][i], m->rate[order[k + 1]][i]) > ERRORS_ALLOWED)) continue;
-        count += count < CANDIDATES;
-        for (; at > 0 && shares[at - 1] < share; --at)
-            shares[at] = shares[at - 1], entries[at] = entries[at - 1], widest[at] = widest[at - 1];
-        shares[at] = share, entries[at] = i, widest[at] = k;
+        int k = 0;
+        const scalar share = widest_pair(m, order, points, i, &k), by = change(m, i, m->rate[order[k]][i], m->rate[order[k + 1]][i]);
+        const int suspect = share >= part && by > ERRORS_ALLOWED;
+        m->halves[HALVES][i] = suspect ? fmax(PART_OF_CHANGE*by, ERRORS_ALLOWED) : INFINITY;
+        if (suspect) places |= 7u << k >> 1;
     }
-    for (int c = 0; c < count; ++c) {
-        *which = entries[c];
-        if (jumps_between(m, h, *which, order, points, widest[c])) return 1;
+    for (int n = 0; n < points - 1; ++n) {
+        const scalar from = m->method->times[order[n]], to = n < points - 2 ? m->method->times[order[n + 1]] : 1.0;
+        if (!(places >> n & 1u)) continue;
+        const scalar *const low = rates_within(m, h, from, m->error[0]), *const high = rates_within(m, h, to, m->error[1]);
+        if (low && high && jumps_between(m, h, from, to, low, high, 0, which)) return 1;
     }
     return 0;
 }

@@ -146,6 +146,7 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
         if (own) ordernm_radau_layout(m, own);
     }
     *zeros = of.used;
+    for (int i = 0; i <= HALVES; ++i) m->halves[i] = ordernm_numbers(&of, m->values);
     m->work = ordernm_numbers(&of, s->workspace);
     return of.used;
 }
