@@ -63,8 +63,8 @@ class TreeMaker:
         moving = {name: joint for name, joint in joints.items() if joint.type != GEARBOX}
         edges = [Edge(j.name, j.parent, j.child, j.type == "spherical") for j in moving.values()]
         fixed = [link for link in robot.links if link in self.static and not any(e.child == link for e in edges)]
-        tree = spanning_tree(list(robot.links), edges)
-        for name, reverse in tree.carriers:
+        carriers = spanning_tree(list(robot.links), edges)
+        for name, reverse in carriers:
             if name in moving:
                 self.carry(moving[name], reverse, poses)
                 continue
@@ -80,7 +80,7 @@ class TreeMaker:
             robot.warnings.append(robot.links[fixed[0]].place.problem(message, "warning"))
         for name, link in robot.links.items():
             link.moved_to(poses[name].inverse() @ used[name])
-        carried = {name for name, _ in tree.carriers}
+        carried = {name for name, _ in carriers}
         for joint in joints.values():
             if joint.type == GEARBOX:
                 robot.couplings.append(self.gear(joint))
@@ -141,20 +141,17 @@ class TreeMaker:
         place = place_of(gear.element)
         what = f"is a gear between links {shortened(gear.parent)} and {shortened(gear.child)}"
         reference, ratio = (gear.element.first(f"gearbox_{word}") for word in ("reference_body", "ratio"))
-        if reference is None:
-            return Coupling(gear.name, place, gear.name, "", 0.0, 0.0, what, is_gear=True)
-        named = self.frames.link(gear.scope, gear.item.home, reference.text.strip(), reference)
-        if named is None:
-            return Coupling(gear.name, place, gear.name, "", 0.0, 0.0, what, is_gear=True)
-        body = WORLD if named == WORLD else (gear.path + named).removeprefix(gear.cut)
+        where = reference.text.strip() if reference is not None else ""
+        named = None if reference is None else self.frames.link(gear.scope, gear.item.home, where, reference)
         hinges: list[tuple[str, int]] = []
-        for link, tag in ((gear.parent, "axis"), (gear.child, "axis2")):
-            axis = gear.element.first(tag) or gear.element.first("axis")
-            along = None if axis is None else np.array(self.direction(gear, axis, Placement()))
-            hinges += [] if along is None else self.hinge(body, link, along)[:1]
+        if named is not None:
+            body = WORLD if named == WORLD else (gear.path + named).removeprefix(gear.cut)
+            for link, tag in ((gear.parent, "axis"), (gear.child, "axis2")):
+                axis = gear.element.first(tag) or gear.element.first("axis")
+                along = None if axis is None else np.array(self.direction(gear, axis, Placement()))
+                hinges += [] if along is None else self.hinge(body, link, along)[:1]
+            what += f", one of which has no hinge about the gear's axis on its reference body {shortened(where)}"
         if len(hinges) < 2:
-            where = shortened(reference.text.strip())
-            what += f", one of which has no hinge about the gear's axis on its reference body {where}"
             return Coupling(gear.name, place, gear.name, "", 0.0, 0.0, what, is_gear=True)
         (of, first), (joint, second) = hinges
         value = 1.0 if ratio is None else self.reader.content(ratio, 1, (1.0,))[0]

@@ -17,22 +17,10 @@ class Edge(NamedTuple):
     loose: bool
 
 
-class Tree(NamedTuple):
-    """A spanning tree.
+def spanning_tree(links: Sequence[str], edges: Sequence[Edge]) -> list[tuple[str, bool]]:
+    """What carries links if they are spanned by joints, from the ground outwards.
 
-    Attributes
-    ----------
-    carriers : list of (str, bool)
-        From the ground outwards: the joint that carries the next link, and whether its child carries its parent; or the name of
-        a link that stands on the ground by itself.
-    """
-
-    carriers: list[tuple[str, bool]]
-
-
-def spanning_tree(links: Sequence[str], edges: Sequence[Edge]) -> Tree:
-    """Span links by joints, in the order of the file.
-
+    The name of a joint, with whether its child carries its parent, or of a link that stands on the ground by itself.
     Joints are taken from parent to child, the loose ones where no other joint leads on, backwards last. What nothing leads
     to stands on the ground, first links that are nobody's child.
     """
@@ -51,7 +39,7 @@ def spanning_tree(links: Sequence[str], edges: Sequence[Edge]) -> Tree:
         if found is None:
             base = next((link for link in waiting if link not in reached), None)
             if base is None:
-                return Tree(carriers)
+                return carriers
             reached.add(base)
             carriers.append((base, False))
             continue

@@ -88,18 +88,11 @@ class Draft:
 
 @dataclass(slots=True)
 class Open:
-    """Why some loops do not close by themselves: in words, and the names of hinted speeds that stand against it."""
+    """Why an ear does not close by itself: in words, the names of hinted speeds that stand against it, and which ear it is."""
 
     text: str
     refused: list[str] = field(default_factory=list)
-
-
-@dataclass(slots=True)
-class Stuck:
-    """An ear that does not close by itself: which, and why."""
-
-    place: int
-    why: Open
+    place: int = 0
 
 
 class Sweep:
@@ -129,7 +122,7 @@ class Sweep:
         motions = self.unit[:, None] * random.normal(size=(1, geometry.nu, MOTIONS))
         self.motion = Motion(geometry, q, np.repeat(motions, len(q), axis=0))
 
-    def run(self, order: Order) -> tuple[list[Draft], Stuck | None]:
+    def run(self, order: Order) -> tuple[list[Draft], Open | None]:
         """The ears up to the first that does not close by itself."""
         self.motion.restart()
         self.regular = np.ones(len(self.q), dtype=bool)
@@ -139,7 +132,8 @@ class Sweep:
             closure = self.motion.closure(loops)
             draft = self._draft(closure, loops)
             if isinstance(draft, Open):
-                return drafts, Stuck(place, draft)
+                draft.place = place
+                return drafts, draft
             self.motion.resolve(closure, draft.dependent)
             drafts.append(draft)
         return drafts, None
@@ -247,7 +241,7 @@ def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
             sweep.dividing, order = True, [(i,) for i in loops]
 
 
-def _mended(sweep: Sweep, order: Order, stuck: Stuck) -> Order:
+def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
     """An order that comes further, or has fewer ears."""
     i, ear = stuck.place, order[stuck.place]
     passed = sweep.geometry.passed_speeds(ear)
@@ -255,7 +249,7 @@ def _mended(sweep: Sweep, order: Order, stuck: Stuck) -> Order:
     if not near:
         model = sweep.geometry.model
         names = [model.loops[k].name for k in ear]
-        raise PartitionError(f"{loops_named(model, ear)}: {stuck.why.text}", names, stuck.why.refused)
+        raise PartitionError(f"{loops_named(model, ear)}: {stuck.text}", names, stuck.refused)
     for other, length in _others(order, i, near[:NEIGHBOURS]):
         if sweep.run(other[:length])[1] is None:
             return other

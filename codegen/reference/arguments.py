@@ -80,16 +80,16 @@ class Arguments(ABC):
         self.dependent = np.array(sorted(i for ear in partition.ears for i in ear.dependent), dtype=int)
         self.dependent_coordinates = np.array(coordinates_of(model, set(self.dependent.tolist()))[0], dtype=int)
         self.split = partition.split(model)
-        lengths = {loop: ear.length for ear in partition.ears for loop in ear.loops}
-        if sorted(lengths) != list(range(len(model.loops))):
-            raise ValueError(f"partition: its ears close the loops {sorted(lengths)} of {len(model.loops)}")
+        closed = sorted({loop for ear in partition.ears for loop in ear.loops})
+        if closed != list(range(len(model.loops))):
+            raise ValueError(f"partition: its ears close the loops {closed} of {len(model.loops)}")
         if sorted([*self.dependent, *partition.independent]) != list(range(model.nu)):
             raise ValueError("partition: every speed must be either independent or dependent in one ear")
-        self.lengths = tuple(lengths[i] for i in range(len(model.loops)))
+        self.lengths = partition.lengths
         ends = np.cumsum([0, *(len(closure_row_names(loop)) for loop in model.loops)])
         self.closure_slices = tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
         self.dropped_rows = partition.dropped_rows(model)
-        self.kept = np.array([i for i in range(ends[-1]) if i not in partition.dropped_conditions(model)], dtype=int)
+        self.kept = np.setdiff1d(np.arange(ends[-1]), partition.dropped_conditions(model))
 
     def _state(self, q: Any, u: Any, p: Any, inputs: Any, t: Any, **seeds: Any) -> State:
         """The arguments, with dependent speeds and seeds from closure."""
