@@ -9,9 +9,10 @@ from typing import Any
 
 from .emit.c import C
 from .emit.c.calls import write_calls
+from .emit.c.functions import batch_arrays
 from .emit.c.module import CWriter, write_c
 from .emit.c.motion import has_motion, write_four, write_motion, write_precise
-from .emit.c.states import arrays_of, over_states, write_states, write_threads
+from .emit.c.states import over_states, write_states, write_threads
 from .emit.numpy.module import write_numpy
 from .emit.registry import BESIDE_C, RESERVED
 from .emit.target import Scalar, UnwritableError
@@ -214,7 +215,7 @@ def _in_c(
     if over := over_states(writer.procedures):
         made["over_states"] = {
             "functions": [p.name for p in over],
-            "arrays": [name for names in arrays_of(over) for name in names],
+            "arrays": [name for names in batch_arrays(over) for name in names],
             "workspace": context["states_workspace"],
             "swept": writer.memory_of_sweeps,
         }

@@ -7,7 +7,8 @@ import re
 from pathlib import Path
 
 from codegen.emit.c import FLOAT64
-from codegen.emit.c.functions import CFunctions, memory, room
+from codegen.emit.c.call_memory import call_memory, room
+from codegen.emit.c.functions import CFunctions
 from codegen.program.procedure import Array, Check, Own, Perform, Procedure, Routine, Run, Zero
 
 U = Array("u", ("nu",), 3)
@@ -22,7 +23,7 @@ def procedure(*steps, **more) -> Procedure:
 def test_own_arrays_of_one_procedure_do_not_overlap() -> None:
     b, c, d = (U.called(n) for n in "bcd")
     lanes = U.tangent("lanes")
-    found = memory((procedure(Own(b), Own(lanes), Own(c)), procedure(Own(d), Zero(d), Own(c))))
+    found = call_memory((procedure(Own(b), Own(lanes), Own(c)), procedure(Own(d), Zero(d), Own(c))))
     for together in ((b, lanes, c), (c, d)):
         spans = sorted((found.own[a], found.own[a] + room(a)) for a in together)
         assert all(end <= begin for (_, end), (begin, _) in itertools.pairwise(spans))
@@ -32,7 +33,7 @@ def test_own_arrays_of_one_procedure_do_not_overlap() -> None:
 
 
 def test_pointers_are_those_of_arrays_that_procedures_have() -> None:
-    found = memory((procedure(Own(A.tangent()), OUT, seeds=(U.tangent(),)),))
+    found = call_memory((procedure(Own(A.tangent()), OUT, seeds=(U.tangent(),)),))
     assert found.fields == {"u": False, "a": True}
     assert found.lane_fields == {"du": False, "da": True}
 
@@ -40,7 +41,7 @@ def test_pointers_are_those_of_arrays_that_procedures_have() -> None:
 def test_a_procedure_in_c() -> None:
     checked = Perform(Routine("forward", "Goes forward.", (OUT, Check())))
     p = procedure(checked, ALONG, seeds=(U.tangent(),), results=(A, A.tangent()), widths=(8,))
-    printer = CFunctions("model", FLOAT64, memory((p,)), lambda what: [], lambda p: ["lay_out(&c, work);"])
+    printer = CFunctions("model", FLOAT64, call_memory((p,)), lambda what: [], lambda p: ["lay_out(&c, work);"])
     assert printer.routine(checked.routine).signature == "static int forward(call *a)"
     assert printer.routine(checked.routine).lines == ["out(a);", "if (STOPPED(a)) return 1;", "return 0;"]
     assert printer.function(p).lines == [

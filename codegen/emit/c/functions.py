@@ -7,40 +7,12 @@ get one of the two as ``a``. Arrays are pointers of these, to the caller's memor
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
-from ...program.procedure import (
-    AddEntry,
-    AllColumns,
-    Array,
-    Bind,
-    Check,
-    Columns,
-    Combine,
-    Copy,
-    CopyEntry,
-    Formulas,
-    Hold,
-    IfAsked,
-    Own,
-    Perform,
-    Prepare,
-    Primitives,
-    Procedure,
-    Routine,
-    Run,
-    Single,
-    Step,
-    Together,
-    Tolerate,
-    Zero,
-    ZeroEntries,
-    over_directions,
-    stops,
-    walk,
-)
+from ...program import procedure as steps
+from ...program.procedure import Array, Procedure, Routine, Step, over_directions, stops
 from ..function import Function, called_with
 from ..target import Scalar
+from .call_memory import Memory, read_apart
 from .columns import all_columns, primitives
 from .libraries import guard, guard_of_width
 
@@ -119,114 +91,10 @@ def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]
     return list(given), list(written)
 
 
-@dataclass(slots=True)
-class Memory:
-    """What procedures need beside what sweeps keep: pointers of the two structs, and the arrays of a call's own.
-
-    Attributes
-    ----------
-    fields, lane_fields : dict of str to bool
-        Arrays by name, and whether they are written.
-    numbers : dict of str to bool
-        Arguments that are passed by value.
-    own : dict of Array to int
-        Arrays in the workspace, with their places in scalars; those that no procedure has at once share memory.
-    size : int
-    """
-
-    fields: dict[str, bool] = field(default_factory=dict)
-    lane_fields: dict[str, bool] = field(default_factory=dict)
-    numbers: dict[str, bool] = field(default_factory=dict)
-    own: dict[Array, int] = field(default_factory=dict)
-    size: int = 0
-
-    def declarations(
-        self, kept: dict[str, str], kept_lanes: dict[str, str], real: str
-    ) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Types and names of the members of both structs; `kept` have what sweeps keep, and of which type."""
-
-        def pointers(type_: str, fields: dict[str, bool]) -> list[tuple[str, str]]:
-            known = kept.keys() | kept_lanes.keys()
-            return [(f"{'' if written else 'const '}{type_} *", n) for n, written in fields.items() if n not in known]
-
-        of_values = pointers(real, self.fields) + [(f"{real} ", name) for name in self.numbers]
-        of_values += [(f"{type_} *", name) for name, type_ in kept.items()]
-        of_lanes = pointers("LANES", self.lane_fields) + [(f"{type_} *", name) for name, type_ in kept_lanes.items()]
-        return of_values, of_lanes
-
-
-def memory(procedures: tuple[Procedure, ...]) -> Memory:
-    """What procedures need."""
-    found = Memory()
-    together: dict[Array, set[Array]] = {}
-    for p in procedures:
-        held, apart = p.held(), p.written_apart()
-        if p.modes is not None:
-            found.fields.setdefault(p.modes.name, False)
-        for a in (*p.arguments, *p.seeds):
-            name = held[a.name].name if a.name in held else a.name
-            if not a.shape and not a.lanes:
-                found.numbers[name] = False
-            elif not _read_apart(p, a):
-                (found.lane_fields if a.lanes else found.fields).setdefault(name, False)
-        for r in p.results:
-            if r.name not in apart:
-                (found.lane_fields if r.lanes else found.fields)[r.name] = True
-        own: dict[Array, None] = {}
-        for step in walk(p.steps):
-            written: list[Array] = []
-            match step:
-                case Own():
-                    written, own[step.array] = [step.array], None
-                case Hold():
-                    written, own[step.array] = [step.array], None
-                case Bind():
-                    written = [step.array]
-                case Zero():
-                    written = [step.array]
-                case AddEntry():
-                    written = [step.to]
-                case ZeroEntries():
-                    written = [step.array]
-                case Combine():
-                    written = [step.to]
-                case Single():
-                    for a, _ in (*step.reads, *step.writes):
-                        found.lane_fields.setdefault(a.name, False)
-                    written = [a for a, _ in step.writes]
-                case AllColumns():
-                    found.lane_fields |= {a.name: True for a in step.arrays}
-                case Primitives():
-                    found.lane_fields[step.of.name] = True
-                case _:
-                    pass
-            for a in written:
-                (found.lane_fields if a.lanes else found.fields)[a.name] = True
-        for a in own:
-            together.setdefault(a, set()).update(own)
-    _place(found, together)
-    return found
-
-
-def _read_apart(procedure: Procedure, array: Array) -> bool:
-    """Whether an argument is one direction's array."""
-    return any(of is array or of == array for s in procedure.steps if isinstance(s, Single) for _, of in s.reads)
-
-
-def _place(found: Memory, together: dict[Array, set[Array]]) -> None:
-    """Give each array of the call's own the first place that none of those has that are in use at the same time."""
-    for array, others in together.items():
-        at = 0
-        for other in sorted((o for o in others if o in found.own), key=lambda o: found.own[o]):
-            if found.own[other] < at + room(array) and at < found.own[other] + room(other):
-                at = found.own[other] + room(other)
-        found.own[array] = at
-        found.size = max(found.size, at + room(array))
-
-
-def room(array: Array) -> int:
-    """Doubles that an array takes in the workspace: whole cache lines."""
-    return -(-array.size * (8 if array.lanes else 1) // 8) * 8
+def batch_members(procedures: Iterable[Procedure], read: str, written: str) -> list[tuple[str, list[str]]]:
+    """The same as members of that struct: their type, and lines with their names."""
+    both = zip((read, written), batch_arrays(procedures), strict=True)
+    return [(type_, called_with("", names, ";").split("\n")) for type_, names in both if names]
 
 
 class CFunctions:
@@ -338,7 +206,7 @@ class Lines:
             if over_directions(step) and not self.opened:
                 body += self.open()
             body += self.of(step)
-        if p.steps and isinstance(p.steps[-1], Check):
+        if p.steps and isinstance(p.steps[-1], steps.Check):
             body.pop()
         body += self.end()
         values = {**self.bound(p.arguments), **self.bound_results(False)}
@@ -351,7 +219,7 @@ class Lines:
         )
         if self.opened:
             head.append("DIRECTIONS(call) d;")
-        if any(isinstance(s, Single) and s.steps for s in p.steps):
+        if any(isinstance(s, steps.Single) and s.steps for s in p.steps):
             head.append("call_1 one;")
         return [*head, *self.functions.laid_out(p), *body]
 
@@ -360,7 +228,7 @@ class Lines:
         p = self.procedure
         assert p is not None
         last = p.steps[-1] if p.steps else None
-        return [f"return {self.base(last.lanes)}singular;" if isinstance(last, Check) else "return 0;"]
+        return [f"return {self.base(last.lanes)}singular;" if isinstance(last, steps.Check) else "return 0;"]
 
     def bound(self, given: tuple[Array, ...]) -> dict[str, str]:
         """What arrays of the call are: arguments, or seeds."""
@@ -372,7 +240,7 @@ class Lines:
             name = held[a.name].name if a.name in held else a.name
             if not a.shape and not a.lanes:
                 found[name] = a.name
-            elif not _read_apart(p, a):
+            elif not read_apart(p, a):
                 fields = self.memory.lane_fields if a.lanes else self.memory.fields
                 found[name] = self.caller(a, fields[name])
         return found
@@ -397,55 +265,55 @@ class Lines:
     def of(self, step: Step) -> list[str]:
         """Lines of a step."""
         match step:
-            case Run():
+            case steps.Run():
                 return [self.call(step.sweep, step.lanes)]
-            case Formulas():
+            case steps.Formulas():
                 return [self.call(step.called, step.lanes)]
-            case Prepare():
+            case steps.Prepare():
                 return self.functions.prepared(step.what)
-            case Perform():
+            case steps.Perform():
                 return self.perform(step)
-            case Check():
+            case steps.Check():
                 if self.procedure is None:
                     return ["if (STOPPED(a)) return 1;"]
                 singular = f"{self.base(step.lanes)}singular"
                 return [f"if ({singular}) return {singular};"]
-            case Tolerate():
+            case steps.Tolerate():
                 return []
-            case Own():
+            case steps.Own():
                 if not step.array.size:
                     return []
                 return [f"{self.base(step.array.lanes)}{step.array.name} = {self.own(step.array)};"]
-            case Hold():
-                return [*self.of(Own(step.array)), *self.of(Copy(step.array, step.given))]
-            case Bind():
+            case steps.Hold():
+                return [*self.of(steps.Own(step.array)), *self.of(steps.Copy(step.array, step.given))]
+            case steps.Bind():
                 return [f"{self.base(step.array.lanes)}{step.array.name} = {self.bound_to(step.to)};"]
-            case Zero():
+            case steps.Zero():
                 return self.each(step.array.size, f"{self.array(step.array)}[i] = {self.nothing(step.array)};")
-            case Copy():
+            case steps.Copy():
                 return self.each(step.to.size, f"{self.array(step.to)}[i] = {self.array(step.of)}[i];")
-            case CopyEntry():
+            case steps.CopyEntry():
                 return [f"{self.array(step.to)}[{step.index}] = {self.array(step.of)}[{step.entry}];"]
-            case AddEntry():
+            case steps.AddEntry():
                 to, of = f"{self.array(step.to)}[{step.index}]", f"{self.array(step.of)}[{step.entry}]"
                 return [f"EACH_VECTOR {to}.at[h] += {of}.at[h];" if step.to.lanes else f"{to} += {of};"]
-            case ZeroEntries():
+            case steps.ZeroEntries():
                 return self.zero_entries(step)
-            case Combine():
+            case steps.Combine():
                 return self.combine(step)
-            case Single():
+            case steps.Single():
                 return self.single(step)
-            case Columns():
+            case steps.Columns():
                 return self.columns(step) if step.unit.lanes else self.columns_of_values(step)
-            case AllColumns():
+            case steps.AllColumns():
                 return all_columns(step, self.array, self.functions.scalar)
-            case Primitives():
+            case steps.Primitives():
                 return primitives(step, self.array, self.call(step.formulas.called, True), self.functions.scalar)
-            case IfAsked():
+            case steps.IfAsked():
                 asked = " || ".join(self.array(r) for r in step.results)
                 lines = [f"    {line}" for s in step.steps for line in self.of(s)]
                 return [f"if ({asked}) {{", *lines, "}"] if lines else []
-            case Together():
+            case steps.Together():
                 raise TypeError("which of the two is taken is said before, see procedure.for_target")
 
     def number(self, text: str) -> str:
@@ -459,7 +327,7 @@ class Lines:
     def call(self, name: str, lanes: bool) -> str:
         return f"{f'DIRECTIONS({name})' if lanes else name}({self.passed(lanes)});"
 
-    def perform(self, step: Perform) -> list[str]:
+    def perform(self, step: steps.Perform) -> list[str]:
         call = self.call(step.routine.name, step.routine.lanes)
         if not stops(step):
             return [call]
@@ -479,7 +347,7 @@ class Lines:
             return self.caller(a, True)
         return self.array(a)
 
-    def combine(self, step: Combine) -> list[str]:
+    def combine(self, step: steps.Combine) -> list[str]:
         h = ".at[h]" if step.to.lanes else ""
         terms = " + ".join(f"{self.array(a)}[i]{h}" for a in step.plus)
         terms += "".join(f" - {self.array(a)}[i]{h}" for a in step.minus)
@@ -487,21 +355,21 @@ class Lines:
             step.to.size, f"{'EACH_VECTOR ' if step.to.lanes else ''}{self.array(step.to)}[i]{h} = {terms};"
         )
 
-    def zero_entries(self, step: ZeroEntries) -> list[str]:
+    def zero_entries(self, step: steps.ZeroEntries) -> list[str]:
         a, n = step.array, len(step.entries)
         if not n:
             return []
         table = f"static const int zero_{a.name}[{n}] = {{{', '.join(map(str, step.entries))}}};"
         return [table, *self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {self.nothing(a)};")]
 
-    def single(self, step: Single) -> list[str]:
+    def single(self, step: steps.Single) -> list[str]:
         if not step.steps:  # of no speeds
             return []
         lines = ["open_1(&one, &c, work);"]
         lines += [f"one.{a.name} = (lanes_1 *){of.name};" for a, of in (*step.reads, *step.writes)]
         return [*lines, *(f"{s.sweep}_1(&one);" for s in step.steps)]
 
-    def columns(self, step: Columns) -> list[str]:
+    def columns(self, step: steps.Columns) -> list[str]:
         """As many columns at a time as there are directions."""
         unit, free = step.unit, step.among
         count = unit.size if free is None else len(free)
@@ -540,7 +408,7 @@ class Lines:
                 ]
         return [*lines, f"    for (int l = 0; l < m; ++l) {self.array(unit)}[{at}] = NOTHING;", "}"]
 
-    def columns_of_values(self, step: Columns) -> list[str]:
+    def columns_of_values(self, step: steps.Columns) -> list[str]:
         """One column at a time, all directions of its tangent together."""
         if not step.unit.size:
             return []

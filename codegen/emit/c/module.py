@@ -8,11 +8,12 @@ from typing import Any
 
 from ...program.procedure import ANGLES, WIDTHS, Columns, Primitives, Procedure, within
 from ...program.store import MODES
-from ..function import Function, called_with, in_lines
+from ..function import Function, in_lines
 from ..runs import widest_first
 from ..templates import render
 from . import functions as c_functions
 from . import sines, vectors
+from .call_memory import call_memory
 from .columns import GROUP
 from .functions import CFunctions
 from .legend import about_names, legend
@@ -34,7 +35,7 @@ class CWriter(CPrepared):
         found = context["interfaces"]
         places: dict[str, int] = {}
         at = 0
-        memory = c_functions.memory(found)
+        memory = call_memory(found)
         switching = model.switches.have_modes
         if switching:  # functions that nobody calls with modes read that there are none
             memory.fields.setdefault(MODES.name, False)
@@ -112,11 +113,7 @@ class CWriter(CPrepared):
             "header_functions": [of for f in found if not f.seeds for of in lines.functions(f)],
             "prototypes": [(Function(f.doc, "").head, c_functions.signatures(f, model.name, self.scalar.word)) for f in found],
             "mode_words": ["c/modes.c.jinja"] if switching else [],
-            "batch_arrays": [
-                (type_, called_with("", names, ";").split("\n"))
-                for type_, names in zip(("given", "rows"), c_functions.batch_arrays(public), strict=True)
-                if names
-            ],
+            "batch_arrays": c_functions.batch_members(public, "given", "rows"),
             "batches": c_functions.batch_lines(of_width),
             "batch_signatures": [c_functions.batch_signature(f, model.name, w) for f, w in of_width],
             "called": (library := self.printer.library()),

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...elementary import named
-from ...program.procedure import Array, Check, Procedure, Step
+from ...program.procedure import Check, Procedure, Step
 from ..function import Function, called_with
 from ..target import Scalar
 from ..templates import render
 from . import library_function
-from .functions import CFunctions, Lines, parameters
+from .functions import CFunctions, Lines, batch_members, parameters
 from .vectors import most_lanes
 
 OVER_STATES = ("accelerations", "sensitivities")
@@ -119,25 +119,11 @@ def states_context(
     return {
         "functions_over_states": found,
         "states_workspace": most_lanes(scalar) * (room + workspace) + most_lanes(scalar),
-        "state_structs": [
-            [
-                (type_, called_with("", names, ";").split("\n"))
-                for type_, names in zip(("seen", "filled"), arrays_of(procedures), strict=True)
-            ]
-        ]
-        if procedures
-        else [],
+        "state_structs": [batch_members(procedures, "seen", "filled")] if procedures else [],
         "of_one": [library_function(f, scalar) for f in library if f not in OF_TWO],
         "of_two": [library_function(f, scalar) for f in library if f in OF_TWO],
         "directions": DIRECTIONS,
     }
-
-
-def arrays_of(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]:
-    """What the struct of a batch over states has: what is read, and what is written."""
-    procedures = list(procedures)
-    given: dict[str, Array] = {a.name: a for p in procedures for a in (*p.arguments, *p.seeds)}
-    return list(given), list({r.name: r for p in procedures for r in p.results if r.name not in given})
 
 
 def write_states(context: dict[str, Any]) -> str:
@@ -150,4 +136,4 @@ def write_threads(context: dict[str, Any], arrays: Iterable[str]) -> str:
     return render("c/threads.c.jinja", {**context, "arrays": arrays})
 
 
-__all__ = ["OVER_STATES", "arrays_of", "over_states", "states_context", "write_states", "write_threads"]
+__all__ = ["OVER_STATES", "over_states", "states_context", "write_states", "write_threads"]

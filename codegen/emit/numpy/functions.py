@@ -8,34 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ...program.procedure import (
-    AddEntry,
-    AllColumns,
-    Array,
-    Bind,
-    Check,
-    Columns,
-    Combine,
-    Copy,
-    CopyEntry,
-    Formulas,
-    Hold,
-    IfAsked,
-    Own,
-    Perform,
-    Prepare,
-    Primitives,
-    Procedure,
-    Routine,
-    Run,
-    Single,
-    Step,
-    Together,
-    Tolerate,
-    Zero,
-    ZeroEntries,
-    over_directions,
-)
+from ...program import procedure as steps
+from ...program.procedure import Array, Procedure, Routine, Step, over_directions
 from ..function import Function
 
 AXES = {"nq": "NQ", "nu": "NU"}
@@ -120,48 +94,48 @@ class _Lines:
 
     def of(self, step: Step) -> list[str]:
         """Lines of a step."""
-        if isinstance(step, (Run, Formulas, Perform, Single, Columns)):
+        if isinstance(step, (steps.Run, steps.Formulas, steps.Perform, steps.Single, steps.Columns)):
             self.zero.clear() if over_directions(step) else self.zero.intersection_update(self._of_lanes())
         match step:
-            case Run():
+            case steps.Run():
                 return self.guarded(step.sweep)
-            case Formulas():
+            case steps.Formulas():
                 return self.guarded(step.called)
-            case Prepare():
+            case steps.Prepare():
                 return self.functions.prepared(step.what)
-            case Perform():
+            case steps.Perform():
                 return [f"{step.routine.name}(a)"]
-            case Check():
+            case steps.Check():
                 return []
-            case Tolerate():
+            case steps.Tolerate():
                 return ["a.solves = False  # how far loops are open can be told where they have lost rank, too"]
-            case Own():
+            case steps.Own():
                 return self.fresh(step.array)
-            case Hold():
+            case steps.Hold():
                 return [f"a.{step.array.name} = list(a.{step.given.name})"]
-            case Bind():
+            case steps.Bind():
                 return self.bind(step)
-            case Zero():
+            case steps.Zero():
                 return [] if step.array.name in self.zero else self.fresh(step.array)
-            case Copy():
+            case steps.Copy():
                 return [f"a.{step.to.name} = list(a.{step.of.name})"]
-            case CopyEntry():
+            case steps.CopyEntry():
                 return [f"a.{step.to.name}[{step.index}] = a.{step.of.name}[{step.entry}]"]
-            case AddEntry():
+            case steps.AddEntry():
                 to = f"a.{step.to.name}[{step.index}]"
                 return [f"{to} = {to} + a.{step.of.name}[{step.entry}]"]
-            case ZeroEntries():
+            case steps.ZeroEntries():
                 return self.zero_entries(step)
-            case Combine():
+            case steps.Combine():
                 names = [a.name for a in (*step.plus, *step.minus)]
                 terms = " + ".join(a.name for a in step.plus) + "".join(f" - {a.name}" for a in step.minus)
                 arrays = ", ".join(f"a.{n}" for n in names)
                 return [f"a.{step.to.name} = [{terms} for {', '.join(names)} in zip({arrays})]"]
-            case Single():
+            case steps.Single():
                 return self.single(step)
-            case Columns():
+            case steps.Columns():
                 return self.columns(step)
-            case AllColumns() | Primitives() | IfAsked() | Together():
+            case steps.AllColumns() | steps.Primitives() | steps.IfAsked() | steps.Together():
                 raise TypeError("NumPy takes columns one after the other, see procedure.for_target")
 
     def guarded(self, name: str) -> list[str]:
@@ -179,26 +153,26 @@ class _Lines:
         return [f"a.{a.name} = [0.0] * {count(a)}"]
 
     @staticmethod
-    def zero_entries(step: ZeroEntries) -> list[str]:
+    def zero_entries(step: steps.ZeroEntries) -> list[str]:
         if not step.entries:
             return []
         return [f"for i in {list(step.entries)}:", f"    a.{step.array.name}[i] = 0.0"]
 
-    def bind(self, step: Bind) -> list[str]:
+    def bind(self, step: steps.Bind) -> list[str]:
         p, to = self.procedure, step.to
         if p is not None and to in p.results and to.name not in self.result_of:
             self.result_of[to.name] = step.array.name
             return self.fresh(step.array)
         return [f"a.{step.array.name} = a.{to.name}"]
 
-    def single(self, step: Single) -> list[str]:
+    def single(self, step: steps.Single) -> list[str]:
         lines = [f"a.{a.name} = a.{of.name}" for a, of in step.reads if a.name != of.name]
         lines += [line for a, _ in step.writes for line in self.fresh(a)]
         lines += [line for s in step.steps for line in self.of(s)]
         self.result_of |= {to.name: to.name for _, to in step.writes}
         return [*lines, *(f"a.{to.name} = a.{a.name}" for a, to in step.writes)]
 
-    def columns(self, step: Columns) -> list[str]:
+    def columns(self, step: steps.Columns) -> list[str]:
         unit, along = step.unit, any(map(over_directions, step.steps)) and not step.unit.lanes
         lines = []
         for t in step.takes:
