@@ -12,6 +12,7 @@ a number times a sum is put into the sum, when it is all that it is multiplied w
 from __future__ import annotations
 
 import math
+import operator
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -121,6 +122,11 @@ class Symbol(Expr):
         return self.name
 
 
+def _compared(by: Callable[[Real, Real], bool]) -> Callable[[Number, object], bool]:
+    """A comparison of a number with another one, or with a plain number."""
+    return lambda number, other: by(number.value, _value(other))
+
+
 class Number(Expr):
     """A number. Doubles that are whole are the whole numbers.
 
@@ -176,17 +182,10 @@ class Number(Expr):
     def __abs__(self) -> Number:
         return Number(abs(self.value))
 
-    def __lt__(self, other: object) -> bool:
-        return bool(self.value < _value(other))
-
-    def __le__(self, other: object) -> bool:
-        return bool(self.value <= _value(other))
-
-    def __gt__(self, other: object) -> bool:
-        return bool(self.value > _value(other))
-
-    def __ge__(self, other: object) -> bool:
-        return bool(self.value >= _value(other))
+    __lt__ = _compared(operator.lt)
+    __le__ = _compared(operator.le)
+    __gt__ = _compared(operator.gt)
+    __ge__ = _compared(operator.ge)
 
     def xreplace(self, rule: Mapping[Symbol, Expr]) -> Expr:
         return self
@@ -314,8 +313,6 @@ def expressions_kept() -> Iterator[None]:
 def _plain(value: object) -> Real:
     if isinstance(value, Number):
         return value.value
-    if isinstance(value, bool):
-        return int(value)
     if isinstance(value, int):
         return int(value)
     if isinstance(value, Fraction):

@@ -134,11 +134,13 @@ class Scope(ABC):
     """
 
     structural: bool
-    tangents: bool
-    units: bool
-    title: str
-    asked: dict[Component, AnyField]
-    told: dict[Component, AnyField]
+
+    def __init__(self, title: str, tangents: bool, units: bool):
+        self.title = title
+        self.tangents = tangents
+        self.units = units
+        self.asked: dict[Component, AnyField] = {}
+        self.told: dict[Component, AnyField] = {}
 
     @abstractmethod
     def component(self, store: Store, name: str) -> Value:
@@ -241,12 +243,8 @@ class Expansion(Scope):
         tangents: bool = False,
         units: bool = False,
     ):
+        super().__init__(title, tangents, units)
         self.block = Block(name, title)
-        self.title = title
-        self.asked = {}
-        self.told = {}
-        self.tangents = tangents
-        self.units = units
         self._nonzero = nonzero
         self._number = number
         self._alias = alias
@@ -412,15 +410,11 @@ class StructuralExpansion(Scope):
         known: Callable[[Store, str], int | None] = lambda store, name: None,
         units: bool = False,
     ):
-        self.title = title
-        self.units = units
+        super().__init__(title, tangents, units)
         self._nonzero = nonzero
         self._known = known
-        self.tangents = tangents
         self.stored: dict[Component, int | None] = {}
         """The 0, 1 or -1 that a component is whatever the state, or None."""
-        self.asked = {}
-        self.told = {}
 
     def component(self, store: Store, name: str) -> Value:
         if not self._nonzero(store, name):

@@ -103,9 +103,7 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
-    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
-    for k in range(len(ear.members)):
-        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
+    angles = kept_rotations(ear)
     roots: list[Motion] = []
     seeds: dict[Symbol, Value] = {}
     for root in ear.roots:
@@ -150,6 +148,12 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
             x.store(LME[k], field, d.vector(v))
         x.store(LME[k], moved.B, [d.vector(row) for row in m.B])
         x.store(MY_LANE[k], fields.needed, [*d_moment, *d_force])
+
+
+def kept_rotations(ear: EarGeometry) -> dict[int, Vector]:
+    """Rotation vectors of links, and by negative places of roots, where seeds are complete."""
+    found = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
+    return found | {k: ear.x.load(MY_LANE[k], fields.shift.angular) for k in range(len(ear.members))}
 
 
 def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
@@ -227,9 +231,7 @@ def begin_inward(
     if moving_shares:
         ear.shares = "moving"
     rows = kept_conditions(ear)
-    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
-    for k in range(len(ear.members)):
-        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
+    angles = kept_rotations(ear)
     for c in range(len(kind.closures)):
         ear.slip(c)
     d = ear_tangents(ear, angles, root_positions(ear))

@@ -13,7 +13,7 @@ from ...program.store import Store
 from .. import fields
 from ..handing_on import clear
 from ..joints import LinkJoint
-from ..spatial import ZERO, add, cross, dot, is_zero, matvec, minus, rotate, transpose
+from ..spatial import ZERO, add, cross, dot, is_zero, matvec, minus, rotate, scale, transpose
 from ..stores import BASE, CL_DP, CONSTANTS, DP, DPOSITION, DQ, DU, LBASE, LME, LOOP_CONSTANTS, LUP, MY_LANE, SPEEDS
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
@@ -72,35 +72,26 @@ def parameter_displacement(x: Scope, kind: LinkKind, joint: LinkJoint) -> tuple[
     """Displacement and rotation vector of the joint in its parent that the design parameters cause, in the parent's axes."""
     local: Vector = [0, 0, 0]
     about: Vector = [0, 0, 0]
-    way = joint.way()
+    way, tag = joint.way(), "d Eq. 22"
     for j in range(kind.parameters):
         dp = x.entry(DP, j)
-        dr = x.load(CONSTANTS, fields.joint_place.derivative(j))
-        local = [local[i] + dr[i] * dp for i in range(3)]
+        local = add(local, scale(dp, x.load(CONSTANTS, fields.joint_place.derivative(j))))
         if joint.fixed is not None:
             dR = x.load(CONSTANTS, fields.joint_attitude.derivative(j))
             if not all(is_zero(e) for row in dR for e in row):
-                about = [
-                    about[i] + v * dp
-                    for i, v in enumerate(x.let_vector("about", rotation_vector(dR, joint.fixed), "d Eq. 22"))
-                ]
+                about = add(about, scale(dp, x.let_vector("about", rotation_vector(dR, joint.fixed), tag)))
             if way is not None:
-                moved = matvec(dR, way)
-                local = [local[i] + v * dp for i, v in enumerate(x.let_vector("moved", moved, "d Eq. 22"))]
+                local = add(local, scale(dp, x.let_vector("moved", matvec(dR, way), tag)))
         more = joint.way_by(j)
         if more is not None:
             more = more if joint.fixed is None else matvec(joint.fixed, more)
-            local = [local[i] + v * dp for i, v in enumerate(x.let_vector("moved", more, "d Eq. 22"))]
+            local = add(local, scale(dp, x.let_vector("moved", more, tag)))
     return local, about
 
 
 def rotation_vector(dR: Matrix, R: Matrix) -> Vector:
     """Of ``dR R^T``."""
-    found = []
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        found.append(dot(dR[k], R[j]))
-    return found
+    return [dot(dR[i - 1], R[i - 2]) for i in range(3)]
 
 
 # -- ears --------------------------------------------------------------------------------------------------------------
@@ -309,12 +300,11 @@ def face_displacement(x: Scope, ear: EarGeometry, c: int, side: int) -> tuple[Ve
     closure = ear.kind.closures[c]
     for j in range(closure.parameters):
         dp = x.entry(CL_DP[c], j)
-        dr = x.load(LOOP_CONSTANTS[c], fields.face_place(name).derivative(j))
-        local = [local[i] + dr[i] * dp for i in range(3)]
+        local = add(local, scale(dp, x.load(LOOP_CONSTANTS[c], fields.face_place(name).derivative(j))))
         if closure.holds == (3, 0) and not closure.gaps:
             continue  # no direction of the face matters
         _, F = ear.face(c, side)
         dF = x.load(LOOP_CONSTANTS[c], fields.face_axes(name).derivative(j))
         if not all(is_zero(e) for row in dF for e in row):
-            about = [about[i] + v * dp for i, v in enumerate(x.let_vector("about", rotation_vector(dF, F), "d Eq. 30"))]
+            about = add(about, scale(dp, x.let_vector("about", rotation_vector(dF, F), "d Eq. 30")))
     return local, about

@@ -20,12 +20,10 @@ class MemberView(Scope):
     """The expansion of an ear as one of its links sees it: constants, coordinates and records are the link's own."""
 
     def __init__(self, x: Scope, place: int):
+        super().__init__(x.title, x.tangents, x.units)
         self.x = x
         self.place = place
         self.structural = x.structural
-        self.tangents = x.tangents
-        self.units = x.units
-        self.title = x.title
         self.asked = x.asked
         self.told = x.told
 

@@ -146,23 +146,19 @@ class Records:
 
     def velocity(self, point: Point) -> Vector:
         """Of a point against the ground, in its axes, m/s."""
-        link, _, _ = self.carried(point.body)
-        if link == GROUND:
+        if self.carried(point.body)[0] == GROUND:
             return [0, 0, 0]
         r = self.in_link(point.body, self.vector(point.at))
-        me = self._record(link)
         self.link_attitude(point.body)  # in the order of the record
-        v, w = self.x.load(me, fields.velocity), self.x.load(me, fields.angular_velocity)
+        v, w = (self.link_field(point.body, field) for field in (fields.velocity, fields.angular_velocity))
         return self.to_ground(point.body, [self.x.let("v", e) for e in add(v, cross(w, r))])
 
     def acceleration(self, point: Point) -> Vector:
         """Of a point against the ground, in its axes, m/s^2."""
-        link, _, _ = self.carried(point.body)
-        if link == GROUND:
+        if self.carried(point.body)[0] == GROUND:
             return [0, 0, 0]
         r = self.in_link(point.body, self.vector(point.at))
-        me, motion = self._record(link), fields.moving
-        a, B = self.x.load(me, motion.a), self.x.load(me, motion.B)
+        a, B = self.link_field(point.body, fields.moving.a), self.link_field(point.body, fields.moving.B)
         return self.to_ground(point.body, [self.x.let("a", e) for e in add(a, matvec(B, r))])
 
     def attitude(self, body: int) -> Matrix:
