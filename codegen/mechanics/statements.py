@@ -13,12 +13,12 @@ from ..program.procedure import Formulas, Procedure, sweeps, walk
 from ..program.progress import Progress, silent
 from .ears.orthogonal import RankLossError
 from .elimination import ZeroPivotError
-from .expansion import Place as MemoryPlace
 from .expansion import Program, expand
 from .formulas import coefficient_formulas, force_formulas, initial_formulas, motion_formulas
 from .outputs.frames import SIZES, frame_formulas, place_formulas
 from .outputs.outputs import output_formulas, potential_formula
 from .outputs.switches import switch_formulas
+from .patterns import Place as MemoryPlace
 from .plan import plan_of
 from .procedures import SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
 from .stores import LAID_OUT, SLOT

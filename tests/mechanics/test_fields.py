@@ -17,9 +17,10 @@ from rotor_models import with_rotors
 import codegen
 from codegen.loops.partition import partition
 from codegen.mechanics import fields, procedures
-from codegen.mechanics.expansion import Patterns, expand
+from codegen.mechanics.expansion import expand
 from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
+from codegen.mechanics.patterns import Patterns
 from codegen.mechanics.quantities import QUANTITIES
 from codegen.mechanics.stores import CONSTANTS, LAID_OUT, ME
 from codegen.mechanics.structure.system import System, analyse
