@@ -86,9 +86,8 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
     program.slots[GRADIENT_OUT] = slots["balance_in"]
     program.slots[name_in] = [*slots["balance_out"], *(slots["complete"] if closed else ())]
     for memory in (LANE, REGION_LANE):
-        names = dict.fromkeys(program.fields[memory])
-        names |= {n: None for b in blocks[GRADIENT_OUT].values() for a, n, _ in b.stores if a.memory is memory}
-        program.fields[memory] = list(names)
+        stored = (n for b in blocks[GRADIENT_OUT].values() for a, n, _ in b.stores if a.memory is memory)
+        program.fields[memory] = list(dict.fromkeys((*program.fields[memory], *stored)))
 
 
 def _saved(kind: UnitKind, i: int) -> Component:

@@ -73,11 +73,8 @@ def transpose_sweeps(
 
         def cleared(store: Store, name: str, several: set[Name] = several) -> bool:
             # completion replaces seeds: what is left of their adjoints belongs to the given ones
-            if store.name in (DQ.name, DU.name):
-                return True
-            if store.memory not in LAID_OUT:
-                return False
-            return store.memory.life is Life.SWEEP or (store.memory, name) in several
+            is_used_anew = store.memory.life is Life.SWEEP or (store.memory, name) in several
+            return store.name in (DQ.name, DU.name) or (store.memory in LAID_OUT and is_used_anew)
 
         keeping = Kept(holds, kept, lambda store: store.owner is LINK)
         title = SWEEP[sweep].title
@@ -103,11 +100,8 @@ def transpose_sweeps(
     made += [s for s in (GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED) if s in program.blocks]
     _keep_needed(program, made)
     for memory in KEPT.values():
-        names: dict[str, None] = {}
-        for sweep in made:
-            for block in program.blocks.get(sweep, {}).values():
-                names |= {n: None for a, n, _ in block.stores if a.memory is memory}
-        program.fields[memory] = list(names)
+        blocks = [block for sweep in made for block in program.blocks.get(sweep, {}).values()]
+        program.fields[memory] = list(dict.fromkeys(n for b in blocks for a, n, _ in b.stores if a.memory is memory))
 
 
 def _keep_needed(program: Program, made: list[str]) -> None:

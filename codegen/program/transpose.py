@@ -161,14 +161,9 @@ def transposed(
             give(e, bar)
     for statement in reversed(block.statements):
         if statement.lanes and statement.target in bars:
-            bar = x.let(
-                f"{statement.target.name}_bar",
-                algebra.add(*bars[statement.target]),
-                f"T {statement.tag}" if statement.tag else "",
-                lanes=True,
-            )
+            tag = f"T {statement.tag}" if statement.tag else ""
+            bar = x.let(f"{statement.target.name}_bar", algebra.add(*bars[statement.target]), tag, lanes=True)
             give(statement.expression, bar)
-    stores: list[tuple[Store, str, Expr]] = []
     done: set[Component] = set()
     for symbol, (store, n) in block.loads.items():
         if not store.lanes:
@@ -177,13 +172,12 @@ def transposed(
         done.add((store, n))
         if (store, n) in incoming:  # stored again: what was there is added to
             if bar != incoming[store, n]:
-                stores.append((store, n, bar))
+                x.block.stores.append((store, n, bar))
         elif bar is not algebra.ZERO:
-            stores.append((store.sum, n, bar))
+            x.block.stores.append((store.sum, n, bar))
     for store, n, _ in block.stores:
         if store.lanes and not store.adds and (store, n) not in done and cleared(store, n):
-            stores.append((store, n, algebra.ZERO))
-    x.block.stores = stores
+            x.block.stores.append((store, n, algebra.ZERO))
     return x.finish()
 
 

@@ -10,6 +10,7 @@ from ...program.procedure import (
     GROUND_TANGENT_TRANSPOSED,
     PASSING_ADJOINTS,
     AddEntry,
+    Array,
     Check,
     Combine,
     Copy,
@@ -89,19 +90,12 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
                 pass
             case _:
                 raise TypeError(f"{along.name}: a {type(step).__name__} cannot be run backwards")
-    dependent: dict[str, tuple[int, ...]] = {}
-    if w.loops:
-        independent = dict(zip(("q", "u"), w.system.independent, strict=True))
-        dependent = {n: tuple(sorted(set(range(w.array[n].size)) - set(free))) for n, free in independent.items()}
     runs = {s.sweep for s in back if isinstance(s, Run)}
     if all(link.joint.quaternion is None for link in w.system.links):
         runs.discard(transpose_name("turns"))  # has nothing to do
     back.insert(0, Prepare(PASSING_ADJOINTS if together and runs <= ALONE else ADJOINTS, True))
-    for seed in along.seeds:
-        if GRADIENT_IN_CLOSED in runs and seed.name in stored:
-            continue
-        if dependent.get(seed.name[1:]):
-            back.append(ZeroEntries(seed, dependent[seed.name[1:]]))
+    left = [s for s in along.seeds if GRADIENT_IN_CLOSED not in runs or s.name not in stored]
+    back += [ZeroEntries(s, entries) for s in left if (entries := _dependent(w, s))]
     name = along.name.removesuffix("_sensitivities")
     return Procedure(
         f"{along.name}_transposed",
@@ -121,6 +115,12 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
         OTHER_WIDTHS,
         TRANSPOSED[values.name][1],
     )
+
+
+def _dependent(w: Shared, seed: Array) -> tuple[int, ...]:
+    """Entries of a seed that are those of dependent coordinates or speeds."""
+    free = dict(zip(("dq", "du"), w.system.independent, strict=True)) if w.loops else {}
+    return tuple(sorted(set(range(seed.size)).difference(free[seed.name]))) if seed.name in free else ()
 
 
 def run_together(w: Shared, steps: list[Step]) -> dict[str, str]:

@@ -269,13 +269,7 @@ def _couplings(
             if not region.links and not any(at_link.get(i) for i in unit.links):
                 continue
             assert len(regions[ears[unit.number].region].ears) == 1, "a region with couplings has one ear"
-            mine = result[n] = Partners(region.links, region.base)
-            inside = {i: k for k, i in enumerate(unit.links)}
-            for c in sorted({c for i in unit.links for c in at_link.pop(i, ())}):
-                rows, columns = ends[c]
-                other = inside[columns] if columns in inside else -1 - region.links.index(columns)
-                mine.own.append(c)
-                mine.between.append((inside[rows], other))
+            mine = result[n] = _of_ear(unit, region, ends, at_link)
         else:
             partners, base = eliminated[n]
             if not partners:
@@ -296,11 +290,8 @@ def _couplings(
                     ends.append((rows, columns))
                     for i in pair:
                         at_link.setdefault(i, []).append(number[key])
-                    if free:
-                        slot_of.append(free.pop())
-                    else:
-                        slot_of.append(slots)
-                        slots += 1
+                    slot_of.append(free.pop() if free else slots)
+                    slots = max(slots, slot_of[-1] + 1)
                 mine.handed_on.append(HandedOn(number[key], (where[rows], where[columns]), first))
         free += [slot_of[c] for c in mine.own]
         for c in mine.own:
@@ -308,6 +299,18 @@ def _couplings(
                 if c in at_link.get(i, ()):
                     at_link[i].remove(c)
     return Elimination(order, result, slot_of, slots, contributor)
+
+
+def _of_ear(unit: Unit, region: Partners, ends: list[tuple[int, int]], at_link: dict[int, list[int]]) -> Partners:
+    """The partners of an ear, those of its region; couplings that end with its links are taken from `at_link`."""
+    mine = Partners(region.links, region.base)
+    inside = {i: k for k, i in enumerate(unit.links)}
+    for c in sorted({c for i in unit.links for c in at_link.pop(i, ())}):
+        rows, columns = ends[c]
+        other = inside[columns] if columns in inside else -1 - region.links.index(columns)
+        mine.own.append(c)
+        mine.between.append((inside[rows], other))
+    return mine
 
 
 def _partners(
