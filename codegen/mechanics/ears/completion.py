@@ -264,7 +264,7 @@ def cut_displacements(
                     x.let_vector("cut", theta, "d Eq. 30", lanes=True), x.let_vector("cut", at, "d Eq. 30", lanes=True)
                 )
             )
-        found.append(ear.difference(c, (sides[0], sides[1])))
+        found.append(sides[1].minus(sides[0]))
     return found
 
 

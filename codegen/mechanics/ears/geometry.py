@@ -145,9 +145,7 @@ class EarGeometry:
         if self.kind.closures[c].is_coupling:
             return result
         slip = self.slip(c)
-        for side in (0, 1):
-            closure = self.kind.closures[c]
-            path = closure.paths[side]
+        for side, path in enumerate(self.kind.closures[c].paths):
             lever = self.arm(c, side)
             if side == 0 and slip is not None:
                 lever = self.x.let_vector("lever", add(lever, slip), "Eq. 32")
@@ -218,17 +216,6 @@ class EarGeometry:
         closure = self.kind.closures[c]
         return self.face_axes(c, 0)[closure.axis], self.face_axes(c, 1)[closure.end_axis]
 
-    def difference(self, c: int, twists: tuple[Twist | None, Twist | None]) -> Twist:
-        """Motion at the cut: the end's minus the start's, both given there."""
-        angular: Vector = [0, 0, 0]
-        linear: Vector = [0, 0, 0]
-        for side, sign in ((1, 1), (0, -1)):
-            t = twists[side]
-            if t is not None:
-                angular = [angular[i] + sign * t.angular[i] for i in range(3)]
-                linear = [linear[i] + sign * t.linear[i] for i in range(3)]
-        return Twist(angular, linear)
-
     def ratio(self, c: int, t: int) -> Value:
         """What a coupling multiplies one of its coordinates by."""
         return self.x.load(LOOP_CONSTANTS[c], fields.coupling_factor(t))
@@ -251,12 +238,11 @@ class EarGeometry:
             for side in (0, 1):
                 place = closure.faces[side]
                 t = motions[place] if place >= 0 else roots[-1 - place]
-                lever = self.arm(c, side)
-                slip = self.slip(c) if side == 0 else None
+                lever, slip = self.arm(c, side), self.slip(c) if side == 0 else None
                 if slip is not None:
                     lever = self.x.let_vector("lever", add(lever, slip), "Eq. 32")
                 sides.append(Twist(t.angular, t.at(lever)))
-            found.append(self.difference(c, (sides[0], sides[1])))
+            found.append(sides[1].minus(sides[0]))
         return found
 
     def column(self, member: int, freedom: Freedom) -> list[Twist]:
@@ -283,12 +269,11 @@ class EarGeometry:
         """What the motion of the roots, all joints of the ear held, contributes at every cut."""
         found = []
         for c, closure in enumerate(self.kind.closures):
-            sides: list[Twist | None] = [None, None]
-            for side in (0, 1):
-                t = closure.roots[side]
-                if t >= 0:
-                    sides[side] = Twist(roots[t].angular, roots[t].at(self.levers[c][side][-1]))
-            found.append(self.difference(c, (sides[0], sides[1])))
+            start, end = (
+                Twist(roots[t].angular, roots[t].at(self.levers[c][side][-1])) if t >= 0 else Twist.zero()
+                for side, t in enumerate(closure.roots)
+            )
+            found.append(end.minus(start))
         return found
 
     def dependents(self) -> list[tuple[int, Freedom]]:

@@ -13,7 +13,7 @@ from ...program.field import SixField
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from ..fields import MotionFields
-from ..spatial import ZERO, add, cross, is_zero, matvec, scale
+from ..spatial import ZERO, add, cross, is_zero, matvec, minus, scale
 
 
 @dataclass(slots=True)
@@ -55,6 +55,10 @@ class Twist:
     def plus(self, other: Twist) -> Twist:
         """The sum."""
         return Twist(add(self.angular, other.angular), add(self.linear, other.linear))
+
+    def minus(self, other: Twist) -> Twist:
+        """The difference."""
+        return Twist(minus(self.angular, other.angular), minus(self.linear, other.linear))
 
     def times(self, s: Value) -> Twist:
         """A multiple."""

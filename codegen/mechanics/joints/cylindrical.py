@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ...model.motions import Slide, Turn
 from ...program.scalar import Value, Vector
 from ..stores import DQ, SPEEDS
-from .column import Column
 from .prismatic import Prismatic
 
 
@@ -22,7 +19,3 @@ class Cylindrical(Prismatic):
 
     def displacement(self) -> tuple[Vector, Vector]:
         return self._along_axis(self.x.entry(DQ, 1)), self._along_axis(self.shift_tangent())
-
-    @property
-    def columns(self) -> Sequence[Column]:
-        return (Column(3 + self.kind.axis), Column(self.kind.axis))

@@ -50,6 +50,10 @@ class Driven(Axial):
         return ()
 
     @property
+    def driven_column(self) -> Column:
+        return super().columns[0]
+
+    @property
     def all_columns(self) -> Sequence[Column]:
         return (self.driven_column,)
 
@@ -93,25 +97,13 @@ class Driven(Axial):
 class DrivenRevolute(Driven, Revolute):
     """A hinge that turns as it is told."""
 
-    @property
-    def driven_column(self) -> Column:
-        return Column(self.kind.axis)
-
 
 class DrivenPrismatic(Driven, Prismatic):
     """A slider that moves as it is told."""
 
-    @property
-    def driven_column(self) -> Column:
-        return Column(3 + self.kind.axis)
-
 
 class DrivenScrew(Driven, Screw):
     """A screw that turns as it is told."""
-
-    @property
-    def driven_column(self) -> Column:
-        return self.column
 
 
 DRIVEN_JOINTS: Final[tuple[type[LinkJoint], ...]] = (DrivenScrew, DrivenRevolute, DrivenPrismatic)

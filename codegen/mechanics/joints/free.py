@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from ...model.motions import Ball, Displacement
 from ...program.scalar import Value, Vector
-from ..spatial import SIX, add, cross, dot, matvec, transpose
+from ..spatial import add, cross, dot, matvec, transpose
 from ..stores import COORDINATES, DQ, SPEEDS
-from .column import Column
 from .quaternion import QuaternionJoint
 
 
@@ -21,10 +20,6 @@ class Free(QuaternionJoint):
     @classmethod
     def moved_by(cls, freedoms: Sequence[int]) -> list[int]:
         return [c for c in range(7) if any((j < 3) == (c >= 3) for j in freedoms)]
-
-    @property
-    def columns(self) -> Sequence[Column]:
-        return [Column(i) for i in SIX]
 
     def way(self) -> Vector:
         return [self.x.entry(COORDINATES, i) for i in range(3)]

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import ClassVar, Protocol
 
-from ...model.motions import Motion
+from ...model.motions import Ball, Motion, Slide, Turn
 from ...program.block import Scope
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
@@ -112,9 +112,21 @@ class LinkJoint(ABC):
     # -- freedoms --------------------------------------------------------------------------------------------------
 
     @property
-    @abstractmethod
     def columns(self) -> Sequence[Column]:
         """Partial velocities of the freedoms."""
+        return self._columns
+
+    @cached_property
+    def _columns(self) -> list[Column]:
+        """Of a joint each of whose freedoms is one motion of its chain: unit columns."""
+        found: dict[int, Column] = {}
+        for m in self.motion:
+            first = 0 if isinstance(m, Turn | Ball) else 3
+            if isinstance(m, Turn | Slide):
+                found[m.index] = Column(first + (self.kind.axis + m.axis) % 3)
+            else:
+                found |= {m.speed + i: Column(first + i) for i in range(3)}
+        return [found[j] for j in sorted(found)]
 
     @property
     def all_columns(self) -> Sequence[Column]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 from ...model.motions import Motion, Slide
 from ...program.scalar import Value
 from .axial import Axial
-from .column import Column
 
 
 class Prismatic(Axial):
@@ -16,10 +14,6 @@ class Prismatic(Axial):
 
     motion: ClassVar[tuple[Motion, ...]] = (Slide(axis=0, index=0),)
     freedoms, coordinates, slides = 1, 1, True
-
-    @property
-    def columns(self) -> Sequence[Column]:
-        return (Column(3 + self.kind.axis),)
 
     def shift(self) -> Value:
         return self.own_coordinate()

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ...model.motions import Turn
 from .axial import Axial
-from .column import Column
 
 
 class Revolute(Axial):
@@ -14,7 +11,3 @@ class Revolute(Axial):
 
     motion = (Turn(axis=0, index=0),)
     freedoms, coordinates, angle = 1, 1, 0
-
-    @property
-    def columns(self) -> Sequence[Column]:
-        return (Column(self.kind.axis),)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ...model.motions import Slide
 from ...program.scalar import Vector
 from ...program.store import Store
 from ..spatial import add, cross, scale
 from ..stores import COORDINATES, DQ, SPEEDS
-from .column import Column
 from .link_joint import LinkJoint
 
 
@@ -27,10 +24,6 @@ class Slides(LinkJoint):
         for n, i in enumerate(self._across()):
             v[i] = self.x.entry(store, n)
         return v
-
-    @property
-    def columns(self) -> Sequence[Column]:
-        return [Column(3 + i) for i in self._across()]
 
     def way(self) -> Vector:
         return self._vector(COORDINATES)

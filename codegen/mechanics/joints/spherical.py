@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...model.motions import Ball
-from .column import Column
 from .quaternion import QuaternionJoint
 
 
@@ -18,7 +17,3 @@ class Spherical(QuaternionJoint):
     @classmethod
     def moved_by(cls, freedoms: Sequence[int]) -> list[int]:
         return list(range(4)) if freedoms else []
-
-    @property
-    def columns(self) -> Sequence[Column]:
-        return [Column(i) for i in range(3)]
