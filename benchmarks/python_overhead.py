@@ -96,20 +96,31 @@ def c_loop(solver: Any, member: Member, force: np.ndarray) -> Callable[[], Any] 
     if not member.function:
         return None
     f, target, width = solver._functions[member.function], solver._target, member.width
-    n = solver.nu
+    n, ffi = solver.nu, target.ffi
     q, u = chain_state(n)
     known = {"q": q, "u": u, "p": solver.parameters, "inputs": np.zeros(0), "t": np.zeros(1), "udot": force, "b": force}
     dq, du, dp = seeds(n)
     directions = {"dq": dq, "du": du, "dp": dp, "db": du, "dudot": du, "dqdot": du}
-    lanes = [
-        np.ascontiguousarray(directions.get(s, np.ones((8, size)))[:width, :size].T) for s, size in f.seeds.items()
-    ]
-    results = [
-        np.empty((LOOP, math.prod(s) * (width if d and width else 1)))
-        for s, d in zip(f.shapes, f.derived, strict=True)
-    ]  # fmt: skip
-    given = [(target.pointer(x), 0) for x in (*(known[a] for a in f.arguments), *lanes)]
-    return lambda: target.batches.rows(f, width, given, results, LOOP)
+    lanes = {
+        s: np.ascontiguousarray(directions.get(s, np.ones((8, size)))[:width, :size].T) for s, size in f.seeds.items()
+    }
+    sizes = [math.prod(s) * (width if d and width else 1) for s, d in zip(f.shapes, f.derived, strict=True)]
+    given = {name: (target.pointer(x), 0) for name, x in ({a: known[a] for a in f.arguments} | lanes).items()}
+    given |= {r: (target.pointer(np.empty((LOOP, size))), size) for r, size in zip(f.results, sizes, strict=True)}
+    arrays = ", ".join(solver._manifest["batch"])
+    ffi.cdef(
+        f"""typedef struct {{ double *at; long step; }} rows;
+        typedef struct {{ long count, failed; rows {arrays}; double *work; }} batch;""",
+        override=True,
+    )
+    symbol = f"{solver.name}_{f.name}" + (f"_{width}" if width else "") + "_batch"
+    ffi.cdef(f"int {symbol}(batch *);", override=True)
+    call = getattr(target.library_of(f.name, width), symbol)
+    b = ffi.new("batch *", {"count": LOOP, "work": target.pointer(np.empty(target.workspace))})
+    for name, at in given.items():
+        setattr(b, name, at)
+    kept = given, b.work
+    return lambda: call(b) or kept
 
 
 def with_places(solver: Any, member: Member) -> Callable[[], Any] | None:

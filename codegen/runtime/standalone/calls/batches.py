@@ -18,17 +18,11 @@ from ..files.build import build_apart
 from ..warning import warn
 from .functions import Function
 
-ROWS = """
-typedef struct {{ {0} *at; long step; }} rows;
-typedef struct {{ long count, failed; rows {1}; {0} *work; }} batch;
-"""
-"""The struct that functions over a batch work on, as the package's header declares it."""
-
 STRIDED = """
 typedef struct {{ {0} *at; long state, direction, entry; }} strided;
 typedef struct {{ long count, directions, failed; int code, *codes; strided {1}; {0} *work; }} states;
 """
-"""That of functions over several states at once."""
+"""The struct that functions over several states at once work on."""
 
 WORTH_COMPILING = 2048
 """So many states of batches, those along directions too, and the functions over several at once are compiled."""
@@ -77,9 +71,7 @@ class Batches:
         self._sealed = sealed
         self._target, self._ffi, self._folder = target, target.ffi, folder
         self._model: str = manifest["name"]
-        self._arrays: list[str] = manifest["batch"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
-        self._calls: dict[tuple[str, int], Callable[[Any], int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._libraries: dict[str, Any] = {}
         self._seen = 0
@@ -93,7 +85,7 @@ class Batches:
         size = max(-(-count // (n * EVEN)), 1) * EVEN
         return [(start, min(start + size, count)) for start in range(0, count, size)]
 
-    def _run(self, part: Callable[[int, int], Failed], count: int) -> Failed:
+    def run(self, part: Callable[[int, int], Failed], count: int) -> Failed:
         """Work on all parts; what has failed, in the order of the states."""
         parts = self._parts(count)
         if len(parts) < 2:  # none for no states
@@ -106,55 +98,6 @@ class Batches:
         for of_part in rest:
             found |= of_part
         return found
-
-    # -- one after the other -------------------------------------------------------------------------------------------
-
-    def rows(
-        self,
-        f: Function,
-        width: int,
-        given: Sequence[tuple[Any, int]],
-        results: Sequence[Array],
-        count: int,
-        go_on: bool = False,
-    ) -> Failed:
-        """Run a function for state after state, up to the first that fails, or beyond it; given are pointers and their steps.
-
-        What a state gives that fails is left as it is.
-        """
-        call, target, ffi = self._function(f, width), self._target, self._ffi
-        sizes = [math.prod(s) * (width if d and width else 1) for s, d in zip(f.shapes, f.derived, strict=True)]
-        arrays = [*given, *((target.pointer(r), 0 if r is None else n) for r, n in zip(results, sizes, strict=True))]
-        names = (*f.arguments, *f.seeds, *f.results)
-
-        def part(start: int, end: int) -> Failed:
-            failed: Failed = {}
-            with target.work() as work:
-                while start < end:
-                    b = ffi.new("batch *", {"count": end - start, "work": work})
-                    for name, (at, step) in zip(names, arrays, strict=True):
-                        setattr(b, name, (at + start * step if step else at, step))
-                    status = call(b)
-                    if not status:
-                        break
-                    failed[start + b.failed] = status
-                    if not go_on:
-                        break
-                    start += b.failed + 1
-            return failed
-
-        return self._run(part, count)
-
-    def _function(self, f: Function, width: int) -> Callable[[Any], int]:
-        """The C function that goes over a batch."""
-        with self._lock:
-            if (f.name, width) not in self._calls:
-                symbol = f"{self._model}_{f.name}" + (f"_{width}" if width else "") + "_batch"
-                if not self._calls:
-                    self._ffi.cdef(ROWS.format(self._target.real, ", ".join(self._arrays)), override=True)
-                self._ffi.cdef(f"int {symbol}(batch *);", override=True)
-                self._calls[f.name, width] = getattr(self._target.library_of(f.name, width), symbol)
-            return self._calls[f.name, width]
 
     # -- several at once -----------------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import SCALARS, Array, Shape
+from ..arrays import SCALARS, Array, Shape, filled
 from ..errors import (
     CompileError,
     NoCompilerError,
@@ -27,15 +27,18 @@ from ..files.compiler import find_compiler
 from ..warning import warn
 from .batches import Batches, Failed
 from .caller import find_caller
-from .functions import Function, names_of, split
+from .functions import Function, names_of
 from .results import empty
 from .single_calls import SLOT, Calls
 from .task import Target, Task
 
-UNFIT, FEW_LACK = -1, -3
-"""What ``NAME_calls.c`` returns where it cannot take an argument, and where it needs functions over few directions, which are a
-library of their own."""
+CHECKED = 1 << SLOT["default_p"]
+"""Tells the functions of ``NAME_calls.c`` to look at no numbers: arguments have been checked, results will be."""
 
+OVER = """
+int {0}(int (*)({1} *const *, long, double, long), {1} **, long (*)[2], long, long, const double *, long, long *, long);
+"""
+"""Goes over states: a call, its pointers, their steps from state to state, what is given, times, directions, first and last."""
 
 BESIDE = {
     "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
@@ -114,12 +117,11 @@ class CTarget(Target):
             find_compiler()  # none is told now, where NumPy can serve instead
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
-        self._numbers = self.ffi.typeof(f"{self.real}[]")
+        self._numbers, self._doubles, self._longs = map(self.ffi.typeof, (f"{self.real}[]", "double[]", "long[]"))
         self._calls: dict[str, Any] = {}
         self.batches = Batches(weakref.proxy(self), folder, manifest, sealed)
         self._addresses: dict[str, int] = {}
         self._lock = threading.Lock()
-        self._zeros = self.pointer(self.zeros(8))
         self._blank = [self.ffi.NULL] * SLOT["default_p"]
         self.default_pointers = [self.pointer(a) for a in self.defaults]
         self._free_work: list[Any] = []
@@ -153,15 +155,6 @@ class CTarget(Target):
             for i, symbol in reversed([*enumerate(self._of_few, 1)]):  # the C looks for the first one only
                 self.ffi.cdef(f"int {symbol}(void);", override=True)
                 self._few[i] = self.ffi.cast("void *", getattr(few, symbol))
-
-    def widths(self, f: Function, k: int) -> tuple[int, ...]:
-        """For how many directions at once there are functions over a batch, if k are asked for."""
-        if k % max(f.widths) in self._over_few.get(f.name, ()):
-            if not self._few[0] and not self._few[1]:
-                self.give_few()
-            if self._few[0]:
-                return (max(f.widths),)
-        return f.widths
 
     def prepare(self, f: Function) -> None:
         """Compile what calls of a function need, unless it is compiled."""
@@ -244,22 +237,13 @@ class CTarget(Target):
             symbol = f"{self.model}_call_{f.name}"
             library = self.library_of_call(f)
             with self._lock:
-                self.ffi.cdef(f"int {symbol}({self.real} **, long, double, long);", override=True)
+                self.ffi.cdef(f"int {symbol}({self.real} *const *, long, double, long);", override=True)
                 call = self._calls[f.name] = getattr(library, symbol)
         return call
 
     def library_of_call(self, f: Function) -> Any:
         """The library that has the call of a function."""
         return self.library_of(BESIDE.get(f.name, f.name))
-
-    def _nothing(self, size: int) -> Any:
-        """So many zeros: a seed that was left out."""
-        zeros = self._zeros  # another thread may put shorter ones there meanwhile
-        if len(zeros) < size:
-            zeros = self._zeros = self.pointer(self.zeros(size))
-        return zeros
-
-    # -- one state -----------------------------------------------------------------------------------------------------
 
     def pointers(self, given: Mapping[int, Any], work: Any, lanes: Any, results: Sequence[Any]) -> Any:
         """The table of pointers of a call; `given` are those of arguments and seeds, by slot."""
@@ -279,77 +263,77 @@ class CTarget(Target):
             x[slot] = pointer
         return x
 
-    def _single(self, task: Task) -> None:
-        """Compute the results of one state, directions as rows."""
-        f, t = task.f, task.arrays.get("t", 0.0)
-        given = {n: self.plain(a) for n, a in task.arrays.items() if n in SLOT}
-        given |= {s: self.plain(a) for s, a in task.seeds.of.items() if s in f.seeds}
-        lanes = np.empty(f.per_direction * max(f.widths, default=0), self.dtype)
-        with self.work() as work:
-            x = self.pointers({SLOT[n]: self.pointer(a) for n, a in given.items()}, work, self.pointer(lanes), task.out)
-            bits = sum(1 << SLOT[n] for n in given)
-            status = self.function(f)(x, bits, t, task.seeds.k)
-            if status == FEW_LACK:
-                self.give_few()
-                status = self.function(f)(x, bits, t, task.seeds.k)
-        if status == UNFIT:  # by rounding, at the very limit: there are no results
-            raise ValueError(
-                f"{self.model}: {f.name} takes finite {self.dtype} and quaternions of at least 1e-6 in length"
-            )
-        if status > 0:
-            raise self.singular(status)
-
     # -- any number of states ------------------------------------------------------------------------------------------
 
     def run(self, task: Task) -> None:
-        if not task.batch:
-            self._single(task)
-            return
         f, of, k, batch = task.f, task.seeds.of, task.seeds.k, task.batch
-        given = [self._row(task.arrays[a], batch, a == "t") for a in f.arguments]
-        if self.batches.takes(f, task.states, k):
-            with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, given, strict=True)}
+        given = {a: self._row(task.arrays[a], batch) for a in f.arguments if a != "t"}
+        if batch and self.batches.takes(f, task.states, k):
+            with_steps = {a: (at, step, 0) for a, (at, step) in given.items()}
+            if "t" in f.arguments:
+                t = np.asarray(task.arrays["t"], self.dtype)
+                with_steps["t"] = self._whole(t, t.shape and batch), min(t.ndim, 1), 0
             with_steps |= {s: self._rows(of[s], k, batch, task.states) for s in f.seeds if s in of}
             found = self.batches.states(f, with_steps, task.out, task.states, k)
-        elif f.seeds:
-            found = self._in_lanes(task, given)
         else:
-            found = self.batches.rows(f, 0, given, task.out, task.states, task.failed is not None)
+            given |= {s: self._of_states(of[s], k, batch) for s in f.seeds if s in of}
+            found = self._one_by_one(task, given)
         if found and task.failed is None:
             number = min(found)
-            raise self.singular(found[number], f" (state {list(task.place(number))} of the batch)")
+            raise self.singular(found[number], f" (state {list(task.place(number))} of the batch)" if batch else "")
         if found and task.failed is not None:
             task.failed.update({number: self.singular(code) for number, code in found.items()})
             task.spoil(task.out, f.derived, found)
 
-    def _in_lanes(self, task: Task, arguments: Sequence[tuple[Any, int]]) -> Failed:
-        """Compute the results of a batch, state after state, some directions at a time; what has failed."""
-        f, of, k, batch, count = task.f, task.seeds.of, task.seeds.k, task.batch, task.states
-        found: Failed = {}
-        start = 0
-        for width in split(k, self.widths(f, k)) or [max(f.widths)]:  # without directions there are values still
-            end = min(start + width, k)
-            given = list(arguments)
-            for s, n in f.seeds.items():
-                if s in of:
-                    given.append(self._lanes(of[s][start:end], width, batch, count))
-                else:
-                    given.append((self._nothing(n * width), 0))
-            taken: list[Array] = []
-            lanes: list[tuple[Array, Array]] = []
-            for result, shape, derived in zip(task.out, f.shapes, f.derived, strict=True):
-                if derived and (width > 1 or start == end):
-                    taken.append(empty((count, math.prod(shape), width), self.dtype))
-                    lanes.append((taken[-1], result[start:end]))
-                else:
-                    taken.append(result[start] if derived else result)
-            found |= self.batches.rows(f, width, given, taken, count, task.failed is not None)
-            if found and task.failed is None:
-                break
-            for lane, part in lanes:
-                part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
-            start = end
-        return found
+    def _one_by_one(self, task: Task, given: Mapping[str, tuple[Any, int]]) -> Failed:
+        """Compute the results of state after state, up to the first that fails or beyond it; what has failed.
+
+        `given` are pointers to arguments and seeds, and their steps from state to state.
+        """
+        f, k, count = task.f, task.seeds.k, task.states
+        if k % max(f.widths, default=1) in self._over_few.get(f.name, ()):
+            self.prepare(f)
+        over, call = self._over(f), self.function(f)
+        t = filled(task.batch or (1,), task.arrays.get("t", 0.0))
+        times = self.ffi.from_buffer(self._doubles, t)
+        moves = [(SLOT[n], step) for n, (_, step) in given.items() if step]
+        bits, found = CHECKED | sum([1 << SLOT[n] for n in given]), []
+        for i, (r, shape, derived) in enumerate(zip(task.out, f.shapes, f.derived, strict=True), SLOT["results"]):
+            n = math.prod(shape) * (k if derived else 1)
+            # directions go first in results, states first in what the C writes one after the other
+            found.append(empty((count, n), self.dtype) if derived and r is not None and min(k, count) > 1 else r)
+            moves += [] if r is None else [(i, n)]
+        moving = self.ffi.new("long[][2]", moves)
+
+        def part(start: int, end: int) -> Failed:
+            failed: Failed = {}
+            lanes = self.pointer(np.empty(f.per_direction * max(f.widths, default=0), self.dtype))
+            with self.work() as work:
+                x = self.pointers({SLOT[n]: at for n, (at, _) in given.items()}, work, lanes, found)
+                for i, step in moves if start else ():
+                    x[i] += start * step
+                ended = self.ffi.new(self._longs, [start])
+                while ended[0] < end and not (failed and task.failed is None):
+                    status = over(call, x, moving, len(moves), bits, times, k, ended, end)
+                    if status:
+                        failed[ended[0] - 1] = status
+            return failed
+
+        failed = self.batches.run(part, count)
+        for r, x in zip(task.out, found, strict=True):
+            if x is not r:
+                r[...] = x.reshape(count, k, x.shape[1] // k).swapaxes(0, 1).reshape(r.shape)
+        return failed
+
+    def _over(self, f: Function) -> Any:
+        """The C function that goes over states by the call of a function."""
+        over = self._calls.get(f"over {f.name}")
+        if over is None:
+            symbol, library = f"{self.model}_over", self.library_of_call(f)
+            with self._lock:
+                self.ffi.cdef(OVER.format(symbol, self.real), override=True)
+                over = self._calls[f"over {f.name}"] = getattr(library, symbol)
+        return over
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
         """The error for what a compiled function has returned."""
@@ -367,16 +351,17 @@ class CTarget(Target):
         """Where an array begins that has that shape, or is broadcast to it."""
         return self.pointer(self.plain(x if x.shape == shape else np.broadcast_to(x, shape)))
 
-    def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
+    def _row(self, x: Array, batch: Shape) -> tuple[Any, int]:
         """Where an argument begins, and its step from state to state."""
-        if scalar:
-            if isinstance(x, float):
-                return self.pointer(np.array([x], self.dtype)), 0
-            return self._whole(x, batch), 1
-        if x.ndim == 1:
-            return self.pointer(self.plain(x)), 0
         n = x.shape[-1]
-        return self._whole(x, (*batch, n)), n
+        return (self._whole(x, x.shape), 0) if x.ndim == 1 else (self._whole(x, (*batch, n)), n)
+
+    def _of_states(self, seed: Array, k: int, batch: Shape) -> tuple[Any, int]:
+        """Where a seed begins, directions as rows of each state, and its step from state to state."""
+        n = seed.shape[-1]
+        if seed.size == len(seed) * n:  # the same for all states
+            return self._whole(seed.reshape(len(seed), n), (k, n)), 0
+        return self.pointer(self.plain(np.moveaxis(np.broadcast_to(seed, (k, *batch, n)), 0, -2))), k * n
 
     def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
         """Where a seed begins, and its steps from state to state and from direction to direction."""
@@ -384,16 +369,3 @@ class CTarget(Target):
         if seed.size == len(seed) * n:  # the same for all states
             return self.pointer(self.plain(seed)), 0, n if len(seed) == k else 0
         return self._whole(seed, (k, *batch, n)), n, count * n
-
-    def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> tuple[Any, int]:
-        """Some directions of a seed, direction last, and the step; lanes beyond its end are zero."""
-        m, n = len(part), part.shape[-1]
-        if part.size == m * n:  # the same for all states
-            if width == m == 1:
-                return self.pointer(self.plain(part)), 0
-            lanes = self.zeros((n, width))
-            lanes[:, :m] = part.reshape(m, n).T
-            return self.pointer(lanes), 0
-        lanes = self.zeros((count, n, width))
-        lanes[..., :m] = np.moveaxis(np.broadcast_to(part, (m, *batch, n)).reshape(m, count, n), 0, -1)
-        return self.pointer(lanes), n * width

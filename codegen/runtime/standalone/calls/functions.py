@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -212,15 +212,3 @@ def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -
     return Function(
         name, arguments, seeds, results, of_results, derived, widths, frozenset(takes), order, directions
     )  # fmt: skip
-
-
-def split(k: int, widths: Iterable[int]) -> list[int]:
-    """Widths that cover k directions with the least work; the last may be wider than what remains.
-
-    Every call does the forward dynamics again, and eight directions in lanes cost little more than one: one call that
-    is too wide beats two that fit.
-    """
-    allowed = sorted(widths)
-    parts = [allowed[-1]] * (k // allowed[-1])
-    rest = k % allowed[-1]
-    return [*parts, next(w for w in allowed if w >= rest)] if rest else parts
