@@ -11,8 +11,8 @@ from codegen.loops.closure import COUPLED, Cuts, Frames, body_frames, ground_scr
 from codegen.loops.ears import Partition
 from codegen.loops.geometry import Geometry, padded
 from codegen.loops.speed_groups import coordinates_of
-from codegen.loops.vectors import Array
 from codegen.model.model import Model
+from codegen.model.vectors import Array
 
 
 def closure(

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model.expressions import functions_for
 from ..model.surfaces import COORDINATES, SurfaceFunction
-from .vectors import Array
+from ..model.vectors import Array
 
 LEAST_GRADIENT = 1e-200
 """Added to its square: where a gradient vanishes nothing is divided by zero."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from .vectors import Array
+from ..model.vectors import Array
 
 
 class Ancestry:

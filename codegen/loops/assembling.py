@@ -10,6 +10,7 @@ import numpy as np
 
 from ..model.expressions import Expression
 from ..model.model import Model
+from ..model.vectors import Array
 from .closure import Cuts, body_frames
 from .dependents import choose_dependents, ranks, whole_joints
 from .ears import Partition
@@ -17,7 +18,6 @@ from .errors import AssemblyError, listed
 from .geometry import Geometry, advance, evaluator, parameter_values
 from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
-from .vectors import Array
 
 NEARLY = 10.0
 """Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""

@@ -29,8 +29,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..model.vectors import Array, cross, turn
 from .geometry import Geometry
-from .vectors import Array, cross, turn
 
 Frames = tuple[Array, Array]
 """Rotations (body into base components) ``(S, n, 3, 3)`` and origins ``(S, n, 3)``, m."""

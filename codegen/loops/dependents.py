@@ -12,8 +12,8 @@ from itertools import combinations, islice, product
 
 import numpy as np
 
+from ..model.vectors import Array
 from .geometry import Geometry
-from .vectors import Array
 
 RANK_TOLERANCE = 1e-7
 """Singular values below this part of the largest count as zero: well above what is left of the assembly's rounding, well

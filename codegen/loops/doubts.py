@@ -12,12 +12,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..model.model import Model
+from ..model.vectors import Array
 from .assembling import initial_configuration
 from .ears import Partition
 from .errors import listed, loops_named
 from .geometry import Geometry
 from .ordering import Draft
-from .vectors import Array
 from .velocities import Motion, complete_speeds
 
 POOR_CONDITION = 1e4

@@ -10,16 +10,16 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 
 import numpy as np
 
+from ..model.chains import Chain, speeds_of, step
 from ..model.expressions import Expression
 from ..model.model import GROUND, Coupling, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
 from ..model.quarter_turns import cosine_and_sine, quarter_turns
+from ..model.vectors import Array, U, axis_rotation, cross, skew, turn, turned_quaternion, unit
 from .algebraic import Coupled, Surfaced
 from .ancestry import Ancestry
-from .chains import Chain, speeds_of, step
 from .ears import Ear
 from .speed_groups import speed_groups
-from .vectors import Array, U, axis_rotation, cross, skew, turn, turned_quaternion, unit
 
 LEAST_TOLERANCE = 1e-12
 """Well above rounding: less than this cannot be told from nothing."""

@@ -16,12 +16,12 @@ from itertools import combinations
 
 import numpy as np
 
+from ..model.vectors import Array
 from .comparison import ACCEPTED, Comparison
 from .dependents import RANK_TOLERANCE, columns_at_all, conditions, pivoted_columns
 from .errors import PartitionError
 from .geometry import Geometry
 from .ordering import Draft, Sweep, arrange
-from .vectors import Array
 from .velocities import is_lone_coupling
 from .wandering import Surroundings
 

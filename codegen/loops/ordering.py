@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..model.vectors import Array
 from .ancestry import NewJoints
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError, listed, loops_named
 from .geometry import Geometry
 from .tangles import untangled
-from .vectors import Array
 from .velocities import Motion, VelocityClosure, is_lone_coupling
 
 MOTIONS = 12

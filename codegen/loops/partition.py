@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..model.model import Model
+from ..model.vectors import Array
 from .assembling import (
     assembled,
     first_assembly,
@@ -28,7 +29,6 @@ from .geometry import Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
 from .tangles import closed_together
-from .vectors import Array
 from .velocities import Motion
 from .weighing import Weighed, weighed
 

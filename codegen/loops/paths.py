@@ -12,9 +12,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..model.vectors import Array, turn
 from .closure import Frames, shifted
 from .geometry import Geometry, Joints
-from .vectors import Array, turn
 
 
 class Groups:

@@ -21,11 +21,11 @@ import numpy as np
 
 from ..model.expressions import Expression
 from ..model.model import Coupling, Model, Vector, closure_row_names
+from ..model.vectors import Array, turn
 from .closure import Cuts
 from .dependents import ranks
 from .geometry import Geometry
 from .ordering import Draft
-from .vectors import Array, turn
 from .velocities import Motion, VelocityClosure
 
 ROUNDING = 2e-14

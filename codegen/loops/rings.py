@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..model.vectors import Array, turn
 from .closure import Cuts
 from .geometry import Joints, advance
 from .paths import PoseGroups
-from .vectors import Array, turn
 
 ROUNDING = 5e-16
 """Residuals below this, times the distance from the base in characteristic lengths, are not worth a step."""

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from ..model.model import Model
+from ..model.vectors import Array
 from .algebraic import Coupled
 from .closure import COUPLED, Cuts, body_frames, ground_screws, shifted
 from .dependents import ranks
 from .ears import Partition
 from .geometry import Geometry, padded
 from .paths import TwistGroups
-from .vectors import Array
 
 PLANAR = 1e-9
 """How far, relatively, planar motions may be out of their plane."""

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ..model.vectors import Array
 from .geometry import Geometry, advance
 from .paths import PoseGroups
 from .rings import LARGEST_STEP, Ring
-from .vectors import Array
 
 WALKS = 5
 """Walks from the initial configuration, each in a direction of its own."""

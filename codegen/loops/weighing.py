@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..model.vectors import Array
 from .comparison import ACCEPTED, WORTH_IT, Comparison
 from .errors import loops_named
 from .geometry import Geometry
 from .judging import Judge, is_compared
 from .ordering import Draft
-from .vectors import Array
 from .wandering import Surroundings, rigid_parts
 
 POOR_GROWTH = 1e5

@@ -7,9 +7,10 @@ from random import Random
 
 import numpy as np
 
+from .chains import Chain, step
 from .expressions import Expression
 from .model import GROUND, Body, Joint
-from .motions import Ball, Slide, Turn
+from .vectors import axis_rotation, skew, unit
 
 Value = Callable[[Expression], float]
 """Value of an expression at the default parameters."""
@@ -23,18 +24,13 @@ _TOLERANCE = 1e-13
 _STATES = 2
 
 
-def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rotation matrix (3, 3) about an axis of any length but zero."""
-    x, y, z = axis / np.abs(axis).max() / np.linalg.norm(axis / np.abs(axis).max())
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
-
-
 def placement(joint: Joint, value: Value) -> tuple[np.ndarray, np.ndarray]:
     """Origin (3,) and rotation (3, 3) of a joint's frame in the parent's body frame."""
     turn = np.eye(3)
     for axis, angle in joint.rotation:
-        turn = turn @ rotation(np.array([value(e) for e in axis]), value(angle))
+        a = np.array([value(e) for e in axis])
+        K = skew(unit(a / np.abs(a).max()))
+        turn = turn @ axis_rotation(K, K @ K, np.array(value(angle)))
     return np.array([value(e) for e in joint.at]), turn
 
 
@@ -108,7 +104,7 @@ def _singular_at(
         # motion of the parent's frame to motion of the body's: angular part first, body components
         shift[k] = np.zeros((6, 6))
         shift[k][:3, :3] = shift[k][3:, 3:] = turn.T
-        shift[k][3:, :3] = -turn.T @ np.array([[0, -at[2], at[1]], [at[2], 0, -at[0]], [-at[1], at[0], 0]])
+        shift[k][3:, :3] = -turn.T @ skew(at)
         articulated[k] = _spatial(mass[k], np.array([value(e) for e in bodies[k].com]), inertia[k])
         composite[k] = articulated[k].copy()
     singular = []
@@ -143,47 +139,25 @@ def armature_matrix(joint: Joint, value: Value, driven: Sequence[int] = ()) -> n
 
 def _freedoms(joint: Joint, rng: Random, value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """At a random position of the joint: rotation and shift of the body in the joint frame, and its motions (6, f)."""
-    axes = [np.array([value(e) for e in axis]) for axis in joint.axes]
-    axes = [axis / (np.abs(axis).max() or 1.0) for axis in axes]
     kind = joint.kind
-    turn, away, columns = np.eye(3), np.zeros(3), np.zeros((6, len(kind.speeds)))
-    w, v = columns[:3], columns[3:]
-    angles, ways = [rng.uniform(0.3, 2.8) for _ in kind.speeds], _normal(rng, len(kind.speeds))
-    at_end: dict[int, np.ndarray] = {}  # velocities in components of the end
-    for n, m in enumerate(kind.motion):
-        if isinstance(m, Turn | Ball):
-            own, place = (axes[m.axis], m.index) if isinstance(m, Turn) else (_normal(rng, 3), m.speed)
-            back = rotation(own, angles[place]).T
-            if n:
-                w[:], v[:] = back @ w, back @ v
-            if isinstance(m, Turn):
-                w[:, place] += own
-            else:
-                w[:, place : place + 3] += np.eye(3)
-            turn = turn @ back.T
-        elif isinstance(m, Slide):
-            along, by = axes[m.axis], ways[m.index]
-            if m.factor is not None:
-                along, by = along * value(joint.factors[m.factor]), angles[m.index]
-            if n:
-                v += np.cross(w, along * by, axisa=0, axisc=0)
-            v[:, m.index] += along
-            away = away + turn @ along * by
-        else:
-            away = _normal(rng, 3)
-            at_end |= {m.speed + i: unit for i, unit in enumerate(np.eye(3))}
-    for place, unit in at_end.items():
-        v[:, place] = unit
-    return turn, away, columns
-
-
-def _normal(rng: Random, n: int) -> np.ndarray:
-    """Random numbers of Python's: to import those of NumPy takes longer than the whole check."""
-    return np.array([rng.gauss(0.0, 1.0) for _ in range(n)])
+    if not kind.motion:
+        return np.eye(3), np.zeros(3), np.zeros((6, 0))
+    axes = np.array([[value(e) for e in axis] for axis in joint.axes]).reshape(-1, 3)
+    axes = unit(axes / np.abs(axes).max(axis=1, keepdims=True))
+    factors = np.array([[value(e) for e in joint.factors]])
+    chain = Chain(kind.motion, [step(m, np.array([0]), axes[None], factors) for m in kind.motion])
+    # random numbers of Python's: to import those of NumPy takes longer than the whole check
+    q = np.array([[rng.uniform(0.3, 2.8) for _ in kind.coordinates]])
+    R, d = chain.transforms(q)
+    w, v = (screw[0].T.copy() for screw in chain.unit_screws(set(range(len(kind.motion))) - set(chain.seen)))
+    for i, (w_own, v_own) in zip(chain.seen, chain.screws(q), strict=True):
+        for total, own in ((w, w_own), (v, v_own)):
+            if own is not None:
+                total[:, chain.steps[i].speeds] += own.reshape(-1, 3).T
+    return np.eye(3) if R is None else R[0, 0], np.zeros(3) if d is None else d.reshape(3), np.concatenate([w, v])
 
 
 def _spatial(mass: float, com: np.ndarray, inertia: np.ndarray) -> np.ndarray:
     """Inertia (6, 6) about the body's origin, angular part first."""
-    x, y, z = com
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    cross = skew(com)
     return np.block([[inertia - mass * cross @ cross, mass * cross], [-mass * cross, mass * np.eye(3)]])

@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from ..model.motions import Ball, Displacement, Motion, Slide, Turn
+from .motions import Ball, Displacement, Motion, Slide, Turn
 from .vectors import Array, U, axis_rotation, cross, quaternion_rotation, skew, turn
 
 
@@ -176,7 +176,7 @@ class Chain:
 
         What a motion does is seen through all that follow it.
         """
-        first = self.seen[0] + 1
+        first = min(self.seen, default=0) + 1
         followers = [(step.shift(q), step.back(q)) for step in self.steps[first:]]
         found = []
         for i in self.seen:
