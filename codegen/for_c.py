@@ -141,15 +141,11 @@ def _loops_or_couplings(manifest: Mapping[str, Any]) -> str:
 def _codes(manifest: Mapping[str, Any]) -> list[str]:
     """Rows of the table of return codes."""
     rows, first = ["| 0 | done |"], 1
+    lost = "lost rank: its dependent speeds are not determined there"
+    of_loops = (_loops_or_couplings(manifest), "it") if manifest.get("couplings") else ("loop", "this loop")
     for names, noun, meaning in (
         (manifest["links"], "link", "nothing outboard of this link's joint has inertia about it"),
-        (
-            manifest["loops"],
-            _loops_or_couplings(manifest),
-            "it has lost rank: its dependent speeds are not determined there",
-        )
-        if manifest.get("couplings")
-        else (manifest["loops"], "loop", "this loop has lost rank: its dependent speeds are not determined there"),
+        (manifest["loops"], of_loops[0], f"{of_loops[1]} has {lost}"),
         (
             manifest.get("elements", ()),
             "force element",
@@ -189,7 +185,6 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     functions, shown = manifest["functions"], _shown(manifest)
     if not shown or not model.nq:
         return [f"/* {name}.h lists the functions. */"]
-    given = list(functions[shown]["arguments"])
     along = "sensitivities" if shown == "accelerations" and "sensitivities" in functions else ""
     seeds = list(functions[along]["seeds"]) if along else []
     result = functions[shown]["results"][0]
@@ -217,10 +212,16 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     ]
     if model.loops:
         lines += _assembly(model, manifest)
-    call = _arguments(manifest, shown)
+    return [*lines, *_main(model, manifest, shown, along, result, count)]
+
+
+def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, result: str, count: str) -> list[str]:
+    """The main function of that program: the state, and the first entries of the result and its derivative along a direction."""
+    name, NAME, functions = model.name, model.name.upper(), manifest["functions"]
+    given, call = functions[shown]["arguments"], _arguments(manifest, shown)
     turned = [f"q[{_index(model, 'Q', model.coordinate_names, n)}]" for n in manifest["independent_names"][:1]]
     p_is_read = "p" in given or (model.loops and model.parameters)
-    lines += ["int main(void)", "{", *([f"    const double *p = {NAME}_PARAMETERS;"] if p_is_read else [])]
+    lines = ["int main(void)", "{", *([f"    const double *p = {NAME}_PARAMETERS;"] if p_is_read else [])]
     if model.nq <= NUMBERS:
         lines += [f"    memcpy(q, {NAME}_INITIAL_Q, sizeof q);", f"    memcpy(u, {NAME}_INITIAL_U, sizeof u);"]
     if model.loops:
@@ -242,7 +243,7 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
             seed = "d" + turned[0] if turned else "dt[0]"
         lines += [
             f"    {seed} = 1.0;    /* the direction of the derivative */",
-            f"    if (!code) code = {name}_{along}_1({call}, {', '.join(seeds)}, {result}, d{result}, work);",
+            f"    if (!code) code = {name}_{along}_1({call}, {', '.join(functions[along]['seeds'])}, {result}, d{result}, work);",
         ]
     return [
         *lines,
