@@ -79,9 +79,18 @@ def count(block: Block, lanes: bool | None = None) -> Operations:
     What is stored counts like a statement, and a store that adds is an addition. That a margin is positive is found by a
     comparison, which counts as the subtraction that it is.
     """
-    found = [s.expression for s in block.statements if lanes is None or s.lanes == lanes]
-    stored = [(store, e) for store, _, e in block.stores if lanes is None or store.lanes == lanes]
-    total = Operations(additions=sum(store.adds for store, _ in stored))
-    for e in (*found, *(e for _, e in stored)):
-        total = total + count_expression(e)
-    return total
+    additions = multiplications = divisions = functions = 0
+    values = [s.expression for s in block.statements if lanes is None or s.lanes == lanes]
+    for store, _, e in block.stores:
+        if lanes is None or store.lanes == lanes:
+            additions += store.adds
+            values.append(e)
+    for e in values:
+        if e.is_Symbol or e.is_Number:
+            continue
+        of = count_expression(e)
+        additions += of.additions
+        multiplications += of.multiplications
+        divisions += of.divisions
+        functions += of.functions
+    return Operations(additions, multiplications, divisions, functions)
