@@ -59,8 +59,10 @@ def parts(scalar: Scalar) -> list[str]:
     part = 16 // scalar.bytes
 
     def of(n: int) -> list[str]:
-        first, *others = (f"(__m128)PART({i})" for i in range(n // part))
-        joined = f"_mm256_insertf128_ps(_mm256_castps128_ps256({first}), {others[0]}, 1)" if others else "PART(0)"
+        first, *others = (f"(__m128)PART_OF_ROW({i})" for i in range(n // part))
+        joined = (
+            f"_mm256_insertf128_ps(_mm256_castps128_ps256({first}), {others[0]}, 1)" if others else "PART_OF_ROW(0)"
+        )
         for i, other in enumerate(others[1:], 2):
             joined = f"_mm512_insertf32x4({f'_mm512_castps256_ps512({joined})' if i == 2 else joined}, {other}, {i})"
         halves = [
