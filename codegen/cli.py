@@ -362,6 +362,8 @@ def _run(options: argparse.Namespace) -> int:
 
         try:
             with Ending().handling() as options.ending, status, silent():
+                if "" in (getattr(options, "model", None), getattr(options, "file", None)):
+                    raise Failure("the name of the model is empty; give a file")
                 code: int = options.run(options, status)
                 sys.stdout.flush()
             return code

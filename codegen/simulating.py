@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from .ending import Ending
     from .runtime import Solver, Trajectory
 
-SAMPLES = 201
-"""Times in a trajectory, if nobody says how many."""
+SAMPLES, MOST_SAMPLES = 201, 10_000_000
+"""Times in a trajectory, if nobody says how many, and at most."""
 
 METHODS = ("dop853", "rk4", "radau")
 
@@ -159,6 +159,10 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
     ending: Ending = options.ending
     p, inputs = numbers_by_name("-p", options.parameter), inputs_of(options)
     sensitivities = tuple(name.strip() for name in options.sensitivities.split(",") if name.strip())
+    if options.sensitivities and not sensitivities:
+        raise RequestError(
+            f"--sensitivities {options.sensitivities}: expected are names of parameters, with commas between"
+        )
     steps = _steps(options)
     writers = _writers(options)
 
@@ -259,6 +263,8 @@ def times_of(options: argparse.Namespace) -> list[float]:
         n = SAMPLES if options.samples is None else options.samples
         if n < 2:
             raise RequestError(f"--samples is {n}; at least 2 are needed, for the beginning and the end")
+        if n > MOST_SAMPLES:
+            raise RequestError(f"--samples is {n}; at most {MOST_SAMPLES} are allowed")
         return [end * i / (n - 1) for i in range(n)]
     if options.samples is not None:
         raise RequestError("--samples and --at both say which times; give one of them")

@@ -318,6 +318,8 @@ WRONG = {
     "--at 0": "--at 0 is the initial state alone",
     "--at nan": "--at: nan is no time",
     "-t 1 --at 0,2": "--at: 2 is after the end, -t 1",
+    "-t 1 --samples 100000000000": "--samples is 100000000000; at most 10000000 are allowed",
+    "-t 1 --sensitivities ,": "--sensitivities ,: expected are names of parameters",
     "-t 1 --rtol 0": "--rtol is 0; expected is a positive number",
     "-t 1 --atol nan": "--atol is nan",
     "-t 1 -p length": "-p length: expected is NAME=VALUE with a finite number",

@@ -171,6 +171,13 @@ def test_every_option_changes_something_or_is_refused(recorded, capsys, command,
     assert seen[0] != seen[1], "it was ignored"
 
 
+@pytest.mark.parametrize("command", sorted(set(BASES) - {"bench"}))
+def test_an_empty_name_is_refused(recorded, capsys, command):
+    """A shell gives one for a variable that is not set; it is not the working directory."""
+    assert cli.main([command, ""]) == 2
+    assert capsys.readouterr().err == f"{command}: the name of the model is empty; give a file\n"
+
+
 TOGETHER = {
     "simulate swing.yaml -t 1 --method rk4": "--step",
     "simulate swing.yaml -t 1 --method rk4 --step 0.1 --rtol 1e-3": "leave out --rtol",
