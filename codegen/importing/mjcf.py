@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from ..model.errors import Problem, nearest
 from ..model.positions import shortened
 from .files import Files
 from .mjcf_files import MjcfFiles
-from .mjcf_forces import PassiveForces, damper_law, disabled, spring_law, terms_of
+from .mjcf_forces import PassiveForces, damper_law, disabled, row, spring_law, terms_of
 from .mjcf_numbers import problems_of_numbers
 from .naming import free_name, made_name
 from .placement import Placement, direction, of_quaternion, plus
@@ -137,6 +138,8 @@ def _said(file: str, text: str, parts: MjcfFiles) -> Problem:
 class _Reader:
     def __init__(self, model: Any, file: str, parts: MjcfFiles | None, key: str | None) -> None:
         self.model = model
+        self.disabled = partial(disabled, _mujoco(), model)
+        """Whether one of some flags is disabled."""
         self.file = file
         self.parts = parts
         self.key = key
@@ -165,10 +168,6 @@ class _Reader:
         if self.problems:
             raise ModelError(self.problems)
         return self.robot
-
-    def disabled(self, *words: str) -> bool:
-        """Whether one of some flags is disabled."""
-        return disabled(_mujoco(), self.model, *words)
 
     def unique(self, kind: str, count: int) -> list[str]:
         """Names of all objects of a kind; those that have none get one."""
@@ -255,7 +254,7 @@ class _Reader:
 
     def damper(self, joint: RobotJoint, dof: int, single: bool) -> float:
         """The damping of a joint; 0 where it is by powers of the speed, a term of its own."""
-        damping, more = float(self.model.dof_damping[dof]), _row(self.model, "dof_dampingpoly", dof)
+        damping, more = float(self.model.dof_damping[dof]), row(self.model, "dof_dampingpoly", dof)
         if not np.any(more):
             return damping
         if single:
@@ -271,7 +270,7 @@ class _Reader:
     def spring(self, joint: RobotJoint, k: int, q: int, single: bool) -> tuple[float, float]:
         """Stiffness and rest of the spring of a joint; 0 where it is by powers of the way, a term of its own."""
         model = self.model
-        stiffness, more = float(np.ravel(model.jnt_stiffness[k])[0]), _row(model, "jnt_stiffnesspoly", k)
+        stiffness, more = float(np.ravel(model.jnt_stiffness[k])[0]), row(model, "jnt_stiffnesspoly", k)
         if not stiffness and not np.any(more):
             return 0.0, 0.0
         if not single:
@@ -281,7 +280,7 @@ class _Reader:
         if np.any(more):
             text = spring_law(stiffness, more, terms_of([(1.0, "q.{}")], -rest))
             self.robot.terms.append(JointTerm(joint.name, text, (joint.name,) * text.count("{}")))
-        if np.any(_row(model, "jnt_springyield", k)):
+        if np.any(row(model, "jnt_springyield", k)):
             self.robot.leave_out("springyield of a joint", joint.place, Effect.DIFFERS, "here the spring is elastic")
         return (0.0, 0.0) if np.any(more) else (stiffness, rest)
 
@@ -460,12 +459,6 @@ class _Reader:
             return [place_of(child) for element in self.elements(group) for child in element.children]
         also = {"flex": ("flex", "flexcomp")}.get(tag, (tag,))
         return [place_of(element) for element in self.elements(*also)]
-
-
-def _row(model: Any, name: str, k: int) -> Any:
-    """The numbers of one joint or freedom; none where this MuJoCo has no such field."""
-    rows = getattr(model, name, None)
-    return np.zeros(1) if rows is None or not len(rows) else np.ravel(rows[k])
 
 
 def _frame(at: Any, quaternion: Any) -> Placement:

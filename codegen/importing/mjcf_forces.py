@@ -6,13 +6,14 @@ An actuator acts with the control 0, or the number of its range that is nearest 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from .naming import made_name
 from .placement import of_quaternion
-from .robot import WORLD, BodyForce, Effect, JointTerm, Mark, Place, Robot, RobotJoint
+from .robot import WORLD, BodyForce, Effect, JointTerm, Mark, Place, Robot
 from .words import number
 
 _SLIDE, _HINGE = 2, 3
@@ -102,6 +103,12 @@ def disabled(mujoco: Any, model: Any, *words: str) -> bool:
     return any(int(model.opt.disableflags) & mask for mask in masks)
 
 
+def row(model: Any, name: str, k: int) -> Any:
+    """The numbers of one element; none where this MuJoCo has no such field."""
+    rows = getattr(model, name, None)
+    return np.zeros(1) if rows is None or not len(rows) else np.ravel(rows[k])
+
+
 class PassiveForces:
     """Gives a robot the forces of a compiled model's tendons and actuators.
 
@@ -123,6 +130,8 @@ class PassiveForces:
     ):
         self.mujoco = mujoco
         self.model = model
+        self.off = partial(disabled, mujoco, model)
+        """Whether one of some flags is disabled."""
         self.robot = robot
         self.links = links
         self.joints = joints
@@ -176,12 +185,9 @@ class PassiveForces:
     def lift(self) -> None:
         """List joints whose actuators carry weight: within their range, and only where there are actuators that act."""
         model = self.model
-        none = [
-            all(disabled(self.mujoco, model, word) for word in words) for words in (("GRAVITY",), ("SPRING", "DAMPER"))
-        ]
-        if any(none) or not np.any(model.body_gravcomp):
+        if self.off("GRAVITY") or (self.off("SPRING") and self.off("DAMPER")) or not np.any(model.body_gravcomp):
             return
-        acts = len(model.actuator_trntype) > 0 and not disabled(self.mujoco, model, "ACTUATION")
+        acts = len(model.actuator_trntype) > 0 and not self.off("ACTUATION")
         for j in np.flatnonzero(getattr(model, "jnt_actgravcomp", ())):
             if not acts or self.joints[j] in self.limited:
                 why = "within the range of its actuators" if acts else "no actuator acts, so MuJoCo leaves it out"
@@ -272,25 +278,19 @@ class PassiveForces:
         name = model.tendon(t).name
         place = self.place("tendon", name, t)
         named = name or f"tendon_{t}"
-        stiffness, damping, armature, friction = (float(np.ravel(getattr(model, f"tendon_{p}")[t])[0]) for p in _PARTS)
-        more = {
-            p: np.ravel(getattr(model, f"tendon_{p}poly", np.zeros((t + 1, 1)))[t]) for p in ("stiffness", "damping")
-        }
-        has_spring = bool(stiffness or np.any(more["stiffness"])) and not disabled(self.mujoco, model, "SPRING")
-        has_damper = bool(damping or np.any(more["damping"])) and not disabled(self.mujoco, model, "DAMPER")
+        stiffness, damping, armature, friction = (float(row(model, f"tendon_{p}", t)[0]) for p in _PARTS)
+        springs, dampers = (row(model, f"tendon_{p}poly", t) for p in ("stiffness", "damping"))
+        has_spring = bool(stiffness or np.any(springs)) and not self.off("SPRING")
+        has_damper = bool(damping or np.any(dampers)) and not self.off("DAMPER")
         robot.leave_out("<tendon>", place, Effect.NONE, "its spring and damper are read, its path is not drawn")
-        if (
-            friction
-            and not disabled(self.mujoco, model, "FRICTIONLOSS")
-            and not disabled(self.mujoco, model, "CONSTRAINT")
-        ):
+        if friction and not self.off("FRICTIONLOSS", "CONSTRAINT"):
             robot.leave_out("frictionloss of a tendon", place, Effect.DIFFERS, "dry friction")
         if np.any(model.tendon_limited[t]):
             robot.leave_out("range of a tendon", place, Effect.STOPS)
-        if has_spring and np.any(getattr(model, "tendon_springyield", np.zeros(t + 1))[t]):
+        if has_spring and np.any(row(model, "tendon_springyield", t)):
             robot.leave_out("springyield of a tendon", place, Effect.DIFFERS, "here the spring is elastic")
         if armature:
-            self.rotor(t, armature, "armature of a tendon", place)
+            self.rotor(self.of_tendon(t), armature, "armature of a tendon", place)
         if not has_spring and not has_damper:
             return
         length = self.of_tendon(t)
@@ -302,25 +302,20 @@ class PassiveForces:
             beyond, below = (terms_of([(1.0, length.value)], -v) if v else length.value for v in (high, low))
             stretch = beyond if low == high else f"max({beyond}, 0) + min({below}, 0)"
             end = "_spring" if has_damper and length.segments else ""
-            self.act(f"{named}{end}", length, spring_law(stiffness, more["stiffness"], stretch), 1.0)
+            self.act(f"{named}{end}", length, spring_law(stiffness, springs, stretch), 1.0)
         if has_damper:
             end = "_damper" if has_spring and length.segments else ""
-            self.act(f"{named}{end}", length, damper_law(damping, more["damping"], length.rate), 1.0)
+            self.act(f"{named}{end}", length, damper_law(damping, dampers, length.rate), 1.0)
 
-    def rotor(self, t: int, armature: float, what: str, place: Place) -> None:
-        """The inertia of a tendon, or of what drives it: that of a joint, where the tendon has one."""
-        length = self.of_tendon(t)
+    def rotor(self, length: Length | None, armature: float, what: str, place: Place) -> None:
+        """The inertia along a length: that of a joint, where it is the length of one."""
         if length is None or len(length.factors) != 1:
-            why = "the joints that it moves share an inertia"
-            self.robot.leave_out(what, place, Effect.DIFFERS, why)
+            self.robot.leave_out(what, place, Effect.DIFFERS, "the joints that it moves share an inertia")
             return
         ((name, factor),) = length.factors.items()
-        self.add_armature(self.robot.joints[name], armature * factor * factor, place)
-
-    def add_armature(self, joint: RobotJoint, value: float, place: Place) -> None:
-        if joint.type in ("revolute", "prismatic"):
-            before = joint.armature[0] if joint.armature else 0.0
-            self.robot.give_armature(joint, (before + value,), place)
+        joint = self.robot.joints[name]
+        before = joint.armature[0] if joint.armature else 0.0
+        self.robot.give_armature(joint, (before + armature * factor * factor,), place)
 
     def act(self, name: str, length: Length, text: str, factor: float, driven: bool = False) -> None:
         """A force along a length, on joints or between points; of an actuator that is `driven`, within the joints' ranges."""
@@ -360,7 +355,7 @@ class PassiveForces:
         else:
             length = None
         self.reflected(a, place, length, target if to_joint else -1)
-        if disabled(self.mujoco, model, "ACTUATION") or self.is_off(a):
+        if self.off("ACTUATION") or self.is_off(a):
             return
         law_ = self.affine(a)
         if law_ is None:
@@ -378,7 +373,7 @@ class PassiveForces:
             low, high = (number(float(v)) for v in model.actuator_forcerange[a])
             text = f"min(max({text}, {low}), {high})"
         of_tendon = kind == int(mujoco.mjtTrn.mjTRN_TENDON)
-        if of_tendon and getattr(model, "tendon_actfrclimited", np.zeros(target + 1))[target]:
+        if of_tendon and np.any(row(model, "tendon_actfrclimited", target)):
             self.pulled.setdefault(target, []).append(Pull(name or f"actuator_{a}", place, length, text, gear))
         else:
             self.act(name or f"actuator_{a}", length, text, 1.0, driven=True)
@@ -395,7 +390,7 @@ class PassiveForces:
         model, mujoco = self.model, self.mujoco
         bias, gain, dynamics = (int(getattr(model, f"actuator_{word}type")[a]) for word in ("bias", "gain", "dyn"))
         control = 0.0
-        if model.actuator_ctrllimited[a] and not disabled(self.mujoco, model, "CLAMPCTRL"):
+        if model.actuator_ctrllimited[a] and not self.off("CLAMPCTRL"):
             low, high = (float(v) for v in model.actuator_ctrlrange[a])
             control = min(max(0.0, low), high)
         if bias not in (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)):
@@ -418,20 +413,11 @@ class PassiveForces:
     def reflected(self, a: int, place: Place, length: Length | None, joint: int) -> None:
         """Armature and damping of the rotor of an actuator."""
         model = self.model
-        zeros = np.zeros((a + 1, 1))
-        armature = float(np.ravel(getattr(model, "actuator_armature", zeros)[a])[0])
-        damping = float(np.ravel(getattr(model, "actuator_damping", zeros)[a])[0])
-        more = np.ravel(getattr(model, "actuator_dampingpoly", zeros)[a])
-        is_damped = bool(damping or np.any(more)) and not disabled(self.mujoco, model, "DAMPER")
-        if not armature and not is_damped:
-            return
+        armature, damping = (float(row(model, f"actuator_{p}", a)[0]) for p in ("armature", "damping"))
+        more = row(model, "actuator_dampingpoly", a)
+        is_damped = bool(damping or np.any(more)) and not self.off("DAMPER")
         if armature:
-            if length is not None and len(length.factors) == 1:
-                ((name, factor),) = length.factors.items()
-                self.add_armature(self.robot.joints[name], armature * factor * factor, place)
-            else:
-                why = "the joints that it moves share an inertia"
-                self.robot.leave_out("armature of an actuator", place, Effect.DIFFERS, why)
+            self.rotor(length, armature, "armature of an actuator", place)
         if is_damped and length is not None and (joint >= 0 or not np.any(more)):
             if joint >= 0:  # MuJoCo's polynomial is that of the joint's own speed
                 gear = float(model.actuator_gear[a][0])

@@ -78,14 +78,9 @@ class DenseEngine(Engine):
         n = len(rows.value)
         if not n:
             return self._solve(M, K)
-        none = self.arithmetic.zeros(n, n)
-        zero = Pair(none, self.arithmetic.zeros(len(M.tangent), n, n))
-        A = Pair(
-            np.block([[M.value, rows.value.mT], [rows.value, zero.value]]),
-            np.block([[M.tangent, rows.tangent.mT], [rows.tangent, zero.tangent]]),
-        )
-        B = Pair(np.concatenate([K.value, given.value]), np.concatenate([K.tangent, given.tangent], axis=1))
-        return self._solve(A, B)
+        pairs = Pairs(self.arithmetic, len(M.tangent), {})
+        A = pairs.block([[M, rows.mT], [rows, pairs.zeros(n, n)]])
+        return self._solve(A, pairs.block([[K], [given]]))
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
         free = self.free_u
