@@ -14,7 +14,7 @@ from ..program.scalar import Matrix, Vector
 from ..program.store import Store
 from . import fields
 from .handing_on import accumulate, clear
-from .spatial import add, cross, rotate, transpose
+from .spatial import add, cross, transpose, turned
 from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
 from .structure.elimination_order import CARRIER
 from .structure.kinds import LinkKind, RegionKind
@@ -80,8 +80,7 @@ def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector
 
 def from_far(x: Scope, W: Matrix, v: Vector, tag: str, lanes: bool = False) -> Vector:
     """Six components in the base's axes turned into the far link's."""
-    back = transpose(W)
-    return [x.let("far", e, tag, lanes=lanes) for part in (v[:3], v[3:]) for e in rotate(back, part)]
+    return [x.let("far", e, tag, lanes=lanes) for e in turned(transpose(W), v)]
 
 
 def to_base(x: Scope, o: Vector, v: Vector, tag: str, lanes: bool = False) -> Vector:

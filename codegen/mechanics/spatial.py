@@ -61,6 +61,16 @@ def rotate(W: Matrix, v: Vector) -> Vector:
     return list(v) if W is UNIT else matvec(W, v)
 
 
+def turned(W: Matrix, six: Vector) -> Vector:
+    """A moment and a force, or the like, in the axes that W turns into."""
+    return rotate(W, six[:3]) + rotate(W, six[3:])
+
+
+def about(lever: Vector, force: Vector) -> Vector:
+    """A moment and a force about the point from which `lever` leads to the one that they are about."""
+    return [*add(force[:3], cross(lever, force[3:])), *force[3:]]
+
+
 def transpose(m: Rows) -> Matrix:
     return [list(row) for row in zip(*m, strict=True)]
 

@@ -56,23 +56,9 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
     """The conditions of all loops that count. Linear ones are divided by the characteristic length."""
     found: list[Condition] = []
     for c, closure in enumerate(ear.kind.closures):
-        if closure.is_coupling:
-            found += [_of_coordinates(c)] if 0 not in closure.dropped else []
-            continue
-        s = ear.x.number(ear.kind.scale)
-        if closure.surfaces:
-            found += [row for i, row in enumerate(surface_conditions(ear, c, s)) if i not in closure.dropped]
-            continue
-        if closure.gaps:
-            every = open_conditions(ear, c, s)
-            found += [row for i, row in enumerate(every) if i not in closure.dropped]
-            continue
-        holds = closure.holds
-        columns = ear.face_axes(c, 0) if holds.linear < 3 or holds.angular == 2 else []
-        linear = held(holds.linear, closure.axis, columns, [list(e) for e in UNIT])
-        angular = held_in_turning(ear, c, columns, [list(e) for e in UNIT])
-        found += [Condition(c, False, n if s == 1 else scale(s, n)) for n in linear]
-        found += [Condition(c, True, n) for n in angular]
+        rows = _of_joint(ear, c, ear.x.number(ear.kind.scale), True)
+        chosen = closure.is_coupling or closure.surfaces or closure.gaps
+        found += [row for i, row in enumerate(rows) if not (chosen and i in closure.dropped)]
     return found
 
 
@@ -85,18 +71,25 @@ def kept_conditions(ear: EarGeometry) -> list[Condition]:
 
 def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
     """All conditions of a loop joint: linear ones, scaled, then angular ones."""
+    return _of_joint(ear, c, ear.x.number(ear.kind.per_length), False)
+
+
+def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Condition]:
+    """Conditions of a loop joint, along the axes of the region (`counted`) where all are held, or else along the start face's."""
     closure = ear.kind.closures[c]
-    if closure.is_coupling:
-        return [_of_coordinates(c)]
-    share = ear.x.number(ear.kind.per_length)
+    if closure.is_coupling:  # what it sees is the first of three components, see `ears.couplings`
+        return [Condition(c, True, [1, 0, 0])]
     if closure.surfaces:
         return surface_conditions(ear, c, share)
     if closure.gaps:
         return open_conditions(ear, c, share)
-    columns = ear.face_axes(c, 0)
-    linear = held(closure.holds.linear, closure.axis, columns, columns)
-    angular = held_in_turning(ear, c, columns, columns)
-    return [Condition(c, False, scale(share, n)) for n in linear] + [Condition(c, True, n) for n in angular]
+    holds = closure.holds
+    columns = [] if counted and holds.linear == 3 and holds.angular != 2 else ear.face_axes(c, 0)
+    every = [list(e) for e in UNIT] if counted else columns
+    linear = held(holds.linear, closure.axis, columns, every)
+    angular = held_in_turning(ear, c, columns, every)
+    linear = linear if counted and share == 1 else [scale(share, n) for n in linear]
+    return [Condition(c, False, n) for n in linear] + [Condition(c, True, n) for n in angular]
 
 
 def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Condition]:
@@ -108,11 +101,6 @@ def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Conditio
         n = ear.x.let_vector("n", scale(share, surface.gradient), "Eq. 33")
         found.append(Condition(c, False, n, surface=surface, share=share))
     return found
-
-
-def _of_coordinates(c: int) -> Condition:
-    """That of a coupling; what it sees is the first of three components, see `ears.couplings`."""
-    return Condition(c, True, [1, 0, 0])
 
 
 def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:

@@ -8,14 +8,13 @@ redundant.
 from __future__ import annotations
 
 from ...program.block import Scope
-from ...program.field import SixField
 from ...program.scalar import Matrix, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import from_far, hand_force, others
 from ..handing_on import accumulate, clear
 from ..rotors import transmitted_along
-from ..spatial import add, cross, matvec, rotate, transpose
+from ..spatial import about, add, transpose, turned
 from ..stores import BASE, LOOP_REACTION, ME, REACTION, REGION, UDOT
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from ..tree.inverse_dynamics import transfer
@@ -29,30 +28,21 @@ from .motions import Motion
 from .region_balance import transmitted_fields
 
 
-def inward(x: Scope, ear: EarGeometry, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
+def inward(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
-        n = [x.let("phin", e, "Eq. 45") for e in held[k][0]]
-        force = [x.let("phif", e, "Eq. 45") for e in held[k][1]]
-        held[k] = n, force
+        held[k] = [x.let("phin" if i < 3 else "phif", e, "Eq. 45") for i, e in enumerate(held[k])]
         parent = ear.members[k].parent
         if parent >= 0:
-            held[parent] = add(held[parent][0], n, cross(ear.members[k].rho, force)), add(held[parent][1], force)
+            held[parent] = add(held[parent], about(ear.members[k].rho, held[k]))
     return held
 
 
-def load_force(x: Scope, store: Store, field: SixField) -> tuple[Vector, Vector]:
-    """Moment and force."""
-    six = x.load(store, field)
-    return six[:3], six[3:]
-
-
-def store_reaction(x: Scope, store: Store, attitude: Matrix, moment: Vector, force: Vector) -> None:
+def store_reaction(x: Scope, store: Store, attitude: Matrix, force: Vector) -> None:
     """Moment, then force, in the ground frame."""
-    for n, v in enumerate((moment, force)):
-        for i, value in enumerate(matvec(attitude, v)):
-            x.set_entry(store, 3 * n + i, x.let("reaction", value, "Eq. 45"))
+    for i, value in enumerate(turned(attitude, force)):
+        x.set_entry(store, i, x.let("reaction", value, "Eq. 45"))
 
 
 def transmitted(x: Scope, kind: LinkKind) -> None:
@@ -60,7 +50,7 @@ def transmitted(x: Scope, kind: LinkKind) -> None:
     phi: Vector = []
     for own, handed in zip(fields.total_needed.scalars(), fields.transmitted.scalars(), strict=True):
         phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
-    store_reaction(x, REACTION, x.load(ME, fields.attitude), phi[:3], phi[3:])
+    store_reaction(x, REACTION, x.load(ME, fields.attitude), phi)
     for m in others(kind):
         if kind.partners.first[m]:
             hand_force(x, kind, m, [0] * 6, fields.transmitted)
@@ -91,23 +81,21 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: what its joints and loops do."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
-    phi: list[tuple[Vector, Vector]] = []
-    for k in range(len(ear.members)):
-        n, f = load_force(x, ME[k], fields.ear_total_needed)
+    phi: list[Vector] = []
+    for k, member in enumerate(ear.members):
+        force = x.load(ME[k], fields.ear_total_needed)
         if kind.followed[k]:
-            more = load_force(x, ME[k], fields.ear_transmitted)
-            n, f = add(n, more[0]), add(f, more[1])
+            force = add(force, x.load(ME[k], fields.ear_transmitted))
         if kind.links[k].carries:
-            more = load_force(x, ME[k], fields.transmitted)
-            n, f = add(n, rotate(ear.members[k].W, more[0])), add(f, rotate(ear.members[k].W, more[1]))
-        phi.append((n, f))
+            force = add(force, turned(member.W, x.load(ME[k], fields.transmitted)))
+        phi.append(force)
     held = inward(x, ear, phi)
-    on_roots: list[tuple[int, tuple[Vector, Vector]]] = []
+    on_roots: list[tuple[int, Vector]] = []
     if rows:
         gamma: Vector = []  # what they miss along dependent freedoms: less the joint's own force and what a rotor takes
         for k, freedom in ear.dependents():
             tau = transmitted_along(MemberView(x, k), kind.links[k], freedom.index)
-            gamma.append(x.let("gamma", freedom.along(*held[k]) - tau, "Eq. 53"))
+            gamma.append(x.let("gamma", freedom.along(held[k][:3], held[k][3:]) - tau, "Eq. 53"))
         multipliers = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c, closure in enumerate(kind.closures):
             if closure.is_coupling:  # one number, along the coordinate whose factor is 1
@@ -116,33 +104,29 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
                     on_first = -along[0] if along and entry == 0 else 0
                     x.set_entry(LOOP_REACTION[c], entry, x.let("reaction", on_first, "Eq. 9"))
                 continue
-            moment, force = of_loop(rows, c, multipliers, [row.n for row in rows])
-            end = closure.faces[1]
-            turned = [
-                matvec(transpose(ear.attitude(end)), [e if closure.turned else -e for e in v]) for v in (moment, force)
-            ]
+            moment, push = of_loop(rows, c, multipliers, [row.n for row in rows])
+            wrench, end = [*moment, *push], closure.faces[1]
+            on_end = turned(transpose(ear.attitude(end)), [e if closure.turned else -e for e in wrench])
             attitude = x.load(ME[end] if end >= 0 else ear.roots[-1 - end].record, fields.attitude)
-            store_reaction(x, LOOP_REACTION[c], attitude, turned[0], turned[1])
+            store_reaction(x, LOOP_REACTION[c], attitude, on_end)
             for side, sign in ((0, -1), (1, 1)):
                 place = closure.faces[side]
                 lever = ear.arm(c, side)
                 slip = ear.slip(c) if side == 0 else None
-                lever = lever if slip is None else add(lever, slip)
-                acting = [sign * e for e in add(moment, cross(lever, force))], [sign * e for e in force]
+                acting = [sign * e for e in about(lever if slip is None else add(lever, slip), wrench)]
                 if place < 0:
                     on_roots.append((-1 - place, acting))
                 else:
-                    phi[place] = add(phi[place][0], acting[0]), add(phi[place][1], acting[1])
+                    phi[place] = add(phi[place], acting)
         held = inward(x, ear, phi)
     for k, member in enumerate(ear.members):
-        own = [matvec(transpose(member.W), v) for v in held[k]]
-        store_reaction(x, REACTION[k], x.load(ME[k], fields.attitude), own[0], own[1])
+        store_reaction(x, REACTION[k], x.load(ME[k], fields.attitude), turned(transpose(member.W), held[k]))
         if member.parent < 0:
-            on_roots.append((-1 - member.parent, (add(held[k][0], cross(member.rho, held[k][1])), held[k][1])))
+            on_roots.append((-1 - member.parent, about(member.rho, held[k])))
     for t, root in enumerate(ear.roots):
         parts = [p for number, p in on_roots if number == t]
         if parts and root.feels:
-            root.receive([*add(*(p[0] for p in parts)), *add(*(p[1] for p in parts))])
+            root.receive(add(*parts))
 
 
 def region_transmitted(x: Scope, kind: RegionKind) -> None:
