@@ -19,7 +19,7 @@ from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
 from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along
-from ..spatial import SIX, UNIT, add, cross, is_zero, matvec, minus, product, transpose
+from ..spatial import SIX, UNIT, add, cross, is_zero, matvec, minus, transpose
 from ..stores import DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, UDOT
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
@@ -28,7 +28,7 @@ from ..tree.tangents import pattern
 from ..tree.triangularization import force_to_parent
 from .closing_accelerations import closing_accelerations
 from .closures import dependents, named_root_velocities, own_sources, stored_factor
-from .conditions import Condition, kept_conditions
+from .conditions import Condition, kept_conditions, of_loop
 from .couplings import CouplingForces
 from .geometry import EarGeometry
 from .members import Member, MemberView
@@ -366,15 +366,10 @@ def apply_wrench(
 
     What it does to links of the ear is added to `phi` and `d_phi`; what it does to roots is returned.
     """
-    sums: dict[bool, tuple[Vector, Vector]] = {True: ([0] * 3, [0] * 3), False: ([0] * 3, [0] * 3)}
-    for row, value in zip(rows, wrench, strict=True):
-        if row.loop == c:
-            n, dn = sums[row.angular]
-            sums[row.angular] = (
-                add(n, [product(e, value) for e in row.n]), add(dn, [t * value for t in d.vector(row.n)]),
-            )  # fmt: skip
-    moment, force = (x.let_vector("W", sums[angular][0], "Eq. 9") for angular in (True, False))
-    d_moment, d_force = (x.let_vector("dW", sums[angular][1], "d Eq. 9", lanes=True) for angular in (True, False))
+    wrenches = of_loop(rows, c, wrench, [row.n for row in rows])
+    tangents = of_loop(rows, c, wrench, [d.vector(row.n) if row.loop == c else row.n for row in rows])
+    moment, force = (x.let_vector("W", v, "Eq. 9") for v in wrenches)
+    d_moment, d_force = (x.let_vector("dW", v, "d Eq. 9", lanes=True) for v in tangents)
     handed: list[Handed] = []
     for side, sign in ((0, -1), (1, 1)):
         place = ear.kind.closures[c].faces[side]

@@ -18,7 +18,7 @@ from .. import fields
 from ..couplings import hand_force, others
 from ..handing_on import accumulate
 from ..joints import LinkJoint
-from ..spatial import SIX, add, cross, dot, inner, is_zero, matvec, product, transpose
+from ..spatial import SIX, about, add, dot, inner, is_zero, product, transpose, turned
 from ..stores import (
     BASE,
     DLOOP_REACTION,
@@ -209,16 +209,15 @@ def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector,
         if closure.is_coupling:
             continue
         moment, force = of_loop(rows, c, d_wrench, [row.n for row in rows])
+        wrench = [*moment, *force]
         for side, sign in ((0, -1), (1, 1)):
             place = closure.faces[side]
             if place < 0 and not ear.roots[-1 - place].feels:
                 continue
             slip = ear.slip(c) if side == 0 else None
-            at_face = moment if slip is None else add(moment, cross(slip, force))
-            back = transpose(ear.attitude(place))
-            n, f = ([x.let("own", e, "d Eq. 9", lanes=True) for e in matvec(back, v)] for v in (at_face, force))
-            n = add(n, cross(ear.face(c, side)[0], f))
-            acting = [sign * e for e in (*n, *f)]
+            at_face = turned(transpose(ear.attitude(place)), wrench if slip is None else about(slip, wrench))
+            own = [x.let("own", e, "d Eq. 9", lanes=True) for e in at_face]
+            acting = [sign * e for e in about(ear.face(c, side)[0], own)]
             if place < 0:
                 handed.append(Handed(-1 - place, [0] * 6, acting))
             else:

@@ -14,7 +14,7 @@ from ..couplings import to_base
 from ..handing_on import add_to_sum
 from ..joints.inertia import shift_inertia
 from ..rotors import driven_rotor, rotor
-from ..spatial import SIX, ZERO, add, cross, dot, is_zero, matmul, matvec, rotate, six, skew, symmetric, transpose
+from ..spatial import SIX, about, add, dot, inner, is_zero, matmul, matvec, six, skew, symmetric, transpose, turned
 from ..stores import CONSTANTS, EAR, HELD, ME, OWN, REGION, TAU
 from ..structure.kinds import EarKind
 from ..tree.triangularization import articulated_parts
@@ -30,22 +30,20 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
     own = own_sources(kind)
     Q: dict[tuple[int, int], Value] = {}
     g: dict[int, Value] = {}
-    K: dict[int, tuple[Vector, Vector]] = {}
+    K: dict[int, Vector] = {}
     for k in range(len(ear.members)):
-        J, H, M, n, f = member_inertia(x, ear, k)
-        Z = {c: (z[:3], z[3:]) for c, z in motions_with_sources(x, kind, k).items()}
-        for c, (zw, zv) in Z.items():
-            N = apply_inertia(x, J, H, M, zw, zv, "N", tag)
-            for d, (yw, yv) in Z.items():
+        J, H, M, force = member_inertia(x, ear, k)
+        Z = motions_with_sources(x, kind, k)
+        for c, z in Z.items():
+            N = apply_inertia(x, J, H, M, z, "N", tag)
+            for d, y in Z.items():
                 if d <= c:
-                    Q[d, c] = x.let("Q", Q.get((d, c), 0) + dot(yw, N[0]) + dot(yv, N[1]), tag)
-            g[c] = g.get(c, 0) + dot(zw, n) + dot(zv, f)
+                    Q[d, c] = x.let("Q", Q.get((d, c), 0) + inner(y, N), tag)
+            g[c] = g.get(c, 0) + inner(z, force)
             if kind.carried and kind.rigid:
-                o = ear.position(k)
-                shifted = add(N[0], cross(o, N[1])), N[1]
-                K[c] = (add(K[c][0], shifted[0]), add(K[c][1], shifted[1])) if c in K else shifted
+                K[c] = add(K.get(c, [0] * 6), about(ear.position(k), N))
         if kind.carried and kind.rigid:
-            _to_base(x, ear.position(k), J, H, M, n, f)
+            _to_base(x, ear.position(k), J, H, M, force)
     couplings_of_ear(x, ear, Q, K)
     for d, (k, freedom) in enumerate(ear.dependents()):
         a = rotor(ear.members[k].view, kind.links[k], freedom.index)
@@ -75,8 +73,8 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
         x.store(REGION.sum, fields.source_inertia(d, c), x.let("Q", value, tag))
     for c, value in g.items():
         x.store(REGION.sum, fields.source_force(c), x.let("g", value, "Eq. 41"))
-    for c, (n, f) in K.items():
-        add_to_sum(x, REGION, fields.source_to_base(c), [*n, *f], "K", "Eq. 39")
+    for c, force in K.items():
+        add_to_sum(x, REGION, fields.source_to_base(c), force, "K", "Eq. 39")
 
 
 def own_force(x: Scope, kind: EarKind, k: int, j: int) -> Value:
@@ -87,33 +85,30 @@ def own_force(x: Scope, kind: EarKind, k: int, j: int) -> Value:
     return x.entry(TAU[k], j) if link.forced[j] else 0
 
 
-def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, Matrix, Vector, Vector]:
+def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, Matrix, Vector]:
     """Inertia of a link with all that it carries, and the force that its motion needs, in region axes about its origin."""
     member = ear.members[k]
     m, J = member.view.load(CONSTANTS, fields.mass), x.load(ME[k], fields.ear_inertia)
     H = skew(x.load(ME[k], fields.ear_first_moment))
     M: Matrix = [[m if i == j else 0 for j in range(3)] for i in range(3)]
-    n, f = x.load(ME[k], fields.ear_needed.angular), x.load(ME[k], fields.ear_needed.linear)
+    force = x.load(ME[k], fields.ear_needed)
     if ear.kind.links[k].carries:
-        J_c, H_c, M_c, n_c, f_c = articulated_parts(member.view)
+        J_c, H_c, M_c, carried = articulated_parts(member.view)
         W = member.W
         half = [[x.let("WH", e, "Eq. 44") for e in row] for row in matmul(W, H_c)]
         H = [[x.let("H", H[i][j] + dot(half[i], W[j]), "Eq. 44") for j in range(3)] for i in range(3)]
         J_c, M_c = rotated_inertia(x, W, J_c, "Eq. 44"), rotated_inertia(x, W, M_c, "Eq. 44")
         J = symmetric([x.let("J", a + b, "Eq. 44") for a, b in zip(six(J), six(J_c), strict=True)])
         M = symmetric([x.let("M", a + b, "Eq. 44") for a, b in zip(six(M), six(M_c), strict=True)])
-        n = [x.let("n", a + b, "Eq. 45") for a, b in zip(n, rotate(W, n_c), strict=True)]
-        f = [x.let("f", a + b, "Eq. 45") for a, b in zip(f, rotate(W, f_c), strict=True)]
-    return J, H, M, n, f
+        force = [x.let("nf"[i // 3], e, "Eq. 45") for i, e in enumerate(add(force, turned(W, carried)))]
+    return J, H, M, force
 
 
-def apply_inertia(
-    x: Scope, J: Matrix, H: Matrix, M: Matrix, angular: Vector, linear: Vector, name: str, tag: str
-) -> tuple[Vector, Vector]:
+def apply_inertia(x: Scope, J: Matrix, H: Matrix, M: Matrix, A: Vector, name: str, tag: str) -> Vector:
     """Moment and force of a generalised inertia at an acceleration."""
-    n = add(matvec(J, angular), matvec(H, linear))
-    f = add(matvec(transpose(H), angular), matvec(M, linear))
-    return [x.let(f"{name}n", e, tag) for e in n], [x.let(f"{name}f", e, tag) for e in f]
+    n = add(matvec(J, A[:3]), matvec(H, A[3:]))
+    f = add(matvec(transpose(H), A[:3]), matvec(M, A[3:]))
+    return [x.let(f"{name}n", e, tag) for e in n] + [x.let(f"{name}f", e, tag) for e in f]
 
 
 def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
@@ -125,18 +120,15 @@ def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
     return {c: z for c, z in found.items() if any(not is_zero(v) for v in z)}
 
 
-def couplings_of_ear(
-    x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value], K: dict[int, tuple[Vector, Vector]]
-) -> None:
+def couplings_of_ear(x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value], K: dict[int, Vector]) -> None:
     """What the couplings of an ear's links are in the sources of its region: inertia, or couplings of the region. Eq. 40."""
     kind, tag = ear.kind, "Eq. 40"
     found: dict[tuple[int, int, int], Value] = {}
     for n, (j, other) in enumerate(kind.partners.between):
         C: Matrix = [[0] * 6 for _ in SIX]
         for k, column in enumerate(zip(*x.load(OWN[n], fields.coupling), strict=True)):
-            turned = [e for part in (column[:3], column[3:]) for e in rotate(ear.members[j].W, list(part))]
-            for i in SIX:
-                C[i][k] = x.let("C", turned[i], tag)
+            for i, value in enumerate(turned(ear.members[j].W, list(column))):
+                C[i][k] = x.let("C", value, tag)
         Z = motions_with_sources(x, kind, j)
         if other < 0:
             m = -1 - other
@@ -149,7 +141,7 @@ def couplings_of_ear(
                         found[m, kind.total + i, k] = found.get((m, kind.total + i, k), 0) + value
             continue
         for row in C:
-            row[:] = [x.let("C", e, tag) for part in (row[:3], row[3:]) for e in rotate(ear.members[other].W, part)]
+            row[:] = [x.let("C", e, tag) for e in turned(ear.members[other].W, row)]
         Z_other = motions_with_sources(x, kind, other)
         for one, Z_one, Z_two, block in ((j, Z, Z_other, C), (other, Z_other, Z, transpose(C))):
             for c, z in Z_two.items():
@@ -158,9 +150,7 @@ def couplings_of_ear(
                     if d <= c:
                         Q[d, c] = Q.get((d, c), 0) + sum(y[i] * N[i] for i in SIX)
                 if kind.carried and kind.rigid:
-                    moved = to_base(x, ear.position(one), N, tag)
-                    before = K.get(c, (list(ZERO), list(ZERO)))
-                    K[c] = add(before[0], moved[:3]), add(before[1], moved[3:])
+                    K[c] = add(K.get(c, [0] * 6), to_base(x, ear.position(one), N, tag))
         if kind.carried and kind.rigid:
             _coupling_to_base(x, ear.position(j), ear.position(other), C)
     for (m, c, k), value in found.items():
@@ -177,11 +167,10 @@ def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
         add_to_sum(x, REGION, field, both, "I", "Eq. 39")
 
 
-def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, n: Vector, f: Vector) -> None:
+def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, force: Vector) -> None:
     """Add a link's inertia and force, about the base's origin, to what the base carries."""
     J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
-    n = add(n, cross(o, f))
     carried = fields.region_inertia
     for field, block in ((carried.J, J), (carried.M, M), (carried.H, H)):
         add_to_sum(x, REGION, field, block, "I", "Eq. 39")
-    add_to_sum(x, REGION, fields.region_force, [*n, *f], "p", "Eq. 41")
+    add_to_sum(x, REGION, fields.region_force, about(o, force), "p", "Eq. 41")

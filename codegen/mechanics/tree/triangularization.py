@@ -42,17 +42,16 @@ def constants_of_inertia() -> list[tuple[int, int, ScalarField, int]]:
     return places
 
 
-def articulated_parts(x: Scope) -> tuple[Matrix, Matrix, Matrix, Vector, Vector]:
+def articulated_parts(x: Scope) -> tuple[Matrix, Matrix, Matrix, Vector]:
     """Inertia and force that a link's children have handed on."""
     J, M, H = (x.load(ME, f) for f in (fields.articulated.J, fields.articulated.M, fields.articulated.H))
-    force = x.load(ME, fields.articulated_force)
-    return J, H, M, force[:3], force[3:]
+    return J, H, M, x.load(ME, fields.articulated_force)
 
 
 def articulated_inertia(x: Scope) -> Matrix:
     """The body's inertia plus what its children handed on. Eq. 44."""
     I: Matrix = [[0] * 6 for _ in range(6)]
-    J, H, M, _, _ = articulated_parts(x)
+    J, H, M, _ = articulated_parts(x)
     for i in range(3):
         for j in range(i, 3):
             I[i][j], I[3 + i][3 + j] = J[i][j], M[i][j]
