@@ -77,7 +77,7 @@ def with_joint(text: str, joint: str, count: int, **more: str) -> Model:
 def tree_errors(joint: str, count: int, folder: Path, target: str = "numpy") -> dict[str, float]:
     """Errors of every function on the tree against the dense engine, and of the recursive engine."""
     model = with_joint(TREE, joint, count)
-    package = codegen.generate(model, folder, target=target).folder
+    package = codegen.generate(model, folder, target=target, compile="all").folder
     found = compare(model, codegen.load(package, target), DenseEngine(model), np.random.default_rng(1))
     return found | engine_errors(model, random_state(np.random.default_rng(2), model))
 
@@ -88,7 +88,7 @@ def loop_errors(
     """The same of the loop; independent are the coordinates of this joint's bodies that are named, the others dependent."""
     text = LOOP + f"independent: [{independent}]\n"
     model = with_joint(text, joint, count, CLOSING=closing, BASE=base)
-    package = codegen.generate(model, folder, target=target).folder
+    package = codegen.generate(model, folder, target=target, compile="all").folder
     solver, engine, rng = codegen.load(package, target), DenseEngine(model), np.random.default_rng(3)
     _, u, p, _, t = random_state(rng, model)
     q, u = solver.assemble(solver.initial[0] + 0.05 * rng.normal(size=model.nq), u, p)

@@ -33,7 +33,7 @@ def test_a_model_loads_without_warnings_and_is_named_after_its_file(path):
 def generated(request, tmp_path_factory):
     model = codegen.load_model(request.param)
     folder = tmp_path_factory.mktemp("generated") / model.name
-    codegen.generate(model, folder, functions=("accelerations", "sensitivities", "output_sensitivities"))
+    codegen.generate(model, folder, functions=("accelerations", "sensitivities", "output_sensitivities"), compile="all")
     return model, codegen.load(folder)
 
 

@@ -18,7 +18,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., codegen.Sol
     def make(text: str, **options: Any) -> codegen.Solver:
         key = (text, *sorted(options.items()))
         if key not in known:
-            wanted = {"target": "numpy", "functions": ("accelerations", "sensitivities")} | options
+            wanted = {"target": "numpy", "functions": ("accelerations", "sensitivities"), "compile": "all"} | options
             folder = tmp_path_factory.mktemp("hard") / "package"
             codegen.generate(codegen.parse_model(text), folder, check=False, **wanted)
             known[key] = codegen.load(folder)

@@ -32,7 +32,7 @@ NAMES = ["k", "m", "n"]
 @pytest.fixture(scope="module")
 def hertz(tmp_path_factory: pytest.TempPathFactory) -> Solver:
     folder = tmp_path_factory.mktemp("hertz") / "hertz"
-    codegen.generate(parse_model(HERTZ), folder)
+    codegen.generate(parse_model(HERTZ), folder, compile="all")
     return codegen.load(folder)
 
 
@@ -100,7 +100,7 @@ forces:
   law: {law}
 initial: {{q: {{b: [1, 0, 0, 1, 0, 0, 0]}}}}
 """
-    codegen.generate(parse_model(text), tmp_path / "rooted", target="both")
+    codegen.generate(parse_model(text), tmp_path / "rooted", target="both", compile="all")
     solver = codegen.load(tmp_path / "rooted")
     q, u = [0.0, 1, 0, 0, 1, 0, 0, 0], np.zeros(7)
     for call in (lambda: solver.jacobians(q, u), lambda: solver.gradients(q, u, weights=np.eye(7))):
@@ -131,7 +131,7 @@ outputs: {repeat k in 1..3: {x(k): {value: q.b(k)}}}
 def test_remainders_end_steps_and_smooth_tables_do_not(tmp_path: Path) -> None:
     model = parse_model(REMAINDERS)
     assert sorted(s.words for s in model.switches.found) == ["mod(q.b_2, m)", "mod(t, m)"]
-    codegen.generate(model, tmp_path / "remainders")
+    codegen.generate(model, tmp_path / "remainders", compile="all")
     solver = codegen.load(tmp_path / "remainders")
     end, m = 2.0, 0.7
     jumps = [k * m for k in range(1, 3)]

@@ -173,7 +173,7 @@ int main(void)
 def test_c_reports_switches_of_prescribed_motion(tmp_path: Path) -> None:
     """Python ends the motion before the jump of the velocity."""
     folder = tmp_path / "kinked"
-    codegen.generate(codegen.parse_model(KINKED), folder, check=False, functions=("motion",))
+    codegen.generate(codegen.parse_model(KINKED), folder, check=False, functions=("motion",), compile="all")
     (tmp_path / "own.c").write_text(PROGRAM)
     sources = [
         tmp_path / "own.c",

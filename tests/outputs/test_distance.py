@@ -51,7 +51,7 @@ def test_it_is_the_length_of_the_way_between_the_points(engine: type) -> None:
 
 def test_points_that_coincide_have_a_distance_and_no_derivative(tmp_path: Path) -> None:
     model = parse_model(SLIDES)
-    codegen.generate(model, tmp_path / "slides", target="both")
+    codegen.generate(model, tmp_path / "slides", target="both", compile="all")
     for target in ("c", "numpy"):
         solver = codegen.load(tmp_path / "slides", target=target)
         q, u = np.array([0.3, 0.3]), np.zeros(2)

@@ -102,7 +102,7 @@ def test_single_states_have_the_rates_that_they_are_given(trolley, written_out) 
 @pytest.mark.parametrize("motion", ["way", "way**2/3 - sin(w*t)*pull", "atan(way*t) + pull*w"])
 def test_every_function_is_that_of_both_engines(tmp_path: Path, motion: str) -> None:
     model = parse_model(TROLLEY.replace("WAY", motion))
-    codegen.generate(model, tmp_path / "made", target="both")
+    codegen.generate(model, tmp_path / "made", target="both", compile="all")
     for target in ("c", "numpy"):
         solver = codegen.load(tmp_path / "made", target=target)
         for engine in (DenseEngine(model), RecursiveEngine(model)):

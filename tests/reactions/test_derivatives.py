@@ -32,7 +32,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 CHOSEN = ("reactions", "reaction_sensitivities")
 
 
-made = partial(made_once.made, target="numpy", functions=CHOSEN)
+made = partial(made_once.made, target="numpy", functions=CHOSEN, compile="all")
 
 
 def errors(solver: codegen.Solver, model: Model, state: tuple[Any, ...], seeds: dict[str, Any]) -> dict[str, float]:

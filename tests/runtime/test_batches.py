@@ -77,7 +77,7 @@ def package(request, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ORDERNM_CFLAGS", SAME_ROUNDING)
         folder = tmp_path_factory.mktemp("batches") / request.param
-        codegen.generate(model, folder, functions=FUNCTIONS, check=False)
+        codegen.generate(model, folder, functions=FUNCTIONS, check=False, compile="all")
         yield folder, model
 
 

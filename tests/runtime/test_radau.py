@@ -137,7 +137,7 @@ def solver(tmp_path_factory):
             if "\n" in model:
                 source = folder / f"model_{len(opened)}.yaml"
                 source.write_text(model)
-            codegen.generate(source, made, functions="dynamics,rates,motion")
+            codegen.generate(source, made, functions="motion", compile="all")
             opened[model] = codegen.load(made)
         return opened[model]
 
