@@ -171,6 +171,8 @@ def test_too_many_steps(four_bar: Any) -> None:
     ) as e:
         four_bar.simulate(10.0, most_steps=20)
     assert len(e.value.trajectory) + e.value.trajectory.stats["rejected"] == 21
+    with pytest.raises(SimulationError, match="after 20 constant steps; allow more with most_steps, or a larger step"):
+        four_bar.simulate(10.0, method="rk4", step=1e-3, most_steps=20)
 
 
 def test_singular_on_the_way(made: Callable[..., Made]) -> None:

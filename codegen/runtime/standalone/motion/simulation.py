@@ -453,6 +453,8 @@ class Simulation(MotionRun):
                 )
             case "too many steps":
                 made = run.counts["steps"] + run.counts["rejected"]
+                if problem.fixed or problem.method == "rk4":
+                    return f"the motion ends {at} after {made} constant steps; allow more with most_steps, or a larger step"
                 return (
                     f"the motion ends {at} after {made} steps, kept small by {entry}; "
                     f"allow more with most_steps, or loosen rtol and atol; method='radau' serves stiff models"
