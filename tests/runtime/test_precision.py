@@ -140,3 +140,27 @@ forces:
             _, along = exact.sensitivities([q, q], u, dp=[1.0])
         udot, dudot = engine.sensitivities(q, u, dp=[[1.0]])
         assert all(mpmath.isnan(x) for x in (*found, *along.ravel(), *udot, *dudot.ravel()))
+
+
+def test_forces_of_loops_keep_the_digits_of_accelerations(exact):
+    """They are affine in the accelerations, to all digits and not to those of doubles."""
+    q, u = exact.initial
+    third = np.linspace(0.1, 1.0, exact.nu) / exact.mp.mpf(3)
+    dp = np.ones(exact.np) / exact.mp.mpf(7)
+    at = [
+        (exact.inverse_dynamics(q, u, n * third), *exact.inverse_dynamics_sensitivities(q, u, n * third, dp=dp))
+        for n in (0, 1, 3)
+    ]
+    for none, once, thrice in zip(*at, strict=True):
+        assert np.abs(thrice - 3 * once + 2 * none).max() < 1e-35 * np.abs(thrice).max()
+
+
+def test_forces_of_loops_refuse_accelerations_as_those_of_trees(solver):
+    q, u = solver.initial
+    for udot, said in (
+        (None, "udot"),
+        ([1j] * solver.nu, "udot holds complex"),
+        ([np.nan] * solver.nu, "udot.* is nan"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            solver.inverse_dynamics(q, u, udot)

@@ -864,8 +864,9 @@ class Solver(Package):
         Its members take what those of this solver take, and mpmath's numbers and decimal text too; floats count as exactly
         what they are. They return mpmath's numbers in arrays of objects, which keep these digits whatever ``mpmath.mp.dps``
         is; ``.astype(float)`` rounds an array to doubles. `assemble` closes loops to these digits; the other members take
-        coordinates as they are given, as everywhere. There are no `simulate`, `judge`, `equilibrium`, `linearize` and
-        `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in the package.
+        coordinates as they are given, as everywhere. Of a model that begins in equilibrium, `initial` is the state of rest
+        that double precision finds. There are no `simulate`, `judge`, `equilibrium`, `linearize` and `diagnose`. Numbers that
+        were computed from the model when it was generated are the doubles that stand in the package.
 
         Parameters
         ----------

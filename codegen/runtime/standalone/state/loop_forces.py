@@ -69,7 +69,7 @@ class LoopForces(Room):
 
         Of udot (..., nu) the independent entries are read; no force acts on the dependent ones.
         """
-        missing = self._missing(given[5], self._call("accelerations", given[:5])[0])
+        missing = self._missing("udot", given[5], self._call("accelerations", given[:5])[0])
         M = self._independent_mass(self._configuration(given))
         return _placed(["force"], [(M @ missing[..., None])[..., 0]], None if out is None else [out])
 
@@ -84,8 +84,8 @@ class LoopForces(Room):
             seeds = (None, np.zeros(self.nu), None, None, None)
         free, changed = self._call("sensitivities", given[:5], seeds)
         at = self._configuration(given)
-        M, missing = self._independent_mass(at), self._missing(given[5], free)
-        more = self._missing(0.0 if dudot is None else self._arguments.array("dudot", dudot, "u"), changed)
+        M, missing = self._independent_mass(at), self._missing("udot", given[5], free)
+        more = self._missing("dudot", np.zeros((1, self.nu)) if dudot is None else dudot, changed)
         size = np.sqrt(np.diagonal(M, axis1=-2, axis2=-1))
         dtau = (M @ more[..., None])[..., 0]
         moving = ("dq", "dp", "dinputs", "dt") if self.prescribed_names else ("dq", "dp")
@@ -111,7 +111,7 @@ class LoopForces(Room):
 
     def _speeds(self, x: Array) -> Array:
         """Speeds (..., nu) whose independent entries are x (..., n)."""
-        u = np.zeros((*x.shape[:-1], self.nu))
+        u = np.zeros((*x.shape[:-1], self.nu), x.dtype)
         u[..., self._free_speeds] = x
         return u
 
@@ -161,12 +161,9 @@ class LoopForces(Room):
         given = at["q"], u, at["p"], at.get("inputs"), at.get("t", 0.0)
         return self._call("energy_sensitivities", given, tuple(seeds.get(s) for s in ALONG))[1][..., 0]
 
-    def _missing(self, udot: Any, free: Array) -> Array:
-        """By how much accelerations differ from those wanted, at independent speeds."""
-        wanted = np.asarray(udot, np.float64)
-        if wanted.ndim and wanted.shape[-1] != self.nu:
-            raise ValueError(f"udot has shape {wanted.shape}, expected (..., {self.nu}); independent entries are read")
-        return np.asarray((wanted - free)[..., self._free_speeds])
+    def _missing(self, name: str, wanted: Any, free: Array) -> Array:
+        """By how much accelerations, or their derivatives, differ from those wanted, at independent speeds."""
+        return np.asarray((self._arguments.array(name, wanted, "udot") - free)[..., self._free_speeds])
 
 
 def _placed(names: Sequence[str], found: Sequence[Array], out: Any) -> list[Array]:
