@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import groupby
 from typing import Any
 
@@ -21,6 +21,7 @@ INTERNAL = ("closure", "conditions", "newton_step")
 """What these return may be infinite and is looked at elsewhere."""
 
 _WITH_DEFAULT = ("p", "inputs")
+"""What may not be given."""
 
 
 def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
@@ -48,6 +49,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "version": __version__,
             "slots": [n.upper() for n in (*ARGUMENTS, *SEEDS)],
             "first_seed": len(ARGUMENTS),
+            "members": _members(manifest["functions"].values(), scalar.word),
             "sizes": [*(sizes[n] for n in ARGUMENTS), *(sizes.get(s[1:], 0) for s in SEEDS)],
             "checked": [*(len(manifest[n]) for n in counted), manifest["workspace"]],
             "quaternions": manifest["quaternions"],
@@ -68,6 +70,17 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "first": f"ORDERNM_LIBRARY == {number_of(LIBRARIES[0])}",
         },
     )
+
+
+def _members(functions: Iterable[Mapping[str, Any]], real: str) -> list[tuple[str, str]]:
+    """What calls have beside pointers, as far as functions take it, and its values."""
+    taken = {a for f in functions for a in f["arguments"]}
+    found = []
+    for name in _WITH_DEFAULT:
+        if name in taken:
+            slot = name.upper()
+            found.append((f"const {real} *{name}", f"x[given >> {slot} & 1 ? {slot} : DEFAULT_{slot}]"))
+    return [*found, ("double t", "t")] if "t" in taken else found
 
 
 def _function(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:

@@ -187,8 +187,9 @@ class CLanguage(Writer):
         load(soon)
         # blocks over directions keep their order: they gain nothing by another
         along = any(store.lanes for store, _, _ in block.stores)
-        order = by_results(block)
-        if along:
+        if not along:
+            order = by_results(block)
+        else:
             order = as_computed(block) if block.early else [(block.statements, block.stores)]
         for statements, stores in order:
             for s in statements:
