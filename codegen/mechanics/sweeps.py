@@ -200,7 +200,7 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("balance_back", "balance, back substitution (Eqs. 53-55)", balance.balance_outward, OUTWARD, lanes=True, units=True,
           ear=ear_back_substitution.ear_balance_back, region=region_balance.region_balance_back),
     Sweep("reaction_out", "tangent of the forces that links need, with that of udot (Eqs. 19, 24)", reaction_tangents.needed,
-          OUTWARD, lanes=True, units=True, ear=reaction_tangents.ear_needed, region=reaction_tangents.region_needed),
+          OUTWARD, lanes=True, units=True, ear=reaction_tangents.ear_needed, region=region_balance.clear_transmitted),
     Sweep("reaction_in", "tangent of wrenches that joints and loops transmit (Eqs. 9, 45)", reaction_tangents.link_tangents,
           INWARD, lanes=True, tangents=True, units=True, ear=reaction_tangents.ear_reaction_tangents,
           region=reaction_tangents.region_reaction_tangents),

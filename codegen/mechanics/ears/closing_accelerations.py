@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ...program.block import Scope
 from ...program.scalar import Vector
-from ..spatial import ZERO, add, cross, dot, matvec
+from ..spatial import ZERO, add, cross, dot, matvec, minus, scale
 from ..tree.kinematics import acceleration_matrix
 from .closures import named_root_velocities
 from .conditions import Condition, seen_by
@@ -66,17 +66,15 @@ def cut_accelerations(
                 a = add(a, matvec(acceleration_matrix(x, w, al), slip))
             sides.append((w, al, a))
         (w_a, al_a, a_a), (w_b, al_b, a_b) = sides
-        relative = [x.let("wrel", w_b[i] - w_a[i], "Eq. 31") for i in range(3)]
-        angular = [al_b[i] - al_a[i] for i in range(3)]
+        relative = [x.let("wrel", e, "Eq. 31") for e in minus(w_b, w_a)]
+        angular = minus(al_b, al_a)
         if closure.holds.angular:
-            turn = cross(w_a, relative)
-            angular = [angular[i] - turn[i] for i in range(3)]
+            angular = minus(angular, cross(w_a, relative))
         if closure.holds.angular == 1 and not closure.gaps:
             angular = universal_bias(x, ear, c, angular, w_a, w_b, relative)
-        linear = [a_b[i] - a_a[i] for i in range(3)]
+        linear = minus(a_b, a_a)
         if closure.slides:
-            coriolis = cross(w_a, slips[c].linear)
-            linear = [linear[i] - 2 * coriolis[i] for i in range(3)]
+            linear = minus(linear, scale(2, cross(w_a, slips[c].linear)))
         found.append(Twist([x.let("ca", e, "Eq. 31") for e in angular], [x.let("cl", e, "Eq. 31") for e in linear]))
         turning.append(relative)
     return found, turning

@@ -18,7 +18,7 @@ from .. import fields
 from ..couplings import hand_force, others
 from ..handing_on import accumulate
 from ..joints import LinkJoint
-from ..spatial import SIX, about, add, dot, inner, is_zero, product, transpose, turned
+from ..spatial import SIX, about, add, inner, is_zero, product, transpose, turned
 from ..stores import (
     BASE,
     DLOOP_REACTION,
@@ -50,7 +50,6 @@ from .balance import (
 from .closures import dependents, stored_factor
 from .conditions import Condition, of_loop, seen_by
 from .geometry import EarGeometry
-from .region_balance import clear_transmitted
 from .roots import Frame, Ground, Root
 from .tangents import EarTangents
 
@@ -98,21 +97,13 @@ def of_root(x: Scope, root: Root) -> Vector:
     return x.load(LBASE if isinstance(root, Frame) else LROOTS[root.place], fields.explicit_acceleration)
 
 
-def region_needed(x: Scope, kind: RegionKind) -> None:
-    """Nothing is summed up yet."""
-    clear_transmitted(x, kind)
-
-
 # -- inward ------------------------------------------------------------------------------------------------------------
 
 
-def store_tangent(x: Scope, store: Store, attitude: Matrix, turned: Matrix, force: Vector, tangent: Vector) -> None:
+def store_tangent(x: Scope, store: Store, W: Matrix, dW: Matrix, force: Vector, tangent: Vector) -> None:
     """Tangent of a moment and a force in the ground frame from those in a link's axes: ``dW f + W df``."""
-    for n in (0, 3):
-        v, dv = force[n : n + 3], tangent[n : n + 3]
-        for i in range(3):
-            value = dot(attitude[i], dv) + dot(turned[i], v)
-            x.set_entry(store, n + i, x.let("dreaction", value, "d Eq. 45", lanes=True))
+    for i, value in enumerate(add(turned(W, tangent), turned(dW, force))):
+        x.set_entry(store, i, x.let("dreaction", value, "d Eq. 45", lanes=True))
 
 
 def link_tangents(x: Scope, kind: LinkKind) -> None:

@@ -30,7 +30,7 @@ def region_balance_start(x: Scope, kind: RegionKind) -> None:
 
 
 def clear_transmitted(x: Scope, kind: RegionKind) -> None:
-    """No forces on the links that a region hangs on yet, nor tangents."""
+    """Outward block over directions of a region: no forces on the links that it hangs on yet, nor tangents."""
     for whole, balance in transmitted_fields(kind):
         for i in SIX:
             x.store(REGION, whole.scalars()[i], 0)

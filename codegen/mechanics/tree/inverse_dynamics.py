@@ -31,16 +31,6 @@ def joint_acceleration(x: Scope, joint: LinkJoint, al: Vector, a: Vector) -> tup
     return A[:3], A[3:]
 
 
-def newton_euler_outward(x: Scope, kind: LinkKind) -> None:
-    """Total accelerations and the force each link's inertia needs, from given udot. Eqs. 19, 24."""
-    outward(x, kind, False)
-
-
-def balance_start(x: Scope, kind: LinkKind) -> None:
-    """The same of the udot of the forward dynamics; links that carry others accelerate as it has found."""
-    outward(x, kind, kind.carries)
-
-
 def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[Vector, Vector, dict[Symbol, Value]]:
     """The accelerations of a link as the forward dynamics has found them, and what they are the same as: `al` and `a`.
 
@@ -63,8 +53,13 @@ def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[V
     return found[0], found[1], same
 
 
-def outward(x: Scope, kind: LinkKind, found: bool) -> None:
-    """Both of them."""
+def balance_start(x: Scope, kind: LinkKind) -> None:
+    """`newton_euler_outward` with the udot of the forward dynamics; links that carry others accelerate as it has found."""
+    newton_euler_outward(x, kind, kind.carries)
+
+
+def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
+    """Total accelerations and the force each link's inertia needs, from given udot. Eqs. 19, 24."""
     joint = kind.joint(x, kind)
     carried, w = angular_velocity(x, joint)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))
