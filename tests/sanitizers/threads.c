@@ -13,17 +13,19 @@ static double q[STATES*ARM_NQ], u[STATES*ARM_NU], p[ARM_NP], inputs[ARM_NINPUTS 
 static void *call(void *result)
 {
     const size_t size = sizeof(double)*STATES*ARM_NU;
-    double *one = malloc(size), *shared = malloc(size), *work = malloc(sizeof(double)*THREADS*ARM_STATES_WORKSPACE);
-    int *codes = malloc(sizeof(int)*STATES);
+    double *one = (double *)malloc(size), *shared = (double *)malloc(size);
+    double *work = (double *)malloc(sizeof(double)*THREADS*ARM_STATES_WORKSPACE);
+    int *codes = (int *)malloc(sizeof(int)*STATES);
+    const struct timespec pause = {0, 1000000};
     for (int round = 0; round < ROUNDS; ++round) {
         arm_states b = {
-            .count = STATES, .q = {q, ARM_NQ, 1, 1}, .u = {u, ARM_NU, 1, 1}, .p = {p, 0, 1, 1},
-            .inputs = {inputs, 0, 1, 1}, .udot = {one, ARM_NU, 1, 1}, .codes = codes, .work = work,
+            .count = STATES, .codes = codes, .q = {q, ARM_NQ, 1, 1}, .u = {u, ARM_NU, 1, 1}, .p = {p, 0, 1, 1},
+            .inputs = {inputs, 0, 1, 1}, .udot = {one, ARM_NU, 1, 1}, .work = work,
         };
         const int expected = arm_accelerations_states(&b);
         const long failed = b.failed;
         b.udot.at = shared;
-        if (round % 20 == 19) nanosleep(&(struct timespec){0, 1000000}, 0); /* threads sleep meanwhile */
+        if (round % 20 == 19) nanosleep(&pause, 0); /* threads sleep meanwhile */
         if (arm_on_threads(arm_accelerations_states, &b, THREADS) != expected || b.failed != failed
             || memcmp(one, shared, size)) *(int *)result = 1;
     }
