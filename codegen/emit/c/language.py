@@ -2,82 +2,23 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ...model.model import Model
-from ...program import algebra
 from ...program.addresses import Kind
-from ...program.algebra import ZERO, Expr, Symbol
-from ...program.block import Block, symbols_of
+from ...program.block import Block
 from ...program.field_table import identifier
-from ...program.passes import as_computed, by_results
 from ...program.plan import Plan
 from ...program.procedure import Procedure
-from ...program.store import MARGIN, MODES, Store
+from ...program.store import Store
 from ..language import Located, Place
 from ..target import Scalar
 from ..writer import Writer
 from . import C
-from .functions import in_all
+from .block_lines import BlockLines
 from .printer import CPrinter
 from .types import ENERGIES, LANE_REGIONS, NUMBER_TYPE, SHARES, TYPES, near_name, of_width
-
-
-def stored_once(block: Block) -> set[Symbol]:
-    """Symbols that what is stored for all directions together is made of."""
-    if not any(store.lanes for store, _, _ in block.stores):
-        return {*block.loads, *(s.target for s in block.statements)}
-    wanted = {s for store, _, value in block.stores if not store.lanes for s in symbols_of(value)}
-    for s in reversed(block.statements):
-        if s.target in wanted:
-            wanted |= symbols_of(s.expression)
-    return wanted
-
-
-def read_once(block: Block) -> set[Symbol]:
-    """Symbols that the text of a block has in one place: what is loaded into them needs no name."""
-    once: set[Symbol] = set()
-    more: set[Symbol] = set()
-    for e in (*(s.expression for s in block.statements), *(value for _, _, value in block.stores)):
-        for part in _parts(e):
-            if isinstance(part, Symbol) and part not in once:
-                once.add(part)
-            else:
-                more |= part.free_symbols
-    return once - more
-
-
-def _parts(e: Expr) -> Iterator[Expr]:
-    """The operands of sums and products in these: symbols, powers and calls."""
-    if not (e.is_Add or e.is_Mul):
-        yield e
-        return
-    for a in e.args:
-        if a.is_Symbol:
-            yield a
-        else:
-            yield from _parts(a)
-
-
-def in_full(at: Located) -> str:
-    """A component of a row that no variable points to."""
-    if at.row[0] == "&":
-        return at.row[1:] + (f".{at.text[2:]}" if at.text.startswith("->") else "")
-    if at.row[0] == "(":
-        return f"({at.row}){at.text}"
-    start, _, offset = at.row.partition(" + ")
-    index = at.text[1:-1]
-    if offset.isdigit() and index.isdigit():
-        return f"{start}[{int(offset) + int(index)}]"
-    return f"{start}[{' + '.join(x for x in (offset, index) if x not in ('', '0')) or 0}]"
-
-
-def is_array(row: str) -> bool:
-    """Whether a row is one of the arrays of a call, from a number on: it needs no variable."""
-    start, _, offset = row.partition(" + ")
-    return start.startswith("a->") and (offset or "0").isdigit()
 
 
 class CLanguage(Writer):
@@ -130,93 +71,7 @@ class CLanguage(Writer):
         culprit: Callable[[str], str] | None = None,
         each: str = "",
     ) -> list[str]:
-        to = [place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN]
-        stored = {*to}
-        written = {at.variable for at in stored}
-        names = self.called_by(block, place)
-        taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | set(names.values())
-        accesses = Counter(at.variable for at in (*(place(*of) for of in block.loads.values()), *to))
-        pointers: dict[str, str] = {}
-        body: list[str] = []
-
-        def access(store: Store, name: str) -> str:
-            at = place(store, name)
-            along = ".at[h]" if store.lanes else ""
-            if accesses[at.variable] == 1 or is_array(at.row):
-                return in_full(at) + along
-            variable = f"{at.variable}_at" if at.variable in taken else at.variable
-            if variable not in pointers:
-                const = "" if at.variable in written else "const "
-                pointers[variable] = f"{const}{at.type} *restrict {variable} = {at.row};"
-            return f"{variable}{at.text}{along}"
-
-        # Before the loop over vectors stands what is stored once for all directions. Other numbers that they share stay in
-        # the order of the block: compilers take them out of the loop, and know better which to keep in registers.
-        passes: list[str] = []
-        shared = stored_once(block)
-        tags = {False: "", True: ""}
-        overwritten = {(at.row, at.text) for at in stored}
-        waiting: dict[Symbol, tuple[int, list[str], str]] = {}
-        soon: list[Symbol] = []
-        once = read_once(block) - {Symbol(name) for name in names}
-        direct: dict[str, str] = {}
-        for number, (symbol, (store, name)) in enumerate(block.loads.items()):
-            at = place(store, name)
-            lines = body if symbol in shared or (not store.lanes and at in stored) else passes
-            read = access(store, name)
-            if at.type == NUMBER_TYPE:
-                read = in_all(read)
-            if store is MODES:
-                read = f"MODE({read.partition('[')[0]}, {read})"
-            if symbol in once and (at.row, at.text) not in overwritten:
-                direct[symbol.name] = read
-                continue
-            type_ = "VECTOR" if store.lanes else self.scalar.word
-            waiting[symbol] = number, lines, f"const {type_} {names.get(symbol.name, symbol.name)} = {read};"
-            soon += [symbol] if (at.row, at.text) in overwritten else []
-
-        printer = self.printer.calling({**names, **direct})
-
-        def load(symbols: Iterable[Symbol]) -> None:
-            """Load what has not been loaded yet."""
-            for _, lines, line in sorted(waiting.pop(s) for s in symbols if s in waiting):
-                lines.append(line)
-
-        # What is needed late is loaded late: compilers keep the order, and move hundreds of values to the stack and back
-        # otherwise, in quadratic time.
-        load(soon)
-        # blocks over directions keep their order: they gain nothing by another
-        along = any(store.lanes for store, _, _ in block.stores)
-        if not along:
-            order = by_results(block)
-        else:
-            order = as_computed(block) if block.early else [(block.statements, block.stores)]
-        for statements, stores in order:
-            for s in statements:
-                load(symbols_of(s.expression))
-                first = s.target in shared
-                comment = f" /* {s.tag} */" if s.tag and s.tag != tags[first] else ""
-                tags[first] = s.tag
-                text = in_all(printer(s.expression)) if _is_number(s.expression) else printer(s.expression)
-                (body if first else passes).append(
-                    f"const {'VECTOR' if s.lanes else self.scalar.word} {s.target} = {text};{comment}"
-                )
-            for store, name, value in stores:
-                load(symbols_of(value))
-                text = printer(value)
-                if store.memory is MARGIN:
-                    assert culprit is not None
-                    body.append(f"REFUSE({is_not_positive(value, printer, self.zero)}, {culprit(name)} + 1);")
-                    continue
-                if store.lanes and value.is_Number:
-                    text = "(VECTOR){0}" if value is ZERO else f"(VECTOR){{0}} + {text}"
-                elif _is_number(value):
-                    text = in_all(text)
-                line = f"{access(store, name)} {'+=' if store.adds else '='} {text};"
-                (passes if store.lanes else body).append(line)
-        if passes:
-            passes = [each or "EACH_VECTOR {", *(f"    {line}" for line in passes), "}"]
-        return [*pointers.values(), *body, *passes]
+        return BlockLines(self, self.printer, block, place, culprit).lines(each or "EACH_VECTOR {")
 
     def signature(
         self, name: str, lanes: bool, indexed: bool, whose: str = "static void", arrays: Sequence[tuple[str, str]] = ()
@@ -319,18 +174,3 @@ class CLanguage(Writer):
             index = str(int(at.row or 0) + int(at.component)) if at.component.isdigit() else at.component
             return replace(self.element(at.region, index, store.lanes), variable=at.variable)
         return Located(at.variable, f"a->{at.region} + {at.row}", f"[{at.component}]", type_)
-
-
-def is_not_positive(e: Expr, printer: Callable[[Expr], str], zero: str) -> str:
-    """The condition that an expression is zero or less: of a difference, that what is added is at most what is taken away."""
-    if _is_number(e):
-        return f"{in_all(printer(e))} <= {zero}"
-    terms = [algebra.coefficient(t) for t in (e.args if e.is_Add else (e,))]
-    more = [algebra.multiply(c, t) for c, t in terms if c > 0]
-    less = [algebra.multiply(algebra.negative(c), t) for c, t in terms if c < 0]
-    return f"{printer(algebra.add(*more))} <= {printer(algebra.add(*less)) if less else zero}"
-
-
-def _is_number(e: Expr) -> bool:
-    """Whether an expression is the same for all states."""
-    return not e.free_symbols
