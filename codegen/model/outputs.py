@@ -116,7 +116,12 @@ class Measure:
         found = cls.name.replace("_", " ")
         if output.points:
             found += f" of {' and '.join(map(say.point, output.points))}"
-        return found if output.axis is None else f"{found} along {say.axis(output.axis)}"
+        return found + along(output, say)
+
+
+def along(output: Output, say: Speaker) -> str:
+    """`` along x`` of an output that has an axis."""
+    return "" if output.axis is None else f" along {say.axis(output.axis)}"
 
 
 OptionalPoint = Annotated[PointOrName | None, WrapValidator(written)]
@@ -189,8 +194,7 @@ class RelativePosition(OfPoints):
     @classmethod
     def words(cls, output: Output, say: Speaker) -> str:
         first, second = map(say.point, output.points)
-        assert output.axis is not None
-        return f"{cls.name.replace('_', ' ')} from {first} to {second} along {say.axis(output.axis)}"
+        return f"{cls.name.replace('_', ' ')} from {first} to {second}{along(output, say)}"
 
 
 class RelativeVelocity(RelativePosition):
@@ -279,8 +283,7 @@ class AngularVelocity(Measure):
     @classmethod
     def words(cls, output: Output, say: Speaker) -> str:
         (body,) = map(say.name, output.bodies)
-        assert output.axis is not None
-        return f"angular velocity of {body} along {say.axis(output.axis)} of the {output.choice[0]}"
+        return f"angular velocity of {body}{along(output, say)} of the {output.choice[0]}"
 
 
 SYSTEM = "system"
@@ -334,8 +337,7 @@ class CenterOfMass(Measure):
     @classmethod
     def words(cls, output: Output, say: Speaker) -> str:
         of = ", ".join(map(say.name, output.bodies)) or "the system"
-        assert output.axis is not None
-        return f"centre of mass of {of} along {say.axis(output.axis)}"
+        return f"centre of mass of {of}{along(output, say)}"
 
 
 KINDS: Final = ("linear", "angular")
@@ -372,8 +374,7 @@ class Momentum(Measure):
     def words(cls, output: Output, say: Speaker) -> str:
         kind, about = output.choice
         center = {"ground": "the ground's origin", "center_of_mass": "the centre of mass"}[about]
-        assert output.axis is not None
-        found = f"{kind} momentum along {say.axis(output.axis)}"
+        found = f"{kind} momentum{along(output, say)}"
         return found if kind == "linear" else f"{found} about {center}"
 
 

@@ -8,24 +8,17 @@ from typing import Any
 from ..entries import seen
 from ..errors import count_of_values
 from ..expressions import Expression, made
-from ..model import joint_coordinates
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader
 from .bodies import BodySection
-from .coordinates import unknown_name, values_of
+from .coordinates import Joints, unknown_name, values_of
 
 
 def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Expression]]:
     result: dict[str, dict[str, Expression]] = {"q": {}, "u": {}}
-    groups = {"q": {}, "u": {}}  # type: dict[str, dict[str, tuple[str, ...]]]
-    quaternions = []
-    for spec, name in zip(bodies.specs, bodies.names, strict=True):
-        if spec is not None:
-            q, u = joint_coordinates(name, spec.joint.type)
-            groups["q"][name], groups["u"][name] = q, u
-            if f"{name}.qw" in q:
-                quaternions.append(name)
+    joints = Joints(bodies)
+    groups = {"q": {j: of.coordinates for j, of in joints.items()}, "u": {j: of.speeds for j, of in joints.items()}}
     places: dict[str, tuple[Instance, Path_]] = {}
     for file in reader.parts:
         initial = file.document.root.get("initial")
@@ -45,8 +38,9 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
             elif section is not None:
                 for at in reader.expand(file, section, ("initial", part)):
                     _initial_value(reader, at, part, groups[part], result[part], places)
-    for name in quaternions:
-        _normalise(reader, name, result["q"], places)
+    for name, of in joints.items():
+        if of.kind.quaternions:
+            _normalise(reader, name, result["q"], places)
     return result
 
 
