@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Final
 
 from ..elementary import TABLE, tree_of
-from .entries import ZERO
+from .entries import ONE, ZERO
 from .expressions import COMBINED, Expression, combine, made
 from .grammar import AT_LEAST, Tree
 from .slopes import is_singular, slope
@@ -74,6 +74,9 @@ def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Express
     if kind == "*":
         return da * b + a * db
     if kind == "/":
+        base, n = (b.tree[1], Expression(b.tree[2])) if b.tree[0] == "**" else (b.tree, ONE)
+        if base[:2] == ("call", "cosh") and n.is_number:  # else infinity over infinity far from zero
+            return da / b - n * of * made("tanh", Expression(base[2])) * derivative(Expression(base[2]), by)
         return (da - of * db) / b
     assert kind == "**", kind
     by_base = ZERO if da is ZERO else b * a ** (b - 1) * da
@@ -92,9 +95,7 @@ def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Ex
     if function in ("mod", "wrapped"):
         (x, m), (dx, dm) = of, d
         return dx - (x - value) / m * dm
-    if (
-        function == "tanh"
-    ):  # the slope in the table, 1/cosh(x)**2, has derivatives that are infinity over infinity far from zero
+    if function == "tanh":  # the slope in the table, 1/cosh(x)**2, has derivatives without a value where cosh overflows
         return (1 - value**2) * d[0]
     total = ZERO
     for slope_, d_of in zip(TABLE[function].slopes, d, strict=True):

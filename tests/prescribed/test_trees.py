@@ -14,6 +14,7 @@ from random_models import EVERY, random_seeds, random_state, random_tree
 
 import codegen
 from codegen.model import parse_model
+from codegen.model.expressions import functions_for
 from codegen.reference import DenseEngine, RecursiveEngine
 
 ARM = """
@@ -226,3 +227,15 @@ def test_a_transition_is_over_far_from_its_middle(motion: str, t: float, rest: f
         both = [e.sensitivities([0.3], [0.7], t=t, **seeds) for e in (moving, still)]
     for found, right in zip(*both, strict=True):
         assert error(found, right) < 1e-14
+
+
+@pytest.mark.parametrize("motion", ["1/cosh(w*t)", "3/cosh(w*t)**2", "w*t/cosh(w*t)**1.5"])
+def test_a_pulse_by_cosh_is_over_far_from_its_middle(motion: str) -> None:
+    model, still = (parse_model(SWUNG.replace("MOTION", x)) for x in (motion, "0"))
+    for order in (1, 2):
+        at = {"w": 5.0, "t": 0.3}
+        right = mpmath.diff(lambda t: model.motion["end"].evaluate({"w": 5, "t": t}, functions_for(mpmath)), 0.3, order)
+        assert abs(model.prescribed[0].values[order].evaluate(at) - right) < 1e-12
+    with np.errstate(all="ignore"):
+        found = RecursiveEngine(model).accelerations([0.3], [0.7], t=290)
+    assert error(found, RecursiveEngine(still).accelerations([0.3], [0.7])) < 1e-14
