@@ -60,6 +60,7 @@ class MotionRun(Room):
     def __init__(self, package: Package, states: States):
         super().__init__(package)
         self.states = states
+        self._known_systems: dict[int, tuple[Any, Any, Any]] = {}
 
     def prepare(self, member: str) -> None:
         """Compile what `simulate` or `judge` needs; see `Solver.prepare`."""
@@ -75,12 +76,15 @@ class MotionRun(Room):
 
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
         """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
-        try:
-            address = self._in_c(opened).motion_system()
-            library, ffi = motion_library(self.folder)
-        except NoCompilerError as error:
-            raise NoCompilerError(f"motions are integrated in compiled code, and {error}") from None
-        return library, ffi, ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
+        if opened.number not in self._known_systems:
+            try:
+                address = self._in_c(opened).motion_system()
+                library, ffi = motion_library(self.folder)
+            except NoCompilerError as error:
+                raise NoCompilerError(f"motions are integrated in compiled code, and {error}") from None
+            self._known_systems[opened.number] = library, ffi, ffi.cast("ordernm_system *", address)
+        library, ffi, system = self._known_systems[opened.number]
+        return library, ffi, ffi.new("ordernm_system *", system[0])
 
     def _run(
         self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
