@@ -12,7 +12,6 @@ from codegen.reference import RecursiveEngine
 from codegen.runtime import Solver
 from codegen.runtime.sections import SECTIONS, solver_text
 from codegen.runtime.standalone import solver as whole
-from codegen.runtime.standalone.calls.functions import split
 from codegen.runtime.standalone.calls.package import SOMETIMES
 
 
@@ -98,14 +97,13 @@ def test_what_a_function_does_not_depend_on_has_zero_derivative(satellite):
     assert not dqdot.any()
 
 
-def test_directions_are_split_into_widths():
-    for k in range(1, 60):
-        parts = split(k, (8, 2, 1))
-        assert sum(parts[:-1]) < k <= sum(parts)
-    assert split(8, (8, 2, 1)) == [8]
-    assert split(9, (8, 2, 1)) == [8, 1]
-    assert split(10, (8, 2, 1)) == [8, 2]
-    assert split(5, (8, 2, 1)) == [8]
+def test_any_number_of_directions_of_a_batch_gives_what_each_gives_alone(satellite):
+    q, u = satellite.initial
+    dp = np.random.default_rng(3).normal(size=(19, satellite.np))
+    alone = np.concatenate([satellite.output_sensitivities(q, u, dp=row)[1] for row in dp])
+    batch = np.tile(q, (120, 1))
+    for k in range(1, 20):
+        close(satellite.output_sensitivities(batch, u, dp=dp[:k])[1], np.repeat(alone[:k, None], 120, axis=1))
 
 
 # ---- names -----------------------------------------------------------------------------------------------------------

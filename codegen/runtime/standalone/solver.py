@@ -193,7 +193,7 @@ class Solver(Package):
 
         Linear conditions are divided by the loop's characteristic length; the velocities are those of u as it is given.
         """
-        return self._states.closure((q, u, p, inputs, t))
+        return self._call("closure", (q, u, p, inputs, t))
 
     def closure_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
@@ -204,7 +204,7 @@ class Solver(Package):
         The latter is zero to rounding unless conditions are redundant and a direction does not keep them, such as a
         parameter that bends a planar loop out of its plane: then no derivative exists along it.
         """
-        return self._states.closure_sensitivities((q, u, p, inputs, t), (dq, du, dp, dinputs, dt))
+        return self._call("closure_sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt))
 
     @functools.cached_property
     def _states(self) -> States:

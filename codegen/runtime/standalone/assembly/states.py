@@ -80,23 +80,6 @@ class States(Room):
             de -= e * np.sum(e * de, axis=-1, keepdims=True)
         return at["q"], *self._completed_along(at, batch, (dq_new, du_new, *along[2:]))
 
-    def closure(self, given: tuple[Any, ...]) -> tuple[Array, Array]:
-        """See `Solver.closure`; without loops there are no residuals."""
-        if not self.closure_names and (rates := self.package._calls["coordinate_rates"](given, None, None)) is not None:
-            none = rates[0][..., :0]
-            return none.copy(), none.copy()
-        position, velocity = self._call("closure", given)
-        return position, velocity
-
-    def closure_sensitivities(self, given: tuple[Any, ...], along: tuple[Any, ...]) -> tuple[Array, Array]:
-        """See `Solver.closure_sensitivities`."""
-        if not self.closure_names:
-            rates = self.package._calls["coordinate_rate_sensitivities"](given, along, None)
-            if rates is not None:
-                return rates[0][..., :0].copy(), rates[1][..., :0].copy()
-        position, opened = self._call("closure_sensitivities", given, along)
-        return position, opened
-
     # -- how -----------------------------------------------------------------------------------------------------------
 
     @property
