@@ -11,6 +11,7 @@ from ...program.procedure import Procedure
 from ...version import __version__
 from ..function import called_with
 from ..templates import render
+from . import FLOAT64
 from .functions import in_modes
 from .libraries import FOUR, number_of
 
@@ -198,6 +199,7 @@ def write_precise(
             "NAME": name.upper(),
             "version": __version__,
             "library": " || ".join(f"(library) == {number_of(x)}" for x in ("motion", "gradients")),
+            "scalar": FLOAT64,
             "renamed": [*(f for f in library if f not in OWN), "floor"],
             "nq": model.nq,
             "given": [(a, sizes[a]) for a in ("q", "u", "p", "inputs")],
@@ -221,6 +223,7 @@ def write_four(manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> 
             "name": name,
             "version": __version__,
             "library": number_of(FOUR),
+            "scalar": FLOAT64,
             "functions": [(f"motion_{f}", _call(name, f, functions[f], "_4")) for f in found],
             "members": [(f, f"motion_{f}") for f in found],
         },
