@@ -21,7 +21,7 @@ def test_the_page_says_which_motions_ended_early():
     text = "\n".join(page._motions({"four_bars": motion}))
     assert r"| radau 1e-11 | ended early: steps have become too small \| at 11.07 s | 9563 |" in text
     assert "| radau 1e-11 | 1.0e-09 | 9563 |" in text
-    assert lines.point_row(POINT)[-1].startswith("ended early: steps")
+    assert lines.point_table({"points": [POINT]})[1][0][1].startswith("ended early: steps")
 
 
 BEAD = """\
