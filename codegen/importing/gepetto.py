@@ -78,7 +78,11 @@ class _Reader:
                 self.robot.leave_out(f"key {shortened(str(key))}", self.place(key), Effect.UNKNOWN)
         names, types = self.strings("joint_name"), self.strings("joint_type")
         if self.as_many("joint_type", types, "joint_name", names):
+            seen: set[str] = set()
             for k, (name, type_) in enumerate(zip(names, types, strict=True)):
+                if name in seen:
+                    self.wrong(f"joint {shortened(name)} is in the list already; give each joint once", "joint_name", k)
+                seen.add(name)
                 self.joint(k, name, type_)
         pairs = root.get("closed_loop") or []
         kinds = self.strings("type") if "type" in root else ["6D"] * len(pairs)

@@ -163,6 +163,7 @@ def test_without_types_loops_are_closed_wholly(tmp_path):
         ("closed_loop: [[foot, base]]\ntype: [4D]\n", "robot.yaml:2:8: type '4D'; 3D or 6D is allowed"),
         ("closed_loop: [[foot, base]]\ntype: [3D, 3D]\n", "type has 2 entries and closed_loop has 1; as many are needed"),
         ("joint_name: [a]\njoint_type: [BALL]\n", "joint_type 'BALL'; SPHERICAL, FIXED, CARDAN, UJOINT_XY"),
+        ("joint_name: [a, a]\njoint_type: [SPHERICAL, FIXED]\n", "robot.yaml:1:17: joint 'a' is in the list already"),
         ("joint_name: [a]\njoint_type: 3\n", "joint_type is no list of names"),
         ("joint_name: [a]\nname_mot: [a]\n", "joint_name has 1 entries, and there is no joint_type"),
     ],
