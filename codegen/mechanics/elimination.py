@@ -193,24 +193,25 @@ def eliminate_force(
 def substitute(
     x: Scope,
     kept: PivotFields,
-    right: Store,
+    right: Store | Value,
     j: int,
     s: Column,
     a: Vector,
     name: str,
     lanes: bool,
     geared: bool = False,
+    of: str = "",
 ) -> Value:
     """The acceleration of a freedom, ``r / D - G . a``; the one eliminated last comes first. Changes a.
 
-    `right` is where right sides are kept; `geared` tells that a rotor turns with the freedom.
+    `right` is ``r / D``, or where right sides are kept; `geared`: a rotor turns with the freedom; `of` begins equations' tags.
     """
     # s . G = 1 but for rotors, so a along s counts once, and the other components what is left of them
     G = [1 if i == s.lead and not geared else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]
-    value = x.load(right, kept.right_side(j))
+    value = x.load(right, kept.right_side(j)) if isinstance(right, Store) else right
     for i, gain in enumerate(G):
         value = value - gain * s.remaining(x, i, a, lanes)
-    found = x.let(name, value, "Eq. 53", lanes=lanes)
+    found = x.let(name, value, f"{of}Eq. 53", lanes=lanes)
     for i, moved in s.added(a, found).items():
-        a[i] = x.let("A", moved, "Eq. 54", lanes=lanes)
+        a[i] = x.let("A", moved, f"{of}Eq. 54", lanes=lanes)
     return found

@@ -137,17 +137,17 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
         view, link = ear.members[k].view, kind.links[k]
         needed = body_force(x, m.w, m.al, m.a, m.B, own_inertia(view))
         d.run()
-        moment, force = less_external(view, link, needed)
-        d_moment, d_force = less_external(view, link, (d.vector(needed[0]), d.vector(needed[1])), lanes=True)
+        force = less_external(view, link, needed)
+        d_force = less_external(view, link, d.vector(needed[:3]) + d.vector(needed[3:]), lanes=True)
         own, moved = fields.ear_own, fields.remainder
         for field, v in ((own.w, m.w), (own.al, m.al), (own.a, m.a)):
             x.store(ME[k], field, v)
-        x.store(ME[k], fields.total_needed, [*moment, *force])
+        x.store(ME[k], fields.total_needed, force)
         x.store(ME[k], own.B, m.B)
         for field, v in ((moved.w, m.w), (moved.al, m.al), (moved.a, m.a)):
             x.store(LME[k], field, d.vector(v))
         x.store(LME[k], moved.B, [d.vector(row) for row in m.B])
-        x.store(MY_LANE[k], fields.needed, [*d_moment, *d_force])
+        x.store(MY_LANE[k], fields.needed, d_force)
 
 
 def kept_rotations(ear: EarGeometry) -> dict[int, Vector]:

@@ -12,7 +12,7 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..spatial import ZERO, add, cross, dot, is_zero, matmul, matvec, rotate, symmetric, transpose
+from ..spatial import ZERO, add, cross, dot, is_zero, matmul, matvec, minus, symmetric, transpose, turned
 from ..stores import CONSTANTS, EAR, ME
 from ..structure.kinds import EarKind
 from ..tree.kinematics import acceleration_matrix, body_force
@@ -132,28 +132,22 @@ def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool
     motion, needed = (fields.ear_total, fields.ear_total_needed) if total else (fields.ear_remainder, fields.ear_needed)
     for k, m in enumerate(motions):
         me, constants = ME[k], link_constants(x, ear, k)
-        moment, force = body_force(x, m.w, m.al, m.a, m.B, constants)
+        force = body_force(x, m.w, m.al, m.a, m.B, constants)
         if not total:
             x.store(me, fields.ear_first_moment, constants[1])
             x.store(me, fields.ear_inertia, constants[2])
         m.store(x, me, motion)
-        moment, force = less_external_of(x, ear, k, (moment, force))
-        x.store(me, needed, [*moment, *force])
+        x.store(me, needed, less_external_of(x, ear, k, force))
         if ear.kind.links[k].carries:
             hand_outward(x, me, ear.members[k].W, m, total)
 
 
-def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: Vector) -> Vector:
     """What is left of the force that a link needs when force elements have acted on it, in region axes."""
     if not ear.kind.links[k].pulled:
         return needed
-    external = fields.external
-    acting = [rotate(ear.members[k].W, x.load(ME[k], field)) for field in (external.angular, external.linear)]
-    n, f = (
-        [x.let("less", e - by, "Eq. 24") for e, by in zip(v, w, strict=True)]
-        for v, w in zip(needed, acting, strict=True)
-    )
-    return n, f
+    acting = turned(ear.members[k].W, x.load(ME[k], fields.external))
+    return [x.let("less", e, "Eq. 24") for e in minus(needed, acting)]
 
 
 def hand_outward(x: Scope, store: Store, W: Matrix, m: Motion, total: bool) -> None:

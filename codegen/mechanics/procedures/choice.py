@@ -5,9 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection
 
-from ...program.procedure import (
-    Procedure,
-)
+from ...program.procedure import Procedure
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "dynamics": ("accelerations", "sensitivities", "jacobians"),

@@ -19,7 +19,7 @@ from ...program.block import Scope
 from ...program.scalar import Vector
 from ...program.store import Store
 from .. import fields
-from ..elimination import OF_FREEDOMS, eliminate_force
+from ..elimination import OF_FREEDOMS, eliminate_force, substitute
 from ..joints import LinkJoint
 from ..joints.quaternion import QuaternionJoint
 from ..rotors import rotor
@@ -188,15 +188,9 @@ def _substitute(x: Scope, kind: LinkKind, joint: LinkJoint, A: Vector, drive: Ve
     a = list(A)
     found: Vector = []
     for j, s in enumerate(joint.columns):
-        # s . G = 1 but for rotors, so a along s counts once, and the other components what is left of them
-        value, geared = drive[j], not is_zero(rotor(x, kind, j))
-        for i in range(6):
-            gain = 1 if i == s.lead and not geared else x.load(ME, OF_FREEDOMS.gain(j, i))
-            value = value - gain * s.remaining(x, i, a, True)
-        found.append(x.let("udot", value, "d Eq. 53", lanes=True))
+        geared = not is_zero(rotor(x, kind, j))
+        found.append(substitute(x, OF_FREEDOMS, drive[j], j, s, a, "udot", True, geared, "d "))
         x.set_entry(DUDOT, j, found[j])
-        for i, moved in s.added(a, found[j]).items():
-            a[i] = x.let("A", moved, "d Eq. 54", lanes=True)
     return found
 
 

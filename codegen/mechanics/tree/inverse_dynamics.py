@@ -67,21 +67,18 @@ def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
     if found:
         al, a, same = found_acceleration(x, ME, al, a)
     B = acceleration_matrix(x, w, al)
-    moment, force = needed = body_force(x, w, al, a, B, own_inertia(x))
+    needed = body_force(x, w, al, a, B, own_inertia(x))
     x.recall(ME, fields.parents_velocity, carried)
     x.recall(ME, fields.angular_velocity, w)
     x.store(ME, fields.total.al, al)
     x.store(ME, fields.total.a, a)
     x.store(ME, fields.total.B, B)
-    left = less_external(x, kind, needed)
-    x.store(ME, fields.total_needed, [*left[0], *left[1]])
+    x.store(ME, fields.total_needed, less_external(x, kind, needed))
     if x.tangents:
         d = differentiate(x, kind, joint, same=same)
         motion = fields.remainder
         store_tangents(x, d, (LME,), ((motion.w, w), (motion.al, al), (motion.a, a), (motion.B, B)))
-        tangents = [[tangent(d, e) for e in v] for v in (moment, force)]
-        tangents = list(less_external(x, kind, (tangents[0], tangents[1]), lanes=True))
-        x.store(MY_LANE, fields.needed, [*tangents[0], *tangents[1]])
+        x.store(MY_LANE, fields.needed, less_external(x, kind, [tangent(d, e) for e in needed], lanes=True))
 
 
 def newton_euler_inward(x: Scope, kind: LinkKind) -> None:

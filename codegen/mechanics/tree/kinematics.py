@@ -8,7 +8,7 @@ from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..joints import LinkJoint
 from ..joints.quaternion import QuaternionJoint
-from ..spatial import add, cross, matvec
+from ..spatial import add, cross, matvec, minus
 from ..stores import CONSTANTS, DQDOT, ME, MY_LANE, QDOT, UP
 from ..structure.kinds import LinkKind
 from .tangents import differentiate, store_motion, tangent
@@ -34,9 +34,7 @@ def angular_velocity(x: Scope, joint: LinkJoint, field: VectorField = fields.ang
     return carried, joint.turning(carried)
 
 
-def body_force(
-    x: Scope, w: Vector, al: Vector, a: Vector, B: Matrix, inertia: tuple[Value, Vector, Matrix]
-) -> tuple[Vector, Vector]:
+def body_force(x: Scope, w: Vector, al: Vector, a: Vector, B: Matrix, inertia: tuple[Value, Vector, Matrix]) -> Vector:
     """Moment and force that a link's own inertia needs: minus Eq. 24, about the frame's origin.
 
     `inertia` is mass, first moment and inertia about that origin, in the axes of the others.
@@ -44,22 +42,15 @@ def body_force(
     m, h, J = inertia
     force = x.let_vector("f", [m * a[k] + matvec(B, h)[k] for k in range(3)], "Eq. 24")
     moment = add(matvec(J, al), cross(h, a), gyroscopic_moment(x, w, J))
-    moment = x.let_vector("n", moment, "Eq. 24")
-    return moment, force
+    return x.let_vector("n", moment, "Eq. 24") + force
 
 
-def less_external(
-    x: Scope, kind: LinkKind, needed: tuple[Vector, Vector], lanes: bool = False
-) -> tuple[Vector, Vector]:
-    """What is left of the force that a link needs when force elements have acted on it (R of Eq. 24)."""
+def less_external(x: Scope, kind: LinkKind, needed: Vector, lanes: bool = False) -> Vector:
+    """What is left of the moment and force that a link needs when force elements have acted on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
-    store = MY_LANE if lanes else ME
-    n, f = (
-        [x.let("less", e - acting, "Eq. 24", lanes=lanes) for e, acting in zip(v, x.load(store, field), strict=True)]
-        for v, field in zip(needed, (fields.external.angular, fields.external.linear), strict=True)
-    )
-    return n, f
+    acting = x.load(MY_LANE if lanes else ME, fields.external)
+    return [x.let("less", e, "Eq. 24", lanes=lanes) for e in minus(needed, acting)]
 
 
 def gyroscopic_moment(x: Scope, w: Vector, J: Matrix) -> Vector:
@@ -110,14 +101,13 @@ def kinematics(x: Scope, kind: LinkKind) -> None:
     carried, w = angular_velocity(x, joint)
     al, a = accelerate(x, joint, carried)
     B = acceleration_matrix(x, w, al)
-    moment, force = less_external(x, kind, body_force(x, w, al, a, B, own_inertia(x)))
+    force = less_external(x, kind, body_force(x, w, al, a, B, own_inertia(x)))
     x.store(ME, fields.parents_velocity, carried)
     x.store(ME, fields.angular_velocity, w)
     x.store(ME, fields.remainder.al, al)
     x.store(ME, fields.remainder.a, a)
     x.store(ME, fields.remainder.B, B)
-    x.store(ME, fields.needed.angular, moment)
-    x.store(ME, fields.needed.linear, force)
+    x.store(ME, fields.needed, force)
 
 
 def rotations(x: Scope, kind: LinkKind) -> None:
