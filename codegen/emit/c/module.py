@@ -13,7 +13,7 @@ from ..runs import widest_first
 from ..templates import render
 from . import functions as c_functions
 from . import sines, vectors
-from .call_memory import call_memory
+from .call_memory import Memory, call_memory
 from .columns import GROUP
 from .functions import CFunctions
 from .legend import about_names, legend
@@ -30,74 +30,30 @@ class CWriter(CPrepared):
 
     def context(self) -> dict[str, Any]:
         """What the templates are rendered with."""
-        model, layout = self.model, self.layout
+        model = self.model
         context = self.shared_context()
         found = context["interfaces"]
-        places: dict[str, int] = {}
-        at = 0
         memory = call_memory(found)
         switching = model.switches.have_modes
         if switching:  # functions that nobody calls with modes read that there are none
             memory.fields.setdefault(MODES.name, False)
-        _ = self.swept
-        of_sweeps = self.regions()
-        own = [("own", False, memory.size)] if memory.size else []
-        # the call's own arrays before the lanes: behind them they would cost some functions a tenth
-        regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
-        for name, lanes, count in regions:
-            places[name] = at
-            at += -(-count * (8 if lanes else 1) // 8) * 8
-        kept = {name: lanes for name, lanes, _ in regions}
-        self.workspace = at + self.scalar.per_line
-        columns = {r[0] for r in self.column_regions()}
-        self.memory_of_sweeps = sum(n * (8 if lanes else 1) for name, lanes, n in of_sweeps if name not in columns)
-        types = {name: self._type(name, lanes) for name, lanes in kept.items()}
-        fields, lane_fields = memory.declarations({n: t for n, t in types.items() if not kept[n]},
-                                                  {n: t for n, t in types.items() if kept[n]}, self.scalar.word)  # fmt: skip
-        in_workspace = {name: at for name, at in places.items() if not kept[name]}
+        of_memory, in_workspace = self._memory(memory)
         lines = CFunctions(model.name, self.scalar, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
         of_columns = self.columns.width
         used = sorted({w for widths in self.sets_of_widths for w in widths}, key=lambda w: (w != of_columns, w))
         apart = sorted({w for f in found for w in f.apart})
         states = over_states(found)
-        public = [f for f in found if not f.internal]
-        of_width = [(f, w) for f in public for w in (f.widths or (None,))]
-        return context | {
+        return context | of_memory | self._functions(context, lines, used) | {
             **words(self.scalar),
             "sines": sines.words(self.scalar),
-            "column_lanes": vectors.columns(self.scalar, self.columns.width, GROUP),
+            "column_lanes": vectors.columns(self.scalar, of_columns, GROUP),
             "NAME": model.name.upper(),
             "about_names": about_names(bool(model.loops)),
             "legend": legend(model, len(self.plan.links), self.scalar.words, self.singular_outputs),
-            "sizes_in_c": [
-                ("LINKS", len(self.plan.links)),
-                *([("NEAR_SIZE", layout.near_size)] if layout.near_size else []),
-                *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles_padded else ()),
-                *((name, i) for i, name in enumerate(ENERGIES) if "energy" in memory.fields),
-            ],
-            "near_names": self.near_names(), "types": self.types(False), "lane_types": self.types(True),
-            "workspace": self.workspace,
-            "fields": fields, "lane_fields": [*lane_fields, *self.columns.members()], "columns": self.columns,
-            "value_places": [(n, f"{cast(n)}(work + {at})" if n in TYPES else f"work + {at}")
-                             for n, at in in_workspace.items()],
             "headers": ["string.h"] if self.columns.symmetric else [],
-            "column_types": ["c/column_types.c.jinja"] if self.columns.width else [],
-            "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
-            "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
+            "column_types": ["c/column_types.c.jinja"] if of_columns else [],
             "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
             "sine_files": self.sines(),
-            "routines": self.where_run((r.name, [lines.routine(r)]) for r in context["routines"]),
-            "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
-            "lane_routines": [
-                (*guard(widths, used), functions)
-                for widths, of in context["lane_routines"]
-                if (functions := self.where_run((r.name, [lines.routine(r)]) for r in of))
-            ],
-            "lane_interfaces": [
-                (*guard(widths, used), functions)
-                for widths in self.sets_of_widths
-                if (functions := [of for f in found if widest_first(f) == widths for of in lines.functions(f)])
-            ],
             "inclusions": self.inclusions(used, apart, states),
             "ends": ["#endif"] if apart or states else [],
             "before_one_state": ["#ifndef ORDERNM_STATES"] if states else [],
@@ -108,14 +64,9 @@ class CWriter(CPrepared):
             ],
             "matrix_files": [
                 *(["c/component.c.jinja"] if any(map(fills_lanes, found)) else []),
-                *(["c/columns.c.jinja"] if self.columns.width else []),
+                *(["c/columns.c.jinja"] if of_columns else []),
             ],
-            "header_functions": [of for f in found if not f.seeds for of in lines.functions(f)],
-            "prototypes": [(Function(f.doc, "").head, c_functions.signatures(f, model.name, self.scalar.word)) for f in found],
             "mode_words": ["c/modes.c.jinja"] if switching else [],
-            "batch_arrays": c_functions.batch_members(public, "given", "rows"),
-            "batches": c_functions.batch_lines(of_width),
-            "batch_signatures": [c_functions.batch_signature(f, model.name, w) for f, w in of_width],
             "called": (library := self.printer.library()),
             "first_library": number_of(LIBRARIES[0]),
             **states_context(lines, states, self.workspace, self.scalar, library),
@@ -124,6 +75,69 @@ class CWriter(CPrepared):
             "along_words": ["c/along.c.jinja"] if "Along" in self.printer.own else [],
             "along_widths": sorted({8, 2, *([of_columns] if of_columns else [])} - {1, 4}),
         }  # fmt: skip
+
+    def _memory(self, memory: Memory) -> tuple[dict[str, Any], dict[str, int]]:
+        """What is said of memory, and where regions of values begin in the workspace."""
+        layout = self.layout
+        _ = self.swept
+        of_sweeps = self.regions()
+        own = [("own", False, memory.size)] if memory.size else []
+        # the call's own arrays before the lanes: behind them they would cost some functions a tenth
+        regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
+        values: dict[str, int] = {}
+        lanes: dict[str, int] = {}
+        at = 0
+        for name, along, count in regions:
+            (lanes if along else values)[name] = at
+            at += -(-count * (8 if along else 1) // 8) * 8
+        self.workspace = at + self.scalar.per_line
+        columns = {r[0] for r in self.column_regions()}
+        self.memory_of_sweeps = sum(n * (8 if along else 1) for name, along, n in of_sweeps if name not in columns)
+        types = {n: self._type(n, False) for n in values}, {n: self._type(n, True) for n in lanes}
+        fields, lane_fields = memory.declarations(*types, self.scalar.word)
+        return {
+            "sizes_in_c": [
+                ("LINKS", len(self.plan.links)),
+                *([("NEAR_SIZE", layout.near_size)] if layout.near_size else []),
+                *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles_padded else ()),
+                *((name, i) for i, name in enumerate(ENERGIES) if "energy" in memory.fields),
+            ],
+            "near_names": self.near_names(), "types": self.types(False), "lane_types": self.types(True),
+            "workspace": self.workspace,
+            "fields": fields, "lane_fields": [*lane_fields, *self.columns.members()], "columns": self.columns,
+            "value_places": [(n, f"{cast(n)}(work + {at})" if n in TYPES else f"work + {at}") for n, at in values.items()],
+            "lane_places": [(n, f"({types[1][n]} *)(work + {at})") for n, at in lanes.items()],
+            "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
+        }, values  # fmt: skip
+
+    def _functions(self, context: Mapping[str, Any], lines: CFunctions, used: list[int]) -> dict[str, Any]:
+        """Routines, the functions of the header, and their loops over batches."""
+        found = context["interfaces"]
+        public = [f for f in found if not f.internal]
+        of_width = [(f, w) for f in public for w in (f.widths or (None,))]
+        return {
+            "routines": self.where_run((r.name, [lines.routine(r)]) for r in context["routines"]),
+            "lane_functions": [
+                (*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions
+            ],
+            "lane_routines": [
+                (*guard(widths, used), functions)
+                for widths, of in context["lane_routines"]
+                if (functions := self.where_run((r.name, [lines.routine(r)]) for r in of))
+            ],
+            "lane_interfaces": [
+                (*guard(widths, used), functions)
+                for widths in self.sets_of_widths
+                if (functions := [of for f in found if widest_first(f) == widths for of in lines.functions(f)])
+            ],
+            "header_functions": [of for f in found if not f.seeds for of in lines.functions(f)],
+            "prototypes": [
+                (Function(f.doc, "").head, c_functions.signatures(f, lines.model, self.scalar.word)) for f in found
+            ],
+            "batch_arrays": c_functions.batch_members(public, "given", "rows"),
+            "batches": c_functions.batch_lines(of_width),
+            "batch_signatures": [c_functions.batch_signature(f, lines.model, w) for f, w in of_width],
+        }
 
     def inclusions(self, used: list[int], apart: list[int], states: list[Procedure]) -> list[str]:
         """Lines that include the functions over directions, by what the file that includes this one wants."""
