@@ -22,7 +22,7 @@ from .memory import SystemLayout
 from .plan import plan_of
 from .stores import GROUND_LINK, SLOT
 from .structure.kinds import UnitKind
-from .sweeps import FALLING, INWARD, SWEEP
+from .sweeps import FALLING, INWARD, SWEEP, transpose_name
 
 LONGEST, LONGEST_ALONG = 1000, 300
 """Symbols that the statements and stores of a merged sweep read, at most: compilers take longer for long functions. The second is
@@ -50,8 +50,18 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
     slots, gravity = program.slots, program.system.gravity
     if gravity is None or not any(n in gravity.shape.varying for s in FALLING for n in slots.get(s, ())):
         # else these sweeps and their transposes share the ground's slot, in one order
-        slots = {s: [n for n in of if s not in found or (SLOT, n) in found[s].names] for s, of in slots.items()}
+        # formulas reach the ground's slot in the same way for a sweep and its transpose, so both have the same fields
+        both = {s: [x for x in slots if _base(x) == _base(s) and x in program.blocks] for s in slots}
+        slots = {
+            s: [n for n in of if any(x not in found or (SLOT, n) in found[x].names for x in both[s])]
+            for s, of in slots.items()
+        }
     return plan_of(replace(program, merged=found, slots=slots), formulas)
+
+
+def _base(sweep: str) -> str:
+    """The sweep whose transpose one is, or itself."""
+    return sweep.removesuffix(transpose_name(""))
 
 
 class _Merging:

@@ -18,7 +18,7 @@ from codegen.model.model import Model
 from codegen.program.operations import Operations, count
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-FUNCTIONS = ["accelerations", "sensitivities", "gradients", "energies", "energy_sensitivities"]
+FUNCTIONS = ["accelerations", "sensitivities", "gradients", "energies", "energy_sensitivities", "energy_gradients"]
 
 
 def model_of(which: str | int) -> Model:
@@ -41,9 +41,9 @@ def test_results_are_those_of_the_links(which: str | int, tmp_path: Path, monkey
     state = dict(zip("qu", links.initial, strict=True)) if model.loops else at._asdict()
     seeds = {name: seed for name, seed in random_seeds(rng, model, 3).items() if name in ("dq", "du", "dp")}
     for name in FUNCTIONS:
-        more = (
-            {"weights": np.ones(model.nu)} if name == "gradients" else seeds if name.endswith("sensitivities") else {}
-        )
+        more = seeds if name.endswith("sensitivities") else {}
+        if name.endswith("gradients"):
+            more = {"weights": np.ones(model.nu if name == "gradients" else 2)}
         found, expected = (np.hstack([np.ravel(x) for x in getattr(s, name)(**state, **more)]) for s in (merged, links))
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
