@@ -93,7 +93,7 @@ class RowWriter(SweepWriter):
     def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
         """Functions of the formulas of a target: for values, tangents and their transposes, as far as they are called."""
         result: dict[str, Any] = {
-            f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls")
+            f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls", "names")
         }
 
         ground = len(self.plan.links)
@@ -140,6 +140,7 @@ class RowWriter(SweepWriter):
                 )
                 result[f"{part}functions"].append(f)
                 result[f"{part}calls"] += call
+                result[f"{part}names"].append(called)
 
     def owners(self, constants: Sequence[Constants]) -> str:
         """Whose constants some are, in words."""

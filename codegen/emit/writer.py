@@ -6,6 +6,7 @@ A target adds the language: see `language.Language`.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -81,13 +82,18 @@ class Writer(RowWriter):
         parts = {t: {part_of(step) for step in steps if t in step.targets} for t in targets}
         by_target = {t: self.formula_functions(t, parts[t]) for t in FORMULA_ORDER if t in targets}
         for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes, s.backwards)):
-            functions, calls = f"{part_of(step)}functions", f"{part_of(step)}calls"
-            lines = [line for t in step.targets for line in by_target[t][calls]]
+            functions, lines, names = (
+                [x for t in step.targets for x in by_target[t][f"{part_of(step)}{what}"]]
+                for what in ("functions", "calls", "names")
+            )
             if lines:
                 of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
                 title = f"{of}{step.name.replace('_', ' ')}"
-                group = Function(title, self.signature(name_of(step), step.lanes, False), lines)
-                found[step] = [*(f for t in step.targets for f in by_target[t][functions]), group]
+                signature = self.signature(name_of(step), step.lanes, False)
+                if lines == [self.call(names[0], step.lanes, None)]:  # the one that there is may have the name of all
+                    found[step] = [replace(functions[0], signature=signature)]
+                else:
+                    found[step] = [*functions, Function(title, signature, lines)]
         return found
 
     @cached_property

@@ -84,6 +84,8 @@ def sweeps_in_c(functions: dict[str, str], start: str) -> set[str]:
     found = {"start", *SWEEP} & reached
     # sweeps that have no loop of their own: functions of links are called after those of another sweep
     found |= {s.then for name, s in SWEEP.items() if s.then and name in found and _of_links(s.then, reached)}
+    forms = ("", "_tangents", "_transposed")  # the only formula of a group is a function with the name of the group
+    found |= {group for group in EVERY_FORMULA for form in forms if f"{group}{form}" in reached}
     for name in reached:
         formula = re.fullmatch(r"d?(tau|coefficient|outputs|energy|initial_q|initial_u)(_of_link)?_\d+", name)
         if formula:

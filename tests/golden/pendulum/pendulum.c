@@ -346,36 +346,24 @@ static void back_substitute(call *a)
 
 /* forces.friction.value of the model
  * in: u. out: tau. operations: 1 multiplication */
-static void tau_0(call *a)
+static void joint_forces(call *a)
 {
     const double u_rod = a->u[0];
     const double tau = -0.01*u_rod;
     a->tau[0] = tau;
-}
-
-/* joint forces */
-static void joint_forces(call *a)
-{
-    tau_0(a);
 }
 #endif
 
 #if ORDERNM_HAS(5, 1) || ORDERNM_HAS(8, 1)
 /* outputs.height of the model
  * in: p; me: attitude, position. out: outputs. operations: 1 addition, 1 multiplication */
-static void outputs_of_link_0(call *a)
+static void output_formulas(call *a)
 {
     const link_record *restrict me = &a->records[0];
     const double length = a->p[0];
     const double x_2 = -me->attitude_zz*length;
     const double value = me->position_z + x_2;
     a->outputs[0] = value;
-}
-
-/* output formulas */
-static void output_formulas(call *a)
-{
-    outputs_of_link_0(a);
 }
 #endif
 

@@ -97,19 +97,13 @@ static void DIRECTIONS(balance_back)(DIRECTIONS(call) *a)
 
 /* tangent of forces.friction.value of the model
  * in: du. out: dtau. operations: 1 multiplication per direction */
-static void DIRECTIONS(dtau_0)(DIRECTIONS(call) *a)
+static void DIRECTIONS(joint_forces_tangents)(DIRECTIONS(call) *a)
 {
     EACH_VECTOR {
         const VECTOR du_rod = a->du[0].at[h];
         const VECTOR d_tau = -0.01*du_rod;
         a->dtau[0].at[h] = d_tau;
     }
-}
-
-/* tangents of joint forces */
-static void DIRECTIONS(joint_forces_tangents)(DIRECTIONS(call) *a)
-{
-    DIRECTIONS(dtau_0)(a);
 }
 #endif
 
@@ -182,19 +176,13 @@ static void DIRECTIONS(gradient_in)(DIRECTIONS(call) *a)
 
 /* transpose of the tangent of forces.friction.value of the model
  * in: dtau. out: du. operations: 1 addition, 1 multiplication per direction */
-static void DIRECTIONS(tau_0_transposed)(DIRECTIONS(call) *a)
+static void DIRECTIONS(joint_forces_transposed)(DIRECTIONS(call) *a)
 {
     EACH_VECTOR {
         const VECTOR dtau_rod = a->dtau[0].at[h];
         const VECTOR du_0_bar = -0.01*dtau_rod;
         a->du[0].at[h] += du_0_bar;
     }
-}
-
-/* transpose of tangents of joint forces */
-static void DIRECTIONS(joint_forces_transposed)(DIRECTIONS(call) *a)
-{
-    DIRECTIONS(tau_0_transposed)(a);
 }
 #endif
 

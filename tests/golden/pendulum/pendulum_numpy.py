@@ -232,7 +232,7 @@ def back_substitute(a):
     back_substitute_0(a)
 
 
-def tau_0(a):
+def joint_forces(a):
     # forces.friction.value of the model
     # in: u. out: tau. operations: 1 multiplication
     u_rod = a.u[0]
@@ -240,12 +240,7 @@ def tau_0(a):
     a.tau[0] = tau
 
 
-def joint_forces(a):
-    # joint forces
-    tau_0(a)
-
-
-def outputs_of_link_0(a):
+def output_formulas(a):
     # outputs.height of the model
     # in: p; me: attitude, position. out: outputs. operations: 1 addition, 1 multiplication
     me = a.records[0]
@@ -255,11 +250,6 @@ def outputs_of_link_0(a):
     x_2 = -me_W_zz*length
     value = me_pos_z + x_2
     a.outputs[0] = value
-
-
-def output_formulas(a):
-    # output formulas
-    outputs_of_link_0(a)
 
 
 def balance_out_0(a):
@@ -325,17 +315,12 @@ def balance_back(a):
     balance_back_0(a)
 
 
-def dtau_0(a):
+def joint_forces_tangents(a):
     # tangent of forces.friction.value of the model
     # in: du. out: dtau. operations: 1 multiplication per direction
     du_rod = a.du[0]
     d_tau = -0.01*du_rod
     a.dtau[0] = d_tau
-
-
-def joint_forces_tangents(a):
-    # tangents of joint forces
-    dtau_0(a)
 
 
 def balance_back_transposed_0(a):
@@ -402,17 +387,12 @@ def gradient_in(a):
     gradient_in_0(a)
 
 
-def tau_0_transposed(a):
+def joint_forces_transposed(a):
     # transpose of the tangent of forces.friction.value of the model
     # in: dtau. out: du. operations: 1 addition, 1 multiplication per direction
     dtau_rod = a.dtau[0]
     du_0_bar = -0.01*dtau_rod
     a.du[0] = a.du[0] + du_0_bar
-
-
-def joint_forces_transposed(a):
-    # transpose of tangents of joint forces
-    tau_0_transposed(a)
 
 
 # ---- what the functions of the module have in common -------------------------------------------------------------
