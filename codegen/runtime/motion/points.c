@@ -9,7 +9,7 @@
 /* A singular function is looked at in PARTS + 1 places of a step; it is searched where it comes as near to zero, in parts of its largest
  * value, and is zero where it is less than AT_POINT. */
 enum { PARTS = 4, GOLDEN = 48 };
-static const scalar AT_END = 1e-9, NEAR = 0.2, NEARER = 1e-3, AT_POINT = 1e-9;
+static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEARER = 1e-3, AT_POINT = 1e-9;
 
 /* On each side rates at AWAY distances from the point, in parts of the step, the farthest first. What they tend to follows by Aitken's
  * rule, exactly if they differ from it by a power of the distance; they tend to nothing if their changes do not become less. */
@@ -103,7 +103,8 @@ static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *p
         const int changes = y[from]*y[i] < 0.0 || y[i]*y[to] < 0.0;
         if (!changes && (size[i] > size[from] || size[i] > size[to] || !(range > 0.0))) continue;
         if (!changes && least_between(size + middle - 1) > NEAR*range) continue;
-        const scalar low = (scalar)(y[from]*y[i] < 0.0 || !changes ? from : i)/PARTS, high = (scalar)(y[from]*y[i] < 0.0 ? i : to)/PARTS;
+        const int falls = y[from]*y[i] < 0.0;
+        const scalar low = PART*(falls || !changes ? from : i), high = PART*(falls ? i : to);
         nearest(m, h, k, low, high, 0, &least);
         if (!(least <= NEARER*range)) continue;
         if (!m->complete && m->method->complete(m, h)) return 0;
@@ -121,8 +122,8 @@ int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
     int cut = 0;
     if (found->which < 0)
         for (int i = 0; i <= PARTS; ++i) {
-            ordernm_between(m, step->h, (scalar)i/PARTS, m->trial);
-            if (look(m, m->t + step->h*i/PARTS, m->trial, m->singular + i*s->nswitches)) return 0;
+            ordernm_between(m, step->h, PART*i, m->trial);
+            if (look(m, m->t + step->h*PART*i, m->trial, m->singular + i*s->nswitches)) return 0;
         }
     for (int i = 0; i < m->nheld; ++i) cut |= step->event >= 0 && m->happened[m->problem->nevents + i] > 0.0;
     while (++found->which < s->nswitches) {
