@@ -55,4 +55,5 @@ _PLACES = {name: module for module, names in _NAMES.items() for name in names}
 # what only compiles needs neither solvers nor mpmath
 __getattr__ = deferred(__name__, _PLACES)
 
-__all__ = [*sorted(_PLACES)]
+if not TYPE_CHECKING:  # type checkers read the imports above
+    __all__ = [*sorted(_PLACES)]
