@@ -59,7 +59,7 @@ def regions_of(model: Model) -> list[int]:
 
 def operations(model: Model) -> int:
     """Of udot, per call."""
-    counts = write_solver(model).manifest["operations"]
+    counts = write_solver(model, functions=("accelerations",)).manifest["operations"]
     return sum(counts[s]["per_call"][what] for s in FORWARD if s in counts for what in ("additions", "multiplications"))
 
 
