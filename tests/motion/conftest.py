@@ -10,6 +10,8 @@ from motion.models import FALLING, Made, example, mechanism, parsed, tree
 
 import codegen
 
+MOVING = ("motion", "energies")
+
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
@@ -21,7 +23,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
         if key not in known:
             model, q, p = draw(*arguments)
             folder = tmp_path_factory.mktemp("motion") / model.name
-            codegen.generate(model, folder, **({"compile": "all"} | options))  # in one go: most of it is called
+            wanted = {"functions": MOVING, "compile": "all"} | options  # in one go: most of it is called
+            codegen.generate(model, folder, **wanted)
             known[key] = Made(codegen.load(folder), model, q, p)
         return known[key]
 
