@@ -6,13 +6,13 @@ import ast
 import functools
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from .sections import ON_INDEPENDENTS, carried_text, sections_of, solver_text
-from .standalone.calls.functions import MEMBERS, WITHOUT_ENTRIES
+from .sections import carried_text, sections_of, solver_text
+from .standalone.calls.package import lacks
 
 WIDTH = 110
 """Columns of a signature."""
@@ -49,33 +49,13 @@ STANDARD = {
 }  # fmt: skip
 """What types in a stub may come from."""
 
-CALLS = {
-    "jacobians": ("jacobians",), "judge": ("outputs",), "initial_sensitivities": ("completion_sensitivities",),
-    "frames": ("frames",), "points": ("frames",), "frame_sensitivities": ("frame_sensitivities",),
-    "frame_jacobians": ("frame_sensitivities",), "point_sensitivities": ("frame_sensitivities",),
-    "point_jacobians": ("frame_sensitivities",),
-}  # fmt: skip
-"""Functions that methods call by way of a room; the others are named where they are called."""
-
-
-class Method(NamedTuple):
-    """A method of `Solver`: its definition, and the functions of the generated code that it calls by name."""
-
-    definition: ast.FunctionDef
-    calls: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        return self.definition.name
-
 
 def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
     """What ``init.pyi.jinja`` is rendered with: ready lines."""
     kinds = {kind: manifest[names] for kind, names in ENTRIES.items() if manifest[names]}
-    there = [m for m in _methods(tuple(sections_of(manifest))) if m.name not in manifest.get("left_out", ())]
-    there = [m for m in there if all(_is_there(manifest, f) for f in m.calls)]
+    there = [m for m in _methods(tuple(sections_of(manifest))) if not lacks(manifest, m.name)]
     types: set[str] = {"Literal", "Path", *(["TypedDict"] if kinds else [])}
-    there.sort(key=lambda m: not m.definition.decorator_list)  # properties first
+    there.sort(key=lambda m: not m.decorator_list)  # properties first
     members = [_lines(m, manifest, kinds, types) for m in there]
     used = set(re.findall(r"\w+", " ".join(types)))
     return {
@@ -90,7 +70,7 @@ def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @functools.lru_cache(8)
-def _methods(sections: tuple[str, ...]) -> tuple[Method, ...]:
+def _methods(sections: tuple[str, ...]) -> tuple[ast.FunctionDef, ...]:
     """The public methods of `Solver` in some of its sections, and those that all solvers have."""
     found = []
     for text in (carried_text("calls.package"), solver_text(sections)):
@@ -98,38 +78,16 @@ def _methods(sections: tuple[str, ...]) -> tuple[Method, ...]:
         (solver,) = (c for c in ast.parse(text).body if isinstance(c, ast.ClassDef) and c.name in ("Package", "Solver"))
         for definition in solver.body:
             if isinstance(definition, ast.FunctionDef) and not definition.name.startswith("_"):
-                calls = CALLS.get(definition.name) or tuple(_called(definition))
-                found.append(Method(definition, calls))
+                found.append(definition)
     return tuple(found)
 
 
-def _called(definition: ast.FunctionDef) -> Iterator[str]:
-    """Names of functions in calls of a method, such as ``self._call("accelerations", ...)``."""
-    for node in ast.walk(definition):
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("self._call", "self._gradients.of"):
-            yield ast.literal_eval(node.args[0])
-
-
-def _is_there(manifest: Mapping[str, Any], function: str) -> bool:
-    """Whether a call of a function has a result."""
-    if function in manifest["functions"]:
-        return True
-    if MEMBERS.get(function, function) in manifest.get("left_out", ()):
-        return False
-    if function == "completion_sensitivities":  # a tree's states are complete
-        return not manifest["closure_names"]
-    if function.endswith("_transposed"):  # of no outputs
-        return function.startswith("output") and not manifest["output_names"]
-    of_loops = bool(manifest["closure_names"]) and manifest["functions"].keys() >= {*ON_INDEPENDENTS}
-    return function in WITHOUT_ENTRIES or (of_loops and function.startswith(("mass_matrix", "inverse_dynamics")))
-
-
 def _lines(
-    method: Method, manifest: Mapping[str, Any], kinds: Mapping[str, Sequence[str]], types: set[str]
+    method: ast.FunctionDef, manifest: Mapping[str, Any], kinds: Mapping[str, Sequence[str]], types: set[str]
 ) -> list[str]:
     """A method in the stub; `types` gets those that it names."""
-    definition, of = method.definition, method.definition.args
-    assert definition.returns is not None
+    of = method.args
+    assert method.returns is not None
 
     def written(argument: ast.arg, default: ast.expr | None) -> str:
         if argument.annotation is None:
@@ -143,8 +101,8 @@ def _lines(
     if of.vararg is not None or of.kwonlyargs:
         given.append(f"*{written(of.vararg, None)}" if of.vararg is not None else "*")
     given += [written(*pair) for pair in zip(of.kwonlyargs, of.kw_defaults, strict=True)]
-    types.add(returned := ast.unparse(definition.returns))
-    decorators = [f"@{ast.unparse(decorator)}" for decorator in definition.decorator_list]
+    types.add(returned := ast.unparse(method.returns))
+    decorators = [f"@{ast.unparse(decorator)}" for decorator in method.decorator_list]
     start, end, whole = f"def {method.name}(", f") -> {returned}: ...", ", ".join(given)
     if len(start + whole + end) <= WIDTH:
         return [*decorators, start + whole + end]

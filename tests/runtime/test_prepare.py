@@ -89,6 +89,7 @@ def test_members_that_can_be_prepared_are_those_that_can_be_called(tmp_path):
         names = str(error.value).partition("none of ")[2].split(", ")
         assert names[-1] == "batches" and all(callable(getattr(solver, n)) for n in names[:-1])
         solver.prepare(*names)
+        assert {"assemble", "initial_state"} <= {*names}  # without closing_step too, which motions alone need
         assert {"points", "mass_matrix", "gradients"} <= {*names} or folder == "few"
         assert {"points", "mass_matrix", "gradients", "equilibrium"}.isdisjoint(names) or folder == "all"
     with pytest.raises(ValueError, match="'closing_step' is none of"):

@@ -241,32 +241,20 @@ class Package:
         >>> solver.prepare("simulate", "jacobians")  # doctest: +SKIP
         """
         methods = [n for n, _ in inspect.getmembers(type(self), inspect.isfunction) if n[0] != "_"]
-        compiled = [*(n for n in methods if self._needed(n) and not self._lacks(n)), "batches"]
+        compiled = [*(n for n in methods if self._needed(n) and not lacks(self._manifest, n)), "batches"]
         for member in members or compiled:
             if member in SOMETIMES:
                 getattr(self, member)  # says why a package lacks it
             if member not in methods and member != "batches":
                 raise ValueError(f"prepare: {member!r} is none of {', '.join(compiled)}")
-            if self._lacks(member):
+            if lacks(self._manifest, member):
                 raise AttributeError(self._why_not(member))
             self._prepare(member)
 
-    def _made_of(self, member: str) -> set[str]:
-        """A member, and functions and members that it is made of."""
-        names = {member, *MADE_OF.get(member, ())}
-        return names if names.isdisjoint(self._composed) else names | {*OF_COMPOSED}
-
     def _needed(self, member: str) -> list[Function]:
         """The functions that a member calls."""
-        names = self._made_of(member)
+        names = made_of(self._manifest, member)
         return [f for name, f in self._functions.items() if name in names or MEMBERS.get(name) in names]
-
-    def _lacks(self, member: str) -> bool:
-        """Whether a member cannot be called."""
-        if any(MEMBERS.get(n, n) in self._manifest.get("left_out", ()) for n in self._made_of(member)):
-            return True
-        nothing = {*WITHOUT_ENTRIES, *(MEMBERS.get(n) for n in WITHOUT_ENTRIES), *([] if self.closure_names else TREES)}
-        return member in SOMETIMES and member not in nothing and not self._needed(member)
 
     def _prepare(self, member: str) -> None:
         target = self._opened.target
@@ -417,6 +405,7 @@ _ON_INDEPENDENTS = dict.fromkeys(
 CLOSING = ("closure", "closing_step", "newton_step", "completion")
 """Functions that close loops."""
 
+COMPOSED = ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities")
 OF_COMPOSED = ("energy_sensitivities", "accelerations", "sensitivities")
 """Functions that mass matrix and inverse dynamics of mechanisms with loops are made of."""
 
@@ -446,6 +435,31 @@ SOMETIMES = (
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
 )  # fmt: skip
 """Members that packages may lack."""
+
+
+def made_of(manifest: Mapping[str, Any], member: str) -> set[str]:
+    """A member, and functions and members that it is made of."""
+    names = {member, *MADE_OF.get(member, ())}
+    return names | {*OF_COMPOSED} if manifest["closure_names"] and not names.isdisjoint(COMPOSED) else names
+
+
+def lacks(manifest: Mapping[str, Any], member: str) -> bool:
+    """Whether a member of a solver cannot be called."""
+    names = made_of(manifest, member)
+    left_out, functions = manifest.get("left_out", ()), manifest["functions"]
+    # assembly takes what there is of the functions that close loops
+    if member in left_out or any(MEMBERS.get(n, n) in left_out for n in names.difference(functions, CLOSING)):
+        return True
+    nothing = {
+        *WITHOUT_ENTRIES,
+        *(MEMBERS.get(n) for n in WITHOUT_ENTRIES),
+        *([] if manifest["closure_names"] else TREES),
+    }
+    return (
+        member in SOMETIMES
+        and member not in nothing
+        and names.isdisjoint({name for f in functions for name in (f, MEMBERS.get(f))})
+    )
 
 
 def state(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> dict[str, Any]:
