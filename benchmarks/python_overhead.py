@@ -108,18 +108,17 @@ def c_loop(solver: Any, member: Member, force: np.ndarray) -> Callable[[], Any] 
     given = {name: (target.pointer(x), 0) for name, x in ({a: known[a] for a in f.arguments} | lanes).items()}
     given |= {r: (target.pointer(np.empty((LOOP, size))), size) for r, size in zip(f.results, sizes, strict=True)}
     arrays = ", ".join(solver._manifest["batch"])
-    ffi.cdef(
-        f"""typedef struct {{ double *at; long step; }} rows;
-        typedef struct {{ long count, failed; rows {arrays}; double *work; }} batch;""",
-        override=True,
-    )
+    if "batch" not in ffi.list_types()[0]:
+        ffi.cdef(f"""typedef struct {{ double *at; long step; }} rows;
+            typedef struct {{ long count, failed; rows {arrays}; double *work; }} batch;""")
     symbol = f"{solver.name}_{f.name}" + (f"_{width}" if width else "") + "_batch"
     ffi.cdef(f"int {symbol}(batch *);", override=True)
     call = getattr(target.library_of(f.name, width), symbol)
-    b = ffi.new("batch *", {"count": LOOP, "work": target.pointer(np.empty(target.workspace))})
+    work = target.pointer(np.empty(target.workspace))
+    b = ffi.new("batch *", {"count": LOOP, "work": work})
     for name, at in given.items():
         setattr(b, name, at)
-    kept = given, b.work
+    kept = given, work
     return lambda: call(b) or kept
 
 
