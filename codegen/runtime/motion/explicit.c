@@ -35,32 +35,46 @@ static void keep(const ordernm_motion *m, scalar *row)
 
 static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
+/* Rates at some stages; those of a step, from its second on, are noted and kept. */
+static int stages(ordernm_motion *m, scalar h, int from, int to)
+{
+    for (int i = from; i < to; ++i) {
+        stage(m, m->method->rows + i, h, m->trial);
+        const int status = ordernm_rates(m, m->t + m->method->times[i]*h, m->trial, m->rate[i]);
+        if (from == 1) ordernm_note_condition(m, i, status);
+        if (status) return status;
+        if (from == 1) ordernm_keep_stage(m, i);
+    }
+    return 0;
+}
+
+static int complete(ordernm_motion *m, scalar h) { return stages(m, h, m->method->stages + 1, m->method->all); }
+
+static void interpolate(ordernm_motion *m, scalar h, scalar theta, scalar *z)
+{
+    scalar w[16];
+    m->method->weights(theta, w);
+    ordernm_combine(m->size, z, m->z, h, m->method->all, every, w, m->rate);
+}
+
+/* A step without its error. */
+static int to_end(ordernm_motion *m, scalar h)
+{
+    const int status = stages(m, h, 1, m->method->stages);
+    if (!status) stage(m, m->method->rows + m->method->stages, h, m->next);
+    return status;
+}
+
 /* ---- Dormand and Prince's method of order 8. ---- */
 
 static int dop853_step(ordernm_motion *m, scalar h, scalar *error)
 {
-    for (int i = 1; i < 12; ++i) {
-        stage(m, dop853_rows + i, h, m->trial);
-        const int status = ordernm_rates(m, m->t + dop853_times[i]*h, m->trial, m->rate[i]);
-        ordernm_note_condition(m, i, status);
-        if (status) return status;
-        ordernm_keep_stage(m, i);
-    }
-    stage(m, dop853_rows + 12, h, m->next);
+    const int status = to_end(m, h);
+    if (status) return status;
     const long n = m->problem->atol_directions ? m->size : m->values;
     ordernm_combine(n, m->error[0], m->zeros, h, 12, every, dop853_error5, m->rate);
     ordernm_combine(n, m->error[1], m->zeros, h, 12, every, dop853_error3, m->rate);
     *error = ordernm_error_norm(m, m->next, m->error[0], m->error[1]);
-    return 0;
-}
-
-static int dop853_complete(ordernm_motion *m, scalar h)
-{
-    for (int i = 13; i < 16; ++i) {
-        stage(m, dop853_rows + i, h, m->trial);
-        const int status = ordernm_rates(m, m->t + dop853_times[i]*h, m->trial, m->rate[i]);
-        if (status) return status;
-    }
     return 0;
 }
 
@@ -82,36 +96,15 @@ static void dop853_weights(scalar theta, scalar *w)
     for (int i = 0; i < 16; ++i) w[i] *= x;
 }
 
-static void dop853_interpolate(ordernm_motion *m, scalar h, scalar theta, scalar *z)
-{
-    scalar w[16];
-    dop853_weights(theta, w);
-    ordernm_combine(m->size, z, m->z, h, 16, every, w, m->rate);
-}
-
-const scheme ordernm_dop853 = {DOP853_STAGES, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
+const scheme ordernm_dop853 = {DOP853_STAGES, 16, 8, dop853_step, complete, interpolate, dop853_rows, dop853_times,
     dop853_weights, 0, 0.4667, keep};
 
 /* ---- The classical method of order 4. ---- */
 
 static int rk4_step(ordernm_motion *m, scalar h, scalar *error)
 {
-    for (int i = 1; i < 4; ++i) {
-        stage(m, rk4_rows + i, h, m->trial);
-        const int status = ordernm_rates(m, m->t + rk4_times[i]*h, m->trial, m->rate[i]);
-        ordernm_note_condition(m, i, status);
-        if (status) return status;
-        ordernm_keep_stage(m, i);
-    }
-    stage(m, rk4_rows + 4, h, m->next);
     *error = 0.0;
-    return 0;
-}
-
-static int rk4_complete(ordernm_motion *m, scalar h)
-{
-    (void)m, (void)h;
-    return 0;
+    return to_end(m, h);
 }
 
 /* The same of Hermite's cubic through both ends. */
@@ -123,11 +116,4 @@ static void rk4_weights(scalar theta, scalar *w)
     w[4] = -x*x*y;
 }
 
-static void rk4_interpolate(ordernm_motion *m, scalar h, scalar theta, scalar *z)
-{
-    scalar w[5];
-    rk4_weights(theta, w);
-    ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
-}
-
-const scheme ordernm_rk4 = {RK4_STAGES, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep};
+const scheme ordernm_rk4 = {RK4_STAGES, 5, 5, rk4_step, complete, interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep};
