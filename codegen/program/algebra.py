@@ -395,6 +395,18 @@ def raw_product(*args: Expr) -> Expr:
     return _node(Mul, _PRODUCT, args)
 
 
+def replaced_in_order(e: Expr, rule: Mapping[Symbol, Expr]) -> Expr:
+    """What `Expr.xreplace` gives, with terms and factors in the order in which they were: so it rounds as before."""
+    if isinstance(e, Symbol) or e.free_symbols.isdisjoint(rule):
+        return e.xreplace(rule)
+    args = [replaced_in_order(a, rule) for a in e.args]
+    found = e.rebuilt(args)
+    is_sum = e.is_Add and found.is_Add
+    if (not is_sum and not (e.is_Mul and found.is_Mul)) or sorted(found.args, key=_key) != sorted(args, key=_key):
+        return found
+    return raw_sum(*args) if is_sum else raw_product(*args)
+
+
 def coefficient(e: Expr) -> tuple[Number, Expr]:
     """The number that an expression is multiplied with, and the rest."""
     if isinstance(e, Number):

@@ -56,13 +56,13 @@ class _Fusion:
         for s in block.statements:
             target = self.fresh(s.target.name)
             changed = {a: new[a] for a in symbols_of(s.expression) if new.get(a, a) is not a}
-            e = s.expression.xreplace(changed) if changed else s.expression
+            e = algebra.replaced_in_order(s.expression, changed) if changed else s.expression
             self.block.statements.append(
                 s if e is s.expression and target is s.target else Statement(target, e, s.tag, s.lanes)
             )
             new[s.target] = target
         for store, name, e in block.stores:
-            self.store(store, name, algebra.expression(e).xreplace(new))
+            self.store(store, name, algebra.replaced_in_order(algebra.expression(e), new))
 
     def value(self, at: Component, symbol: Symbol) -> Expr:
         """What is in a place: loaded at most once."""
