@@ -174,6 +174,31 @@ def test_points_at_which_a_force_has_no_value(made: Callable[..., Made], law: st
             assert len(messages) == bool(place), messages
 
 
+ROUNDED = {
+    "-k*(1 - cos(q.x))/q.x**2": "-2*k*(sin(q.x/2)/q.x)**2",
+    "-k*(exp(q.x) - 1)/q.x": "-2*k*exp(q.x/2)*sinh(q.x/2)/q.x",
+    "-k*(1 - 1/(1 + q.x))/q.x": "-k/(1 + q.x)",
+    "-k*(sqrt(1 + q.x) - 1)/q.x": "-k/(sqrt(1 + q.x) + 1)",
+}
+"""Smooth forces of which rounding leaves little near zero, and the same without."""
+
+
+@pytest.mark.parametrize("law", list(ROUNDED))
+def test_forces_that_rounding_makes_rough(made: Callable[..., Made], law: str) -> None:
+    """Derivatives are those of the smooth force: what is looked at lies farther away than rounding is seen."""
+    text = "model: rounded\nparameters: {k: 1.3}\nbodies:\n  x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}\n"
+    text += "forces:\n%sinitial: {u: {x: 1}}\noutputs: {x: {value: q.x}}\n"
+    solver, exact = (made(parsed, text % FORCE.format("x", f)).solver for f in (law, ROUNDED[law]))
+    for options in (*METHODS[:2], {"rtol": 1e-5, "atol": 1e-5}, {"rtol": 1e-10, "atol": 1e-10}):
+        for start in (-0.31, -0.05, -0.6003):
+            found, wanted = (
+                gradients(s, [Final("x")], ["k", "q0.x", "u0.x"], q=[start], **options) for s in (solver, exact)
+            )
+            assert not found[1], (options, start)
+            tolerance = 100 * max(options.get("rtol", 1e-8), 1e-8)
+            np.testing.assert_allclose(found[0].gradients, wanted[0].gradients, rtol=tolerance, atol=tolerance)
+
+
 def test_points_in_outputs_and_beside_parameters(made: Callable[..., Made]) -> None:
     """Outputs count where they are integrated; a parameter may move the point itself."""
     law = "k*q.x**2/(q.x**2 + (q.y - s)**2)"

@@ -52,6 +52,7 @@ static inline void *ordernm_line(scalar *room)
 }
 
 enum { LANES = 8, MOST_STAGES = 16 };
+enum { ORDERNM_SIDES = 12 };  /* at so many places rates are looked at beside a point, see points.c */
 enum { HALVES = 40 };         /* how often a time is halved in which rates may jump */
 
 /* Directions that are evaluated together. */
@@ -200,7 +201,7 @@ struct ordernm_motion {
     int *resting;             /* [nswitches] room for those that the motion rests at */
     int npoints;              /* singular functions that are looked for */
     scalar *singular;         /* [5][nswitches] what they are within the step */
-    scalar *sides[6];         /* [size] rates on both sides of such a point, see points.c */
+    scalar *sides[ORDERNM_SIDES]; /* [size] rates on both sides of such a point, see points.c */
     scalar *moved_p;          /* [np] parameters beside it */
     const scalar *p;          /* parameters: the problem's, or those */
     scalar *halves[HALVES + 1]; /* [values] rates at these times, and how much a jump is at least */

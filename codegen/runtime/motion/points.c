@@ -11,10 +11,12 @@
 enum { PARTS = 4, GOLDEN = 48 };
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEARER = 1e-3, AT_POINT = 1e-9;
 
-/* On each side rates at AWAY distances from the point, in parts of the step, the farthest first. What they tend to follows by Aitken's
- * rule, exactly if they differ from it by a power of the distance; they tend to nothing if their changes do not become less. */
-enum { AWAY = 3 };
-static const scalar DISTANCE[AWAY] = {1e-2, 1e-3, 1e-4};
+/* On each side rates at AWAY distances from the point, in parts of the step, the farthest first; they tend to nothing if their changes do
+ * not become less. Near the point what they tend to follows by Aitken's rule, exactly if they differ from it by a power of the distance;
+ * farther away by the parabola through them. A direction is lost if both say so: rounding as that of (1 - cos(x))/x^2 is rough near the
+ * point, and a square root farther away. */
+enum { AWAY = 3, SIDES = 2*AWAY, SETS = ORDERNM_SIDES/SIDES };
+static const scalar DISTANCE[SETS][AWAY] = {{1e-2, 1e-3, 1e-4}, {0.27, 0.09, 0.03}};
 static const scalar CONVERGES = 0.8;
 
 /* What rates tend to is known to this part of what is left at the nearest distance. */
@@ -143,9 +145,10 @@ int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
 /* Looks at rates along all directions, on both sides. Returns what a function returned. */
 int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at)
 {
-    for (int n = 0; n < 2*AWAY; ++n) {
-        const scalar part = at->part + (n < AWAY ? -1.0 : 1.0)*DISTANCE[n%AWAY];
-        if (!(n < AWAY ? at->before : at->after)) continue;
+    for (int n = 0; n < ORDERNM_SIDES; ++n) {
+        const int behind = n%SIDES >= AWAY;
+        const scalar part = at->part + (behind ? 1.0 : -1.0)*DISTANCE[n/SIDES][n%AWAY];
+        if (!(behind ? at->after : at->before)) continue;
         m->method->interpolate(m, h, part, m->trial);
         const int status = ordernm_rates(m, m->t + part*h, m->trial, m->sides[n]);
         if (status) return status;
@@ -154,46 +157,57 @@ int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at)
 }
 
 /* What a rate tends to on one side of the point; `open` is how far apart the two nearest are, where they tend to nothing. */
-static scalar limit(scalar *const *sides, long n, scalar *open)
+static scalar limit(scalar *const *sides, int set, long n, scalar *open)
 {
     const scalar last = sides[2][n], before = sides[1][n] - sides[0][n], change = last - sides[1][n];
     *open = fabs(change) < CONVERGES*fabs(before) ? 0.0 : fabs(change);
+    if (set) return (27.0*last - 12.0*sides[1][n] + sides[0][n])/16.0;
     return *open > 0.0 || change == 0.0 ? last : last - change*change/(change - before);
 }
 
-static scalar rate_at_point(const ordernm_motion *m, const point *at, long n)
+static scalar rate_at_point(const ordernm_motion *m, const point *at, int set, long n)
 {
-    scalar open;
-    const scalar one = at->before ? limit(m->sides, n, &open) : 0.0, other = at->after ? limit(m->sides + AWAY, n, &open) : 0.0;
+    scalar *const *const sides = m->sides + set*SIDES, open;
+    const scalar one = at->before ? limit(sides, set, n, &open) : 0.0, other = at->after ? limit(sides + AWAY, set, n, &open) : 0.0;
     return at->before && at->after ? 0.5*(one + other) : one + other;
 }
 
-/* Whether some rates, one number in `width`, tend to nothing at the point, or to something else on its other side, or are something else
- * at a stage that is at it, where formulas may give anything; and by more than rounding of what is integrated. */
+/* Whether a rate tends to nothing at the point, or to something else on its other side, or is something else at a stage that is at it, where
+ * formulas may give anything; and by more than what is integrated allows: its rounding, and for derivatives the errors of steps. */
+static int is_rough_in(const ordernm_motion *m, int set, scalar h, const point *at, long n, scalar allowed)
+{
+    scalar *const *const sides = m->sides + set*SIDES;
+    const int both = at->before && at->after;
+    scalar open[2] = {0.0, 0.0}, ends[2] = {0.0, 0.0};
+    if (at->before) ends[0] = limit(sides, set, n, open);
+    if (at->after) ends[1] = limit(sides + AWAY, set, n, open + 1);
+    scalar jump = both ? fabs(ends[0] - ends[1]) : 0.0, size = fabs(m->rate[0][n]), bend = 0.0;
+    for (int k = 0; k <= m->method->stages && both; ++k) {
+        const scalar away = (k < m->method->stages ? m->method->times[k] : 1.0) - at->part;
+        const scalar error = fabs(m->rate[k][n] - 0.5*(ends[0] + ends[1]));
+        if (fabs(away) < HIT && !(error <= jump)) jump = error;
+    }
+    for (int k = 0; k < 2; ++k) {
+        if (!(k ? at->after : at->before)) continue;
+        size = fmax(size, fmax(fabs(sides[k*AWAY][n]), fabs(ends[k])));
+        bend = fmax(bend, fabs(sides[k*AWAY + AWAY - 1][n] - ends[k]));
+    }
+    const scalar tends = set && both ? fmin(open[0], open[1]) : fmax(open[0], open[1]); /* farther away rates may turn on one side */
+    const scalar apart = fmax(jump <= BENT*bend ? 0.0 : jump, tends);
+    return (ends[0] - ends[1])*0.0 != 0.0 || (!(apart <= SAME*size) && !(h*apart <= allowed));
+}
+
+/* Whether some rates, one number in `width`, are rough near the point and farther away. */
 static int is_rough(const ordernm_motion *m, scalar h, const point *at, long first, int width)
 {
+    const long end = first + (m->ny + m->nx)*width;
     scalar integrated = 0.0;
-    for (long i = 0; i < m->ny + m->nx; ++i) integrated = fmax(integrated, fabs(m->z[first + i*width]));
-    for (long i = 0; i < m->ny + m->nx; ++i) {
-        const long n = first + i*width;
-        const int both = at->before && at->after;
-        scalar open[2] = {0.0, 0.0}, ends[2] = {0.0, 0.0};
-        if (at->before) ends[0] = limit(m->sides, n, open);
-        if (at->after) ends[1] = limit(m->sides + AWAY, n, open + 1);
-        scalar jump = both ? fabs(ends[0] - ends[1]) : 0.0, size = fabs(m->rate[0][n]), bend = 0.0;
-        for (int k = 0; k <= m->method->stages && both; ++k) {
-            const scalar away = (k < m->method->stages ? m->method->times[k] : 1.0) - at->part;
-            const scalar error = fabs(m->rate[k][n] - 0.5*(ends[0] + ends[1]));
-            if (fabs(away) < HIT && !(error <= jump)) jump = error;
-        }
-        for (int k = 0; k < 2; ++k) {
-            if (!(k ? at->after : at->before)) continue;
-            size = fmax(size, fmax(fabs(m->sides[k*AWAY][n]), fabs(ends[k])));
-            bend = fmax(bend, fabs(m->sides[k*AWAY + AWAY - 1][n] - ends[k]));
-        }
-        const scalar apart = fmax(jump <= BENT*bend ? 0.0 : jump, fmax(open[0], open[1]));
-        if ((ends[0] - ends[1])*0.0 != 0.0) return 1;
-        if (!(apart <= SAME*size) && !(h*apart <= ROUNDING*integrated)) return 1;
+    for (long n = first; n < end; n += width) integrated = fmax(integrated, fabs(m->z[n]));
+    const scalar allowed = (first == 0 ? ROUNDING : fmax(ROUNDING, m->problem->rtol))*integrated;
+    for (long n = first; n < end; n += width) {
+        int rough = 1;
+        for (int set = 0; set < SETS && rough; ++set) rough = is_rough_in(m, set, h, at, n, allowed);
+        if (rough) return 1;
     }
     return 0;
 }
@@ -218,10 +232,10 @@ static scalar moved_function(ordernm_motion *m, scalar h, const point *at, const
 }
 
 /* How far along a direction the singular function is what it is at the farther distances of the motion; 0 if it is zero all along. */
-static scalar reach(ordernm_motion *m, scalar h, const point *at, const group *g, int lane)
+static scalar reach(ordernm_motion *m, scalar h, const point *at, scalar farthest, const group *g, int lane)
 {
     scalar size = 0.0, by;
-    const scalar away = fabs(singular_function(m, h, at->which, at->part + (at->part < 0.5 ? 1.0 : -1.0)*DISTANCE[0], 1));
+    const scalar away = fabs(singular_function(m, h, at->which, at->part + (at->part < 0.5 ? 1.0 : -1.0)*farthest, 1));
     m->method->interpolate(m, h, at->part, m->trial);
     for (long i = 0; i < m->ny + m->nx; ++i) size = fmax(size, fabs(m->trial[g->at + i*g->width + lane]));
     for (int i = 0; i < m->system->np; ++i) size = fmax(size, fabs(g->dp[i*g->width + lane]));
@@ -234,29 +248,30 @@ static scalar reach(ordernm_motion *m, scalar h, const point *at, const group *g
 }
 
 /* Whether rates change from the point to places beside it, along a direction, by as much however near these are. */
-static int jumps_beside(ordernm_motion *m, scalar h, const point *at, const group *g, int lane)
+static int jumps_beside(ordernm_motion *m, int set, scalar h, const point *at, const group *g, int lane)
 {
+    const scalar farthest = DISTANCE[set][0];
     const int n = m->ny + m->nx;
     scalar *const change = m->error[0], *const nearer = m->error[1], *const rates = m->at_pose;
     scalar largest = 0.0, worst = 0.0;
-    const scalar by = reach(m, h, at, g, lane);
+    const scalar by = reach(m, h, at, farthest, g, lane);
     if (!(by > 0.0)) return 0;
     m->p = m->moved_p;
     memset(change, 0, m->values*sizeof(scalar));
     memset(nearer, 0, m->values*sizeof(scalar));
     for (int near = 0; near < 2; ++near)
         for (int i = 0; i < 8; ++i) {
-            const scalar scale = near ? 0.1 : 1.0, along = at->part + scale*DISTANCE[0]*BESIDE_POINT[i/2];
+            const scalar scale = near ? 0.1 : 1.0, along = at->part + scale*farthest*BESIDE_POINT[i/2];
             moved_state(m, h, along, g, lane, (i%2 ? scale : -scale)*by);
             const int status = ordernm_rates_of(m, m->t + along*h, m->trial, rates, 0, 0, RATES | INTEGRALS);
             for (int k = 0; k < n && !status; ++k) {
-                const scalar d = fabs(rates[k] - rate_at_point(m, at, k));
+                const scalar d = fabs(rates[k] - rate_at_point(m, at, set, k));
                 scalar *const most = (near ? nearer : change) + k;
                 if (!(d <= *most)) *most = d;
             }
         }
     m->p = m->problem->p;
-    for (int k = 0; k < n; ++k) largest = fmax(largest, fmax(fabs(rate_at_point(m, at, k)), change[k]));
+    for (int k = 0; k < n; ++k) largest = fmax(largest, fmax(fabs(rate_at_point(m, at, set, k)), change[k]));
     for (int k = 0; k < n; ++k)
         if (!(nearer[k] <= CONTINUOUS*change[k])) worst = nearer[k] == nearer[k] ? fmax(worst, nearer[k]) : INFINITY;
     return worst > SAME*largest;
@@ -267,5 +282,7 @@ int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, i
 {
     const group *const g = m->groups + n;
     if (is_rough(m, h, at, g->at + lane, g->width)) return 1;
-    return at->before && at->after && jumps_beside(m, h, at, g, lane);
+    for (int k = 0; k < SETS; ++k)
+        if (!at->before || !at->after || !jumps_beside(m, k, h, at, g, lane)) return 0;
+    return 1;
 }
