@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.mechanics import merging
 from codegen.program import parts
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "four_bar.yaml"
@@ -15,6 +16,8 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "four_bar.yaml"
 
 @pytest.fixture
 def small(monkeypatch):
+    monkeypatch.setattr(merging, "LONGEST", 0)  # a merged sweep is too short to be divided
+    monkeypatch.setattr(merging, "LONGEST_ALONG", 0)
     monkeypatch.setattr(parts, "LONGEST", 50)
     monkeypatch.setattr(parts, "PART", 30)
     monkeypatch.setattr(parts, "WINDOW", 10)

@@ -210,18 +210,18 @@ static void sines_and_cosines(int n, double *trig)
         const bits s_sign = (quarter & 2) << 62;
         const bits c_sign = ((quarter + 1) & 2) << 62;
         const bits inside = (bits)((x > zero - 1.0e6) & (x < zero + 1.0e6) & (z < zero + 0.62));
-        const bits outside = ~inside;
         const bits sin_x = (((bits)s & ~odd) | ((bits)c & odd)) ^ s_sign;
         const bits cos_x = (((bits)c & ~odd) | ((bits)s & odd)) ^ c_sign;
         bits *const to_sine = (bits *)(sine + i), *const to_cosine = (bits *)(cosine + i);
-        if (!any_bit(&outside, (int)sizeof outside/16)) {
+        *to_cosine = ~inside;
+        if (!any_bit(to_cosine, (int)sizeof inside/16)) {
             *to_sine = sin_x;
             *to_cosine = cos_x;
             continue;
         }
         number *const angles = (number *)(sine + i), *const cosines = (number *)(cosine + i);
         for (int l = 0; l < LANES_AT_ONCE; ++l)
-            if (!inside[l]) {
+            if ((*to_cosine)[l]) {
                 cosines[l] = (cos)(angles[l]);
                 angles[l] = (sin)(angles[l]);
             }
