@@ -93,7 +93,7 @@ def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> 
         if what and name in written.names:
             message = (
                 f"{name} is a coordinate of the point here, and also {what} of the file; give the latter another name, so that "
-                f"it is clear which one is meant"
+                f"the name has one meaning"
             )
             reader.report(at, sub, message)
     tree = with_coordinates(written.tree)

@@ -52,7 +52,7 @@ static inline void *ordernm_line(scalar *room)
 }
 
 enum { LANES = 8, MOST_STAGES = 16 };
-enum { ORDERNM_SIDES = 12 };  /* at so many places rates are looked at beside a point, see points.c */
+enum { ORDERNM_SIDES = 12 };  /* rates are sampled at this many places beside a point, see points.c */
 enum { HALVES = 40 };         /* how often a time is halved in which rates may jump */
 
 /* Directions that are evaluated together. */

@@ -164,7 +164,7 @@ typedef double angles_at_once __attribute__((vector_size(8*ANGLES_AT_ONCE), alig
 #endif
 
 #if defined(ORDERNM_VECTORS) && !defined(ORDERNM_STATES)
-/* Whether any bit is set of so many times sixteen bytes. */
+/* Whether any bit is set in n blocks of sixteen bytes. */
 static inline int any_bit(const void *at, int n)
 {
     typedef long long two __attribute__((vector_size(16), aligned(4), may_alias));
