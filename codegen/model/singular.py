@@ -39,7 +39,7 @@ def singular_functions(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
             continue
         seen.add(part)
         stack += parts(part)
-        for of in _of_node(part):
+        for of in singular_in(part):
             while (
                 of[0] == "neg"
                 or of[:2] in (("call", "abs"), ("call", "sqrt"))
@@ -51,7 +51,7 @@ def singular_functions(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
     return list(found)
 
 
-def _of_node(tree: Tree) -> Iterator[Tree]:
+def singular_in(tree: Tree) -> Iterator[Tree]:
     """What is zero where the outermost operation of a tree is singular."""
     match tree:
         case ("/", _, below):
@@ -69,4 +69,4 @@ def _of_node(tree: Tree) -> Iterator[Tree]:
             yield combine("+", combine("**", x, TWO), combine("**", y, TWO))
 
 
-__all__ = ["singular_functions"]
+__all__ = ["singular_functions", "singular_in"]

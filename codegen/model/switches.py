@@ -19,7 +19,7 @@ from ..elementary import TABLE, named, tree_of
 from .expressions import COMBINED, Expression
 from .grammar import AT_LEAST, WRAPPED, Number, Tree
 from .products import HELD, is_positive
-from .singular import singular_functions
+from .singular import singular_functions, singular_in
 from .trees import nodes, parts
 
 MODE: Final = "mode."
@@ -33,7 +33,8 @@ BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
 """Functions that have branches."""
 
 PARTLY_DEFINED: Final = named("name", lambda e: e.domain is not None)
-"""Functions whose argument has bounds. A branch of it that is held may leave them, so switches in it are located, not held."""
+"""Functions whose argument has bounds. Switches in it are held if it is within them where its branch changes; else the branch
+that is held has no value there or an infinite slope, as in ``sqrt(max(0, x))``, and they are only located."""
 
 
 def switching(function: str, arguments: Sequence[Tree]) -> Tree | None:
@@ -221,10 +222,10 @@ class Switches:
 
     def _hold(self, tree: Tree, moves: bool) -> Tree:
         kind = tree[0]
-        if kind == "**" and not _is_whole(tree[2]):
+        if kind == "**" and not _is_whole(tree[2]) and _changes_at_bounds(tree, tree[1], self._varies):
             self._locate(tree, tree[1])
             return (kind, tree[1], self.hold(tree[2], moves))
-        if kind == "call" and tree[1] in PARTLY_DEFINED:
+        if kind == "call" and tree[1] in PARTLY_DEFINED and _changes_at_bounds(tree, tree[2], self._varies):
             self._locate(tree, tree[2])
             return tree
         if _is_smooth_step(tree) and not moves:
@@ -265,6 +266,51 @@ class Switches:
             names = Expression(tree).names
             self._within[tree] = frozenset(int(n.removeprefix(MODE)) for n in names if n.startswith(MODE))
         return self._within[tree]
+
+
+def _changes_at_bounds(tree: Tree, inner: Tree, varies: Callable[[str], bool]) -> bool:
+    """Whether an argument is, or may be, at the bounds of its function where a branch of it changes: at a few such places."""
+    bounds = [Expression(of) for of in singular_in(tree)]
+    for call in branching(inner, varies):
+        value = switching(call[1], call[2:])
+        assert value is not None
+        for n in range(1, 4):
+            values = {
+                name: 0.3 + (0.61803398875 * n * i) % 1.7 for i, name in enumerate(sorted(Expression(tree).names), 1)
+            }
+            if not _solve(Expression(value), values):
+                return True
+            try:
+                if any(abs(of.evaluate(values)) < 1e-6 for of in bounds):
+                    return True
+            except (ArithmeticError, ValueError):
+                return True
+    return False
+
+
+def _solve(e: Expression, values: dict[str, float]) -> bool:
+    """Change the value of one name so that an expression is zero; whether that is found, by bisection between -4 and 4."""
+    for name in sorted(e.names):
+        first = values[name]
+        ends: list[tuple[float, float]] = []
+        for x in (0.125 * i + 0.001 for i in range(-32, 32)):
+            try:
+                found = e.evaluate(values | {name: x})
+            except (ArithmeticError, ValueError):
+                continue
+            if ends and ends[-1][1] * found <= 0.0:
+                low, high, at_low = ends[-1][0], x, ends[-1][1]
+                for _ in range(60):
+                    middle = 0.5 * (low + high)
+                    if e.evaluate(values | {name: middle}) * at_low > 0.0:
+                        low = middle
+                    else:
+                        high = middle
+                values[name] = high
+                return True
+            ends.append((x, found))
+        values[name] = first
+    return False
 
 
 def _is_whole(tree: Tree) -> bool:

@@ -346,3 +346,33 @@ def test_elements_that_jump(made: Callable[..., Made], name: str) -> None:
             return solver.judge(1.5, wanted, p=np.where(np.arange(len(p)) == i, x, p), rtol=1e-13, atol=1e-13).values
 
         np.testing.assert_allclose(found[:, i], derivative(at, value, 1e-4 * value), rtol=1e-6, atol=1e-7)
+
+
+INSIDE = {
+    "log(abs(q.x) + 0.1)": lambda x: np.sign(x) / (abs(x) + 0.1),
+    "sqrt(abs(q.x) + 0.1)": lambda x: 0.5 * np.sign(x) / np.sqrt(abs(x) + 0.1),
+    "(max(q.x, -0.1) + 0.3)**1.5": lambda x: 1.5 * np.sqrt(max(x, -0.1) + 0.3) * (x > -0.1),
+    "acos(abs(q.x)/2)": lambda x: -0.5 * np.sign(x) / np.sqrt(1 - x * x / 4),
+}
+"""Kinks in arguments of functions that are defined for some numbers only, and the slopes."""
+
+
+@pytest.mark.parametrize("law", list(INSIDE))
+def test_kinks_within_the_bounds_of_functions_are_exact(made: Callable[..., Made], law: str) -> None:
+    """x passes at constant speed, so the derivative of y is an integral over time."""
+    text = "model: inside\nbodies:\n" + "".join(
+        f"  {n}: {{parent: ground, joint: {{type: prismatic, axis: {n}}}, mass: 1}}\n" for n in "xy"
+    )
+    text += f'forces:\n  f: {{type: joint, joint: y, value: "{law}"}}\n'
+    solver = made(parsed, text + "initial: {q: {x: -0.31}, u: {x: 1}}\noutputs: {y: {value: q.y}}\n").solver
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    wanted = 0.0
+    for low, high in ((0.0, 0.21), (0.21, 0.31), (0.31, 0.9)):
+        t = 0.5 * (high - low) * nodes + 0.5 * (high + low)
+        wanted += (
+            0.5 * (high - low) * sum(w * (0.9 - s) * INSIDE[law](s - 0.31) for w, s in zip(weights, t, strict=True))
+        )
+    for method in ("forward", "adjoint"):
+        for options in ({}, {"integrator": "radau"}, {"integrator": "rk4", "step": 0.01}):
+            found = solver.judge(0.9, Final("y"), wrt=["q0.x"], method=method, **options)
+            assert abs(found.gradients[0, 0] - wanted) < 2e-7, (method, options)
