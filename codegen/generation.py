@@ -167,6 +167,7 @@ def generate(
             links=len(source.system.links), kinds=len(source.system.kinds), nq=model.nq, nu=model.nu,
             parameters=len(model.parameters), files={name: len(text.encode()) for name, text in sorted(files.items())},
             operations=source.manifest["operations"],
+            sweeps={name: f["sweeps"] for name, f in source.manifest["functions"].items()},
             passes=[(n, {"additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
                          "functions": o.functions}, s) for n, o, s in source.passes],
             sweep_seconds=source.program.sweep_seconds,

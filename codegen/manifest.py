@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from .emit.c.functions import batch_arrays
@@ -13,40 +13,40 @@ from .emit.c.libraries import libraries, library_of
 from .mechanics.expansion import Program
 from .mechanics.outputs.outputs import pivoted_outputs
 from .mechanics.structure.system import System
-from .mechanics.sweeps import SWEEP
+from .mechanics.sweeps import SWEEP, Sweep
 from .model.expressions import Expression
 from .model.kinks import nodes
 from .model.model import Model, closure_row_names
-from .program.formula import Formula
 from .program.operations import Operations, count
+from .program.plan import Plan
 from .program.procedure import WIDTHS, Array, Formulas, Procedure, Single, counted, walk
 
 OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""
 
 
-def operations(program: Program, formulas: Sequence[Formula], procedures: tuple[Procedure, ...]) -> dict[str, Any]:
+def operations(program: Program, plan: Plan, procedures: tuple[Procedure, ...]) -> dict[str, Any]:
     """Operations per call of every sweep, and of the model's own formulas: once, and per direction.
 
-    A sweep over directions that serves for values, such as ``solve_in_1``, has one direction in what it does once.
+    A sweep over directions that serves for values, such as ``solve_in_1``, has one direction in what it does once. Where C runs
+    a sweep as one function, the operations of this are counted; NumPy's functions of its links have a few more.
     """
     result: dict[str, Any] = {}
     steps = [s for p in procedures for s in walk(p.steps)]
     single = {s.sweep for step in steps if isinstance(step, Single) for s in step.steps}
     for sweep in SWEEP.values():
-        blocks = program.blocks.get(sweep.name)
-        if not blocks:
+        if not program.blocks.get(sweep.name):
             continue
-        once, each = Operations(), Operations()
-        for kind in sweep.kinds(program.system):
-            calls = len(kind.members) if sweep.element else len(kind.units if sweep.units else kind.members)
-            once = once + count(blocks[kind.index], False) * calls
-            each = each + count(blocks[kind.index], True) * calls
+        merged = plan.sweeps[sweep.name].merged
+        if merged is not None:
+            once, each = count(merged.block, False), count(merged.block, True)
+        else:
+            once, each = _of_kinds(program, sweep)
         result[sweep.name] = _both(once, each)
         if sweep.name in single:
             result[f"{sweep.name}_1"] = _both(once + each, Operations())
     for name, targets in dict.fromkeys((s.name, s.targets) for s in steps if isinstance(s, Formulas)):
-        of_targets = [f for f in formulas if f.target in targets]
+        of_targets = [f for f in plan.formulas if f.target in targets]
         once, each = Operations(), Operations()
         for f in of_targets:
             once = once + count(f.value, False) * len(f.rows)
@@ -60,6 +60,17 @@ def operations(program: Program, formulas: Sequence[Formula], procedures: tuple[
     added = sum(link.turned != 0 for link in program.system.links)
     result[OUTSIDE] = _both(constants + Operations(additions=added, functions=2 * angles), Operations())
     return result
+
+
+def _of_kinds(program: Program, sweep: Sweep) -> tuple[Operations, Operations]:
+    """Operations of a sweep in the blocks of all its members, once and per direction."""
+    once, each = Operations(), Operations()
+    for kind in sweep.kinds(program.system):
+        block = program.blocks[sweep.name][kind.index]
+        calls = len(kind.members) if sweep.element else len(kind.units if sweep.units else kind.members)
+        once = once + count(block, False) * calls
+        each = each + count(block, True) * calls
+    return once, each
 
 
 def _both(once: Operations, each: Operations) -> dict[str, dict[str, int]]:

@@ -209,7 +209,7 @@ def _in_c(
     writer = CWriter(model, plan, procedures, scalar, RESERVED)
     context = writer.context()
     files = write_c(context)
-    counts = operations(program, plan.formulas, writer.procedures)
+    counts = operations(program, plan, writer.procedures)
     guess = chosen.q if chosen else ()
     made = manifest(system, writer.procedures, writer.workspace, counts, guess, writer.has_parts, scalar.name) | lacks
     if over := over_states(writer.procedures):

@@ -10,13 +10,6 @@ from typing import Any
 SHOWN = 20
 """Warnings that a report shows, and half the lines about loops; the others are counted."""
 
-FORWARD = (
-    "start", "rotations", "closures", "pose", "velocities", "loads", "kinematics", "triangularize", "back_substitute",
-)  # fmt: skip
-"""Sweeps of the accelerations."""
-DIRECTION = ("turns", "complete", "velocity_tangents", "load_tangents", "balance_out", "balance_in", "balance_back")
-"""Sweeps of their derivatives."""
-
 
 @dataclass(slots=True, repr=False)
 class Report:
@@ -30,6 +23,8 @@ class Report:
     links, kinds : int
     operations : dict
         By sweep; see `Solver.operations`.
+    sweeps : dict of str to list of str
+        By function, the sweeps that it runs; a sweep that runs twice is listed twice.
     passes : list of (str, dict, float)
         Operations of all blocks after every pass, and seconds.
     sweep_seconds : dict of str to float
@@ -60,6 +55,7 @@ class Report:
     parameters: int
     files: dict[str, int]
     operations: dict[str, Any]
+    sweeps: dict[str, list[str]]
     passes: list[tuple[str, dict[str, int], float]]
     sweep_seconds: dict[str, float]
     warnings: tuple[str, ...]
@@ -71,15 +67,10 @@ class Report:
     loops: list[str] = field(default_factory=list)
     written: bool = True
 
-    def flops(self, *sweeps: str, per: str = "per_call") -> int:
-        """Additions, multiplications and divisions of sweeps together."""
-        return sum(
-            count
-            for s in sweeps
-            if s in self.operations
-            for name, count in self.operations[s][per].items()
-            if name != "functions"
-        )
+    def flops(self, function: str, per: str = "per_call") -> int:
+        """Additions, multiplications and divisions of a function: once, or per direction (``per_direction``)."""
+        counts = [self.operations[s][per] for s in self.sweeps[function]]
+        return sum(n for of in counts for name, n in of.items() if name != "functions")
 
     def __repr__(self) -> str:
         errors = ", ".join(f"{name} {e:.1e}" for name, e in self.errors.items())
@@ -114,20 +105,7 @@ class Report:
         lines += [
             f"  {line}" for line in (self.loops if verbose else first(self.loops, 2 * SHOWN, "and {} lines more"))
         ]
-        divisions, functions = (
-            sum(self.operations[s]["per_call"][what] for s in FORWARD if s in self.operations)
-            for what in ("divisions", "functions")
-        )
-        n = max(self.links, 1)
-        udot, shared, each = self.flops(*FORWARD), self.flops(*DIRECTION), self.flops(*DIRECTION, per="per_direction")
-        lines.append(
-            f"  udot: {counted(udot, 'operation')} ({udot / n:.1f} a link, {divisions} of them divisions; {functions} sines and "
-            f"other functions)"
-        )
-        lines.append(
-            f"  derivatives: {counted(shared, 'operation')} once, {each} per direction ({each / n:.1f} a link, "
-            f"{each / max(udot, 1):.2f} of udot)"
-        )
+        lines += self._operations()
         if verbose:
             lines += self._operation_tables(width)
             lines += [f"  {size:>9} {name}" for name, size in self.files.items()]
@@ -138,6 +116,25 @@ class Report:
                 f"  checked against the generic engine: relative error of udot {self.errors['udot']:.1e}{derivatives}"
             )
         return lines + [f"  {remark}" for remark in self.remarks]
+
+    def _operations(self) -> list[str]:
+        """What accelerations and their derivatives cost, of those that the solver has."""
+        lines, n, udot = [], max(self.links, 1), 0
+        if "accelerations" in self.sweeps:
+            udot = self.flops("accelerations")
+            counts = [self.operations[s]["per_call"] for s in self.sweeps["accelerations"]]
+            divisions, functions = (sum(of[what] for of in counts) for what in ("divisions", "functions"))
+            lines.append(
+                f"  udot: {counted(udot, 'operation')} ({udot / n:.1f} a link, {divisions} of them divisions; {functions} sines "
+                f"and other functions)"
+            )
+        if "sensitivities" in self.sweeps:
+            shared, each = self.flops("sensitivities") - udot, self.flops("sensitivities", "per_direction")
+            of_udot = f", {each / max(udot, 1):.2f} of udot" if udot else ""
+            lines.append(
+                f"  derivatives: {counted(shared, 'operation')} once, {each} per direction ({each / n:.1f} a link{of_udot})"
+            )
+        return lines
 
     def _operation_tables(self, width: int | None) -> list[str]:
         sweeps = []

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from codegen import generate
 from codegen.manifest import OUTSIDE
 from codegen.mechanics.procedures import arrays, procedures
 from codegen.mechanics.procedures.words import MOTIONS
@@ -203,3 +204,29 @@ def test_energies_take_inputs_where_springs_read_them() -> None:
     without = write_solver(parse_model(SPRINGS.replace("k*(1 + pull)", "k").replace("*(1 + 0.1*t)", "")))
     assert with_inputs == ["q", "u", "p", "inputs", "t"]
     assert without.manifest["functions"]["energies"]["arguments"] == ["q", "u", "p"]
+
+
+def test_operations_are_those_that_comments_in_the_c_give() -> None:
+    """Also where a sweep over several links is one function."""
+    source = write_solver(load_model(EXAMPLES / "double_pendulum.yaml"))
+    operations = source.manifest["operations"]
+    for sweep in source.manifest["functions"]["sensitivities"]["sweeps"]:
+        if sweep not in SWEEP:
+            continue
+        text = source.files["double_pendulum_directions.h" if SWEEP[sweep].lanes else "double_pendulum.c"]
+        comment = re.search(rf"operations:((?:(?!\*/).)*)\*/\n[^;{{]*\b(?:{sweep}|DIRECTIONS\({sweep}\))\(", text, re.S)
+        assert comment is not None, sweep
+        found = sum(map(int, re.findall(r"\d+", comment[1])))
+        assert found == sum(n for per in operations[sweep].values() for n in per.values()), sweep
+
+
+def test_the_report_counts_what_accelerations_run(tmp_path: Path) -> None:
+    """The sweeps of other functions, such as positions for outputs, are not counted."""
+    report = generate(EXAMPLES / "double_pendulum.yaml", tmp_path, compile=False, check=False)
+    sweeps = report.sweeps["accelerations"]
+    assert "pose" in report.operations and "pose" not in sweeps
+    counts = [report.operations[sweep]["per_call"] for sweep in sweeps]
+    assert report.flops("accelerations") == sum(sum(of.values()) - of["functions"] for of in counts) <= 106
+    assert f"udot: {report.flops('accelerations')} operations" in str(report)
+    report = generate(EXAMPLES / "double_pendulum.yaml", tmp_path, compile=False, check=False, functions=["outputs"])
+    assert "udot" not in str(report)

@@ -15,7 +15,6 @@ from codegen.mechanics.structure.region_work import Bundle, Freedoms, is_one_reg
 from codegen.mechanics.structure.system import analyse
 from codegen.model import Model, load_model, parse_model
 from codegen.pipeline import write_solver
-from codegen.summary import FORWARD
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -59,8 +58,9 @@ def regions_of(model: Model) -> list[int]:
 
 def operations(model: Model) -> int:
     """Of udot, per call."""
-    counts = write_solver(model, functions=("accelerations",)).manifest["operations"]
-    return sum(counts[s]["per_call"][what] for s in FORWARD if s in counts for what in ("additions", "multiplications"))
+    manifest = write_solver(model, functions=("accelerations",)).manifest
+    counts = [manifest["operations"][s]["per_call"] for s in manifest["functions"]["accelerations"]["sweeps"]]
+    return sum(of[what] for of in counts for what in ("additions", "multiplications"))
 
 
 def operations_as(one: bool, model: Model, monkeypatch: pytest.MonkeyPatch) -> int:
