@@ -44,8 +44,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("assembly.loops", "trust.exact_loops"), ("closure",)),
     "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
     "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
+    "calls.on_threads": ("over_states",),
 }  # fmt: skip
-"""Modules that others import only where a manifest names what needs them."""
+"""Modules that others import, and C files, only where a manifest names what needs them."""
 
 TOGETHER = ("statics", "state.loop_forces")
 """Of both, those that need all of what is named there, and not any."""
@@ -96,6 +97,7 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
     found |= {
         f"{CARRIED}/{file.relative_to(STANDALONE).as_posix()}": file.read_text(encoding="utf-8")
         for file in sorted(STANDALONE.glob("*/*.[ch]"))
+        if f"{file.parent.name}.{file.stem}" not in without
     }
     if "motions" in sections:
         found |= {

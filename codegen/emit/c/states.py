@@ -132,8 +132,10 @@ def write_states(context: dict[str, Any]) -> str:
 
 
 def write_threads(context: dict[str, Any], arrays: Iterable[str]) -> str:
-    """The C that runs them on threads; `arrays` are those of their struct."""
-    return render("c/threads.c.jinja", {**context, "arrays": arrays})
+    """What ``on_threads.h`` of the run time needs to run them on threads; `arrays` are those of their struct."""
+    each = [f"DO({array})" for array in arrays]
+    rows = [" ".join(each[i : i + 8]) for i in range(0, len(each), 8)]
+    return render("c/threads.c.jinja", {**context, "arrays": rows})
 
 
 __all__ = ["OVER_STATES", "over_states", "states_context", "write_states", "write_threads"]
