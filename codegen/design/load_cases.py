@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
+from ..runtime.standalone.calls.threads import one_thread
 from .objective import Objective, OfVariables
 from .outcome import Outcome
 from .variables import Variables
@@ -70,7 +71,7 @@ class LoadCases(OfVariables):
         x = np.array(x, float)
         if self._threads > 1:
             with ThreadPoolExecutor(min(self._threads, len(self.cases))) as pool:
-                found = list(pool.map(lambda case: case.value_and_gradient(x), self.cases))
+                found = list(pool.map(one_thread()(lambda case: case.value_and_gradient(x)), self.cases))
         else:
             found = [case.value_and_gradient(x) for case in self.cases]
         values, gradients = (np.array(part) for part in zip(*found, strict=True))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..runtime.standalone.arrays import Array, Numbers
+from ..runtime.standalone.calls.threads import one_thread, processors
 from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .failures import FAILURES
@@ -131,7 +131,8 @@ def simulate_many(
 
     def run(i: int) -> None:
         try:
-            found[i] = solver.simulate(t, **several[i], progress=look, **options)
+            with one_thread():
+                found[i] = solver.simulate(t, **several[i], progress=look, **options)
         except FAILURES as error:
             failures[i] = error
             found[i] = error.trajectory if isinstance(error, SimulationError) else None
@@ -162,11 +163,6 @@ def _in_threads(
                 future.cancel()
             if not isinstance(error, KeyboardInterrupt):
                 raise
-
-
-def processors() -> int:
-    """How many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _rows(solver: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any) -> list[dict[str, Any]]:
@@ -208,4 +204,4 @@ def _rows(solver: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any) -> list[
     return [{name: row(name, i) for name in ("q", "u", "p", "inputs")} for i in range(n)]
 
 
-__all__ = ["Motions", "processors", "simulate_many"]
+__all__ = ["Motions", "simulate_many"]

@@ -17,8 +17,8 @@ from concurrent.futures import (
 )
 from typing import Any
 
+from ..runtime.standalone.calls.threads import processors
 from ..runtime.standalone.warning import warn
-from .many_motions import processors
 from .sweep_cases import Case, key, listed
 from .sweep_journal import Journal, Row
 from .sweep_result import Sweep

@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..runtime.standalone.calls.threads import one_thread
 from ..runtime.standalone.warning import OURS
 from .failures import FAILURES
 from .sweep_cases import Case, flattened
@@ -36,6 +37,7 @@ def _opened(packed: bytes) -> Bearer:
     return Bearer(pickle.loads(packed))
 
 
+@one_thread()
 def run(bearer: Bearer, measure: Callable[[Any, Case], Any], cases: Sequence[Case]) -> list[tuple[Row, bool]]:
     """Measure cases one after the other; what a measure raises is recorded.
 

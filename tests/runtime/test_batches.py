@@ -1,6 +1,7 @@
 """Batches: several states at once, on threads, with states that cannot be computed, and assembled together."""
 
 import os
+import pickle
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -200,12 +201,16 @@ def test_a_bad_state_is_an_error_or_nan(package, monkeypatch, worth, target):
 
 def test_options_say_what_is_allowed(package):
     solver = load(package[0])
-    for wrong in (0, -1, 1.5, "two", True, None):
-        with pytest.raises(ValueError, match="at least 1"):
+    for wrong in (0, -1, 1.5, "two", True):
+        with pytest.raises(ValueError, match="at least 1, or None"):
             solver.batch_threads = wrong
     with pytest.raises(ValueError, match="'error' and 'nan'"):
         solver.bad_states = "skip"
-    assert (solver.batch_threads, solver.bad_states) == (1, "error")
+    assert (solver.batch_threads, solver.bad_states) == (None, "error")
+    solver.batch_threads = np.int64(3)
+    assert pickle.loads(pickle.dumps(solver)).batch_threads == 3
+    solver.batch_threads = None
+    assert pickle.loads(pickle.dumps(solver)).batch_threads is None
 
 
 @pytest.mark.parametrize("package", ["rope"], indirect=True)
@@ -217,9 +222,11 @@ def test_threads_give_the_same(package, monkeypatch, worth):
     rng = np.random.default_rng(0)
     q, u = 1.0 + rng.uniform(size=(1001, 2)), rng.normal(size=(1001, 2))
     dq = rng.normal(size=(3, 1001, 2))
+    solver.batch_threads = 1
     one = solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq), *solver.energies(q, u)
     solver.batch_threads = 3
-    assert len(solver._target.batches._parts(1001)) == 3 and len(solver._target.batches._parts(100)) == 1
+    energies = solver._functions["energies"]
+    assert [solver._target.batches.threads(energies, n, 0, False) for n in (1001, 130, 100)] == [3, 2, 1]
     same(one, (solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq), *solver.energies(q, u)))
     q[[700, 900]] = 0.0
     with pytest.raises(SingularForceError, match=r"state \[700\] of the batch"):
@@ -235,6 +242,7 @@ def test_callers_of_several_threads_and_forked_ones_share_the_threads_of_c(packa
     rng = np.random.default_rng(3)
     q, u = 1.0 + rng.uniform(size=(4001, 2)), rng.normal(size=(4001, 2))
     dq = rng.normal(size=(5, 4001, 2))
+    solver.batch_threads = 1
     one = solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq)
     solver.batch_threads = 4
     with ThreadPoolExecutor(3) as pool:

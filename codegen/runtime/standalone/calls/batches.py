@@ -1,4 +1,4 @@
-"""Batches in C: states one after the other, or several at once in the lanes of vectors; on threads, if asked for."""
+"""Batches in C: states one after the other, or several at once in the lanes of vectors; on several threads, where it pays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from ..arrays import Array
 from ..errors import CompileError, NoCompilerError
 from ..files.build import build_apart
 from ..warning import warn
-from .functions import Function
+from .functions import BESIDE, Function
+from .threads import batch_threads, processors
 
 STRIDED = """
 typedef struct {{ {0} *at; long state, direction, entry; }} strided;
@@ -27,8 +28,18 @@ typedef struct {{ long count, directions, failed; int code, *codes; strided {1};
 WORTH_COMPILING = 2048
 """So many states of batches, those along directions too, and the functions over several at once are compiled."""
 
-WORTH_A_THREAD = 64
-"""States; a thread gets at least as many."""
+LEAST_STATES = 64
+"""A thread gets at least as many."""
+
+IN_LANES, ALONE, PER_STATE = 0.05, 0.1, 50
+"""Nanoseconds, about: of an addition with several states in the lanes of vectors, of one with states one after the other, and of
+the call of each of these states besides."""
+
+MATRICES = ("J_q", "J_u", "J_p", "J_inputs", "J_t", "M", "inverse_M")
+"""Results that are computed as directions, one for each column."""
+
+WEIGHTS = {"additions": 1, "multiplications": 1, "divisions": 4, "functions": 30}
+"""In additions."""
 
 EVEN = 8
 """Parts of a batch are multiples of as many states as vectors hold at most."""
@@ -43,17 +54,27 @@ MOST_IN_LANES = 8_000_000
 Failed = dict[int, int]
 """Numbers of states of a batch, and what was singular there, as the C says it."""
 
-_pools: dict[tuple[int, int], ThreadPoolExecutor] = {}
+_pools: dict[int, ThreadPoolExecutor] = {}
 _pooling = threading.Lock()
 
 
 def pool(threads: int) -> ThreadPoolExecutor:
-    """So many threads, kept; a process that was forked has its own."""
-    key = os.getpid(), threads
+    """A pool of that many threads, which is kept."""
     with _pooling:
-        if key not in _pools:
-            _pools[key] = ThreadPoolExecutor(threads, "ordernm-batch")
-        return _pools[key]
+        if threads not in _pools:
+            _pools[threads] = ThreadPoolExecutor(threads, "ordernm-batch")
+        return _pools[threads]
+
+
+def _begin_anew() -> None:
+    """A process that was forked has none of the threads, and the lock may have been held."""
+    global _pooling
+    _pooling = threading.Lock()
+    _pools.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 class Batches:
@@ -72,22 +93,42 @@ class Batches:
         self._target, self._ffi, self._folder = target, target.ffi, folder
         self._model: str = manifest["name"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
+        self._functions, self._operations = manifest["functions"], manifest["operations"]
+        self._costs: dict[str, tuple[int, int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._libraries: dict[str, Any] = {}
+        self._errors: dict[str, Exception] = {}
         self._seen = 0
         self._lock = threading.RLock()
 
     # -- parts of a batch ----------------------------------------------------------------------------------------------
 
-    def _parts(self, count: int) -> list[tuple[int, int]]:
-        """Where the parts of a batch begin and end, one for each thread."""
-        n = max(1, min(self._target.threads, count // WORTH_A_THREAD))
-        size = max(-(-count // (n * EVEN)), 1) * EVEN
-        return [(start, min(start + size, count)) for start in range(0, count, size)]
+    def threads(self, f: Function, count: int, k: int, in_lanes: bool) -> int:
+        """How many threads share a batch of a function, along k directions."""
+        wanted = self._target.threads
+        if wanted is None:
+            once, along = self._cost(f)
+            operations = once + k * along
+            wanted = batch_threads(count * (IN_LANES * operations if in_lanes else ALONE * operations + PER_STATE))
+        return max(1, min(wanted, count // LEAST_STATES))
 
-    def run(self, part: Callable[[int, int], Failed], count: int) -> Failed:
-        """Work on all parts; what has failed, in the order of the states."""
-        parts = self._parts(count)
+    def _cost(self, f: Function) -> tuple[int, int]:
+        """Operations of one state, and of each direction, in additions. The columns of matrices are directions."""
+        found = self._costs.get(f.name)
+        if found is None:
+            sweeps = self._functions[BESIDE.get(f.name, f.name)].get("sweeps", ())
+            once, along = (
+                sum(n * self._operations[s][part][kind] for s in sweeps for kind, n in WEIGHTS.items())
+                for part in ("per_call", "per_direction")
+            )
+            columns = sum(shape[-1] for r, shape in zip(f.results, f.shapes, strict=True) if r in MATRICES)
+            found = self._costs[f.name] = once + columns * along, along
+        return found
+
+    def run(self, part: Callable[[int, int], Failed], count: int, threads: int) -> Failed:
+        """Work on all parts, one for each thread; what has failed, in the order of the states."""
+        size = max(-(-count // (threads * EVEN)), 1) * EVEN
+        parts = [(start, min(start + size, count)) for start in range(0, count, size)]
         if len(parts) < 2:  # none for no states
             return part(0, count)
         others = [pool(len(parts) - 1).submit(part, start, end) for start, end in parts[1:]]
@@ -112,7 +153,8 @@ class Batches:
 
     def prepare(self) -> None:
         """Compile the functions over several states at once, and what shares them among threads, where there are any."""
-        if self._over_states and self._opened() is not False and self._target.threads > 1:
+        threads = self._target.threads or processors()
+        if self._over_states and self._opened() is not False and threads > 1:
             self._shared()
 
     def _opened(self) -> Any:
@@ -125,11 +167,12 @@ class Batches:
         symbol = f"{self._model}_on_threads"
         declared = f"int {symbol}(int (*)(states *), states *, int);"
         # never unloaded: its threads outlive whoever has opened it
-        library = self._apart("threads", declared, "batches are worked on by one thread", self._ffi.RTLD_NODELETE)
+        instead = "" if self._target.threads is None else "batches are worked on by one thread"
+        library = self._apart("threads", declared, instead, self._ffi.RTLD_NODELETE)
         return library and getattr(library, symbol)
 
     def _apart(self, part: str, declared: str, instead: str, flags: int = 0) -> Any:
-        """The library of ``NAME_<part>.c``; False where it cannot be had, and then what happens instead is told once."""
+        """The library of ``NAME_<part>.c``; False where it cannot be had. A warning says once what happens instead."""
         with self._lock:
             if part not in self._libraries:
                 try:
@@ -137,8 +180,9 @@ class Batches:
                     ffi.cdef(declared, override=True)
                     self._libraries[part] = ffi.dlopen(str(path), ffi.RTLD_NOW | flags)
                 except (CompileError, NoCompilerError, OSError) as error:
-                    warn(f"{self._model}: {instead}: {error}")
-                    self._libraries[part] = False
+                    self._libraries[part], self._errors[part] = False, error
+            if instead and part in self._errors:
+                warn(f"{self._model}: {instead}: {self._errors.pop(part)}")
             return self._libraries[part]
 
     def states(
@@ -164,7 +208,7 @@ class Batches:
             n = math.prod(shape)
             arrays[name] = target.pointer(r), n, count * n
 
-        threads = min(self._target.threads, count // WORTH_A_THREAD)
+        threads = self.threads(f, count, k, True)
         shared: Any = self._shared() if threads > 1 else False
         codes = np.zeros(count, np.intc)
         work = np.empty(self._over_states["workspace"] * (threads if shared else 1), target.dtype)

@@ -27,7 +27,7 @@ from ..files.compiler import find_compiler
 from ..warning import warn
 from .batches import Batches, Failed
 from .caller import find_caller
-from .functions import Function, names_of
+from .functions import BESIDE, Function, names_of
 from .results import empty
 from .single_calls import SLOT, Calls
 from .task import Target, Task
@@ -39,12 +39,6 @@ OVER = """
 int {0}(int (*)({1} *const *, long, double, long), {1} **, long (*)[2], long, long, const double *, long, long *, long);
 """
 """Goes over states: a call, its pointers, their steps from state to state, what is given, times, directions, first and last."""
-
-BESIDE = {
-    "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
-    "point_acceleration_sensitivities": "frame_sensitivities",
-}  # fmt: skip
-"""Functions over chosen points, and those in whose library they are."""
 
 
 class CTarget(Target):
@@ -319,7 +313,7 @@ class CTarget(Target):
                         failed[ended[0] - 1] = status
             return failed
 
-        failed = self.batches.run(part, count)
+        failed = self.batches.run(part, count, self.batches.threads(f, count, k, False))
         for r, x in zip(task.out, found, strict=True):
             if x is not r:
                 r[...] = x.reshape(count, k, x.shape[1] // k).swapaxes(0, 1).reshape(r.shape)

@@ -46,6 +46,12 @@ WEIGHTS = {
 }  # fmt: skip
 """What the members of a solver call these."""
 
+BESIDE = {
+    "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
+    "point_acceleration_sensitivities": "frame_sensitivities",
+}  # fmt: skip
+"""Functions over chosen points, and those in whose library they are."""
+
 SELECTIVE = ("jacobians",)
 """Functions that leave out results with no place to go, but for the first."""
 

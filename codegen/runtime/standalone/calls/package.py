@@ -46,7 +46,7 @@ class Package:
 
     _watch: Callable[[str | Wanted, tuple[Any, ...], tuple[Any, ...] | None], None] | None = None
     """What warns of directions that have no derivative."""
-    _threads = 1
+    _threads: int | None = None
     _bad_states = "error"
 
     def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
@@ -110,12 +110,12 @@ class Package:
     def _is_used(self) -> None:
         """Changes how a solver calls the partition that is in use from now on."""
 
-    def __getstate__(self) -> tuple[str, str, int, int, str, str]:
+    def __getstate__(self) -> tuple[str, str, int, int | None, str, str]:
         # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
         sealed = self._manifest.get("seal", "")
         return str(self.folder), self.target, self._opened.number, self._threads, self._bad_states, sealed
 
-    def __setstate__(self, state: tuple[str, str, int, int, str, str]) -> None:
+    def __setstate__(self, state: tuple[str, str, int, int | None, str, str]) -> None:
         folder, target, partition, threads, bad_states, sealed = state
         refuse_another(Path(folder), sealed)
         Package.__init__(self, folder, target)
@@ -151,15 +151,20 @@ class Package:
         return self._arguments.defaults["p"].copy()
 
     @property
-    def batch_threads(self) -> int:
-        """On how many threads the C works on a batch; one if not set. Small batches take fewer."""
+    def batch_threads(self) -> int | None:
+        """On how many threads the C works on a batch. None, the default: on all processors that the process may use, for batches
+        that take one thread 0.2 ms or more, and on one for others. A number holds for all batches of 64 states and more for
+        each thread. Results are the same to the bit."""
         return self._threads
 
     @batch_threads.setter
-    def batch_threads(self, threads: int) -> None:
-        if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
-            raise ValueError(f"batch_threads is {threads!r}, expected a number of threads, at least 1")
-        self._threads = int(threads)
+    def batch_threads(self, threads: int | None) -> None:
+        number = isinstance(threads, (int, np.integer)) and not isinstance(threads, bool)
+        if threads is not None and not (number and threads >= 1):
+            raise ValueError(
+                f"batch_threads is {threads!r}, expected a number of threads, at least 1, or None, which chooses by the batch"
+            )
+        self._threads = None if threads is None else int(threads)
         with self._making:
             for opened in self._made.values():
                 opened.target.threads = self._threads

@@ -69,7 +69,8 @@ class Target(ABC):
     """What computes the functions of a package: the compiled C, or the NumPy module."""
 
     name = ""
-    threads = 1
+    threads: int | None = None
+    """That share a batch; None leaves it to the target."""
     calls: Mapping[Any, Call] = NoCalls()
 
     def __init__(self, manifest: Mapping[str, Any]):

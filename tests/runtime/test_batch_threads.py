@@ -1,0 +1,182 @@
+"""How many threads share a batch where `batch_threads` is not set, and that results do not depend on it."""
+
+import math
+import multiprocessing
+import os
+import threading
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import codegen
+from codegen.runtime import CompileError
+from codegen.runtime.standalone.calls import batches, threads
+from codegen.runtime.standalone.calls.threads import LIMIT, WORTH_A_THREAD, batch_threads, one_thread, processors
+
+MODEL = Path(__file__).parents[2] / "examples" / "double_pendulum.yaml"
+LARGE = 100 * WORTH_A_THREAD
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A package with a function over several states at once and one without."""
+    path = tmp_path_factory.mktemp("threads") / "model"
+    codegen.generate(MODEL, path, functions=["sensitivities", "energy_sensitivities"], check=False)
+    return path
+
+
+@pytest.fixture
+def many(monkeypatch):
+    """Four processors, on which nothing else limits the threads."""
+    monkeypatch.setattr(threads.os, "sched_getaffinity", lambda process: {0, 1, 2, 3}, raising=False)
+    monkeypatch.setattr(threads, "_quota", lambda: math.inf)
+    monkeypatch.delenv(LIMIT, raising=False)
+
+
+@pytest.fixture
+def solver(folder, many, monkeypatch):
+    """One whose large batches are shared however small they are."""
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+    monkeypatch.setattr(threads, "WORTH_A_THREAD", 1)
+    return codegen.load(folder)
+
+
+def arguments(count=1000):
+    rng = np.random.default_rng(0)
+    q, u = (rng.normal(size=(count, 2)) for _ in range(2))
+    return (q, u), {n: rng.normal(size=(3, count, 2)) for n in ("dq", "du")}
+
+
+def results(solver):
+    state, seeds = arguments()
+    return *solver.sensitivities(*state, **seeds), *solver.energy_sensitivities(*state, **seeds)
+
+
+def same(found, expected):
+    for x, y in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+def test_a_batch_has_a_thread_for_each_tenth_of_a_millisecond_and_each_processor(many):
+    counts = [batch_threads(x * WORTH_A_THREAD) for x in (0.0, 0.5, 1.9, 2.0, 3.5, 100.0, math.inf)]
+    assert counts == [1, 1, 1, 2, 3, 4, 4]
+
+
+@pytest.mark.parametrize(("text", "count"), [("1", 1), ("2", 2), (" 3,1", 3), ("64", 4), ("", 4)])
+def test_the_limit_of_numerical_libraries_holds(many, monkeypatch, text, count):
+    monkeypatch.setenv(LIMIT, text)
+    assert batch_threads(LARGE) == count
+
+
+@pytest.mark.parametrize("text", ["0", "-2", "two", "1.5"])
+def test_a_limit_that_is_no_number_is_reported(many, monkeypatch, text):
+    monkeypatch.setenv(LIMIT, text)
+    with pytest.warns(RuntimeWarning, match=f"{LIMIT} is '{text}', expected a number of threads"):
+        assert batch_threads(LARGE) == 4
+
+
+def write(root, files):
+    for name, text in files.items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("groups", "files", "expected"),
+    [
+        ("0::/\n", {"cpu.max": "max 100000\n"}, 8),
+        ("0::/\n", {"cpu.max": "250000 100000\n"}, 2),
+        ("0::/\n", {"cpu.max": "50000 100000\n"}, 1),
+        ("0::/user/job\n", {"user/cpu.max": "300000 100000\n", "user/job/cpu.max": "max 100000\n"}, 3),
+        ("0::/outside/of/this/container\n", {"cpu.max": "400000 100000\n"}, 4),
+        ("4:memory:/\n3:cpu,cpuacct:/a\n", {"cpu/a/cpu.cfs_quota_us": "500000\n", "cpu/a/cpu.cfs_period_us": "100000\n"}, 5),
+        ("1:cpu:/\n", {"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, 8),
+        ("1:cpuset:/\n", {}, 8),
+        ("", {}, 8),
+    ],
+)  # fmt: skip
+def test_quotas_of_control_groups_limit_the_processors(tmp_path, monkeypatch, groups, files, expected):
+    write(tmp_path, {"of_process": groups, **files})
+    monkeypatch.setattr(threads, "CONTROL_GROUPS", tmp_path)
+    monkeypatch.setattr(threads, "OF_PROCESS", tmp_path / "of_process")
+    monkeypatch.setattr(threads.os, "sched_getaffinity", lambda process: set(range(8)), raising=False)
+    threads._quota.cache_clear()
+    try:
+        assert processors() == expected
+    finally:
+        threads._quota.cache_clear()
+
+
+def test_workers_of_pools_have_one_thread_each(many):
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(batch_threads, [LARGE] * 4)) == [4] * 4
+        assert list(pool.map(one_thread()(batch_threads), [LARGE] * 4)) == [1] * 4
+        assert list(pool.map(batch_threads, [LARGE] * 4)) == [4] * 4
+    for method in ("fork", "spawn"):
+        with multiprocessing.get_context(method).Pool(1) as processes:
+            assert processes.apply(batch_threads, (LARGE,)) == 1
+
+
+def test_workers_of_sweeps_have_one_thread_each(solver, many):
+    seen = codegen.sweep(solver, {"mass_1": [1.0, 2.0, 3.0]}, lambda solver, case: {"threads": batch_threads(LARGE)})
+    assert seen["threads"].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_small_batches_start_no_thread_and_compile_nothing(folder, many, monkeypatch):
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+    solver = codegen.load(folder)
+    before = threading.active_count()
+    results(solver)  # 70 and 240 microseconds of one thread, about
+    assert "threads" not in solver._target.batches._libraries and threading.active_count() == before
+
+
+def test_results_do_not_depend_on_the_number_of_threads(solver, monkeypatch):
+    found = {None: results(solver)}
+    assert solver._target.batches._libraries["threads"]
+    for number in (1, 2, 3, 7):
+        solver.batch_threads = number
+        found[number] = results(solver)
+    solver.batch_threads = None
+    monkeypatch.setenv(LIMIT, "1")
+    found["limit"] = results(solver)
+    for x in found.values():
+        same(x, found[1])
+
+
+def test_children_that_were_forked_after_threads_began_compute_the_same(solver):
+    one = results(solver)
+    child = os.fork()
+    if not child:
+        code = 1
+        try:
+            for _ in range(5):
+                same(results(solver), one)
+            code = 0
+        finally:
+            os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        for found in pool.map(results, [solver] * 4):
+            same(found, one)
+    same(results(solver), one)
+
+
+def test_a_library_that_cannot_be_had_is_reported_only_if_threads_were_asked_for(solver, monkeypatch):
+    build = batches.build_apart
+
+    def refuses(folder, name, part, *more):
+        if part == "threads":
+            raise CompileError("no threads")
+        return build(folder, name, part, *more)
+
+    monkeypatch.setattr(batches, "build_apart", refuses)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        one = results(solver)
+    solver.batch_threads = 2
+    with pytest.warns(RuntimeWarning, match="one thread: no threads"):
+        same(results(solver), one)
