@@ -120,8 +120,16 @@ def test_the_run_time_is_copied_as_it_is(written):
         text = file.read_text().replace("\nfrom ....elementary import", "\nfrom ..elementary import")
         assert (written / "_runtime" / f"{name}.py").read_text() == text
     listed = json.loads((written / "model.json").read_text())["files"]
-    texts = {f"_runtime/{n}.py" for n in carried(written)} | {f"_runtime/calls/direct_call.{x}" for x in "ch"}
-    assert {n for n in listed if n.startswith("_runtime/")} == texts
+    texts = {f"_runtime/{n}.py" for n in carried(written)}
+    of_c = {f"_runtime/calls/{n}" for n in ("direct_call.c", "direct_call.h", "on_threads.h")}
+    assert {n for n in listed if n.startswith("_runtime/")} == texts | of_c
+    for name in of_c:
+        assert (written / name).read_text() == (own / name.removeprefix("_runtime/")).read_text()
+
+
+def test_threads_are_carried_where_functions_run_on_them(tmp_path):
+    codegen.generate(parse_model(TEXT), tmp_path / "rod", compile=False, check=False, functions=["energies"])
+    assert not list((tmp_path / "rod").rglob("*on_threads*"))
 
 
 OF_LOOPS = {
