@@ -17,14 +17,15 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = {
     "version": set(),
     "deferred": set(),  # names that are imported when first asked for
+    "records": set(),  # data classes
     "elementary": set(),  # the elementary functions
     "model": {"elementary", "version"},
     "importing": {"model", "version"},  # robots of other formats
-    "program": {"elementary", "version"},  # knows no mechanics
-    "loops": {"model", "version"},  # graph, assembly and partition, on floats
-    "mechanics": {"loops", "model", "program", "version"},  # knows no C and no files
+    "program": {"elementary", "records", "version"},  # knows no mechanics
+    "loops": {"model", "records", "version"},  # graph, assembly and partition, on floats
+    "mechanics": {"loops", "model", "program", "records", "version"},  # knows no C and no files
     "reference": {"elementary", "loops", "model", "version"},  # nothing of the generator but these, graph and partition
-    "emit": {"elementary", "model", "program", "version"},  # prints any program
+    "emit": {"elementary", "model", "program", "records", "version"},  # prints any program
     "manifest": {"emit", "loops", "mechanics", "model", "program"},  # what model.json says
     "pipeline": {
         "emit",

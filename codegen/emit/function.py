@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from ..records import dataclass
 
 COMMENT = 115
 """How long lines of comments are."""

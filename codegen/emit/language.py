@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from ..model.model import Model
 from ..program.addresses import Kind
@@ -13,6 +12,7 @@ from ..program.block import RESERVED, Block
 from ..program.plan import Plan
 from ..program.procedure import Procedure
 from ..program.store import Store
+from ..records import dataclass
 from .target import Scalar, Target, TargetError, UnwritableError
 
 

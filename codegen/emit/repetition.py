@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from ..records import dataclass
 
 SHORT = 24
 """Lists of at most so many items are left as they are: a person may want to read them."""

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..elementary import TABLE
 from ..program.limits import Limits
+from ..records import dataclass
 
 
 def spelled(where: str, prefix: str = "") -> dict[str, str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..model.expressions import functions_for
 from ..model.surfaces import COORDINATES, SurfaceFunction
 from ..model.vectors import Array
+from ..records import dataclass
 
 LEAST_GRADIENT = 1e-200
 """Added to its square: where a gradient vanishes nothing is divided by zero."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from ..records import dataclass
 
 ACCEPTED = 10.0
 """How many times worse than by pivoting a condition may be: one digit of sixteen, where a cluster would cost a dense system."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ..model.model import Model, closure_row_names
+from ..records import dataclass
 from .comparison import Comparison
 from .speed_groups import SpeedGroup, speed_groups
 

@@ -9,11 +9,12 @@ is sought in which the loop comes before one of them, or that one after it; fail
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from ..model.vectors import Array
+from ..records import dataclass
 from .ancestry import NewJoints
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError, listed, loops_named

@@ -13,7 +13,7 @@ small changes of the joints' frames; no derivative of the generated code comes f
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import combinations, islice
 from math import comb
 
@@ -22,6 +22,7 @@ import numpy as np
 from ..model.expressions import Expression
 from ..model.model import Coupling, Model, Vector, closure_row_names
 from ..model.vectors import Array, turn
+from ..records import dataclass
 from .closure import Cuts
 from .dependents import ranks
 from .geometry import Geometry

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..model.vectors import Array, turn
+from ..records import dataclass
 from .closure import Cuts
 from .geometry import Joints, advance
 from .paths import PoseGroups

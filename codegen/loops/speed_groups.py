@@ -9,10 +9,10 @@ in child axes, one along each speed.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 from ..model.model import Model
 from ..model.motions import Ball, Displacement, Slide, Turn
+from ..records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

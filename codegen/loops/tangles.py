@@ -7,10 +7,10 @@ the joints of another ear that its own cut depends on.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from typing import TypeVar
 
+from ..records import dataclass
 from .ancestry import NewJoints
 from .disjoint_sets import DisjointSets
 from .geometry import Geometry

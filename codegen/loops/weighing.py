@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..model.vectors import Array
+from ..records import dataclass
 from .comparison import ACCEPTED, WORTH_IT, Comparison
 from .errors import loops_named
 from .geometry import Geometry

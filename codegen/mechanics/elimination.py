@@ -18,13 +18,13 @@ unknown is zero until it is found.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ..program.block import ANY, Scope
 from ..program.field import ScalarField
 from ..program.limits import limits
 from ..program.scalar import Matrix, Value, Vector
 from ..program.store import Store
+from ..records import dataclass
 from . import fields
 from .joints import Column
 from .spatial import SIX, is_zero

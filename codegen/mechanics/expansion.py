@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Container, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 from ..program import algebra
@@ -22,6 +22,7 @@ from ..program.passes import PASSES, drop_dead, propagate_copies
 from ..program.plan import Merged
 from ..program.progress import Progress, silent
 from ..program.store import Memory
+from ..records import dataclass
 from .patterns import GROUND_KIND, Patterns, Place, write_block
 from .stores import LAID_OUT, LINK, RECORD, SLOT
 from .structure.kinds import UnitKind

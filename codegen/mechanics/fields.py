@@ -10,7 +10,7 @@ generated code (``me->omega_y``): that of this table, or what `CALLED` says.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..program.field import (
     AccelerationField,
@@ -27,6 +27,7 @@ from ..program.field import (
     VectorField,
 )
 from ..program.field_table import list_fields
+from ..records import dataclass
 
 OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the region (its base)", "its own link"
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"

@@ -10,7 +10,7 @@ Memory need not be cleared: who is the first to give something stores it, the ot
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 from ..program import algebra
@@ -18,6 +18,7 @@ from ..program.block import Block, Component
 from ..program.fusion import fused
 from ..program.store import Store
 from ..program.transpose import deferred
+from ..records import dataclass
 from .expansion import Program
 from .stores import DQ, DU, LANE, LINK, LREGION, MY_LANE, REGION_LANE, SLOT
 from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind

@@ -5,7 +5,7 @@ The pattern of what a link receives depends on its neighbours', so a sweep's cod
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 from ..model.model import GROUND
@@ -13,6 +13,7 @@ from ..program import algebra
 from ..program.algebra import Expr, Number
 from ..program.block import FieldError, Scope, StructuralExpansion
 from ..program.store import CONSTANT, Life, Memory, Owner, Store
+from ..records import dataclass
 from . import fields
 from .stores import EAR_ITSELF, HANDED_COUPLING, LAID_OUT, OWN_COUPLING, RECORD, REGION_ITSELF, SLOT
 from .structure.kinds import EarKind, UnitKind

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from ..program.procedure import Formulas, Run, Step
+from ..records import dataclass
 from .structure.system import System
 from .sweeps import SWEEP
 

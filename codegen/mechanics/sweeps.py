@@ -8,9 +8,10 @@ before the former and ``complete`` before the latter.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..program.block import Scope
+from ..records import dataclass
 from .ears import (
     assembly,
     closures,

@@ -16,12 +16,13 @@ import operator
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar, Protocol, TypeVar
 from weakref import WeakValueDictionary
 
 import mpmath
+
+from ..records import dataclass
 
 Real = int | Fraction | float
 """What a number is: whole, a fraction, or a double; with more digits an ``mpmath.mpf`` in the place of the last."""

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import TypeVar
 
 from ..elementary import named
+from ..records import dataclass
 from . import algebra
 from .algebra import Expr, Number, Symbol
 from .digits import number

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from .field import AnyField
 
 _EXACT: dict[str, tuple[str, AnyField]] = {}
-_FAMILIES: list[tuple[re.Pattern[str], str, AnyField]] = []
+_FAMILIES: list[tuple[str, str, AnyField]] = []
 
 
 def list_fields(fields: dict[str, AnyField], called: Mapping[str, str]) -> None:
@@ -32,8 +32,7 @@ def list_fields(fields: dict[str, AnyField], called: Mapping[str, str]) -> None:
     for field in fields.values():
         for component, identified in zip(field.components, field.identifiers, strict=True):
             (families if "{}" in component else _EXACT).setdefault(component, (identified, field))
-    patterns = ((re.escape(c).replace(r"\{\}", r"(\d+|[AB])"), *found) for c, found in families.items())
-    _FAMILIES.extend((re.compile(pattern), identified, field) for pattern, identified, field in patterns)
+    _FAMILIES.extend((component, *found) for component, found in families.items())
 
 
 @functools.cache
@@ -41,11 +40,17 @@ def _found(component: str) -> tuple[str, AnyField | None]:
     """What generated code calls a component that is no derivative, and its field, if it is listed."""
     if component in _EXACT:
         return _EXACT[component]
-    for pattern, called, field in _FAMILIES:
-        match = pattern.fullmatch(component)
-        if match:
+    for family, called, field in _FAMILIES:
+        start, *_, end = family.split("{}")
+        if component.startswith(start) and component.endswith(end) and (match := _pattern(family).fullmatch(component)):
             return called.format(*match.groups()), field
     return component.replace(".", "_"), None
+
+
+@functools.cache
+def _pattern(family: str) -> re.Pattern[str]:
+    """Components of a family of fields; their numbers are its groups. Few families are in one model."""
+    return re.compile(re.escape(family).replace(r"\{\}", r"(\d+|[AB])"))
 
 
 @functools.cache

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
+from ..records import dataclass
 from .block import Block
 from .passes import simplify
 from .store import MARGIN

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+
+from ..records import dataclass
 
 EPSILON = 2.0**-52
 """Of double precision, for which margins are stated."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from ..records import dataclass
 from . import algebra
 from .algebra import Expr, Function, Pow
 from .block import Block

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
+from ..records import dataclass
 from .addresses import Addresses, Kind
 from .block import Block
 from .formula import Formula

@@ -10,7 +10,9 @@ There are no branches: what a model does not have, a procedure does not do.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+
+from ..records import dataclass
 
 WIDTHS = (8, 2, 1)
 """How many directions one call of the sensitivities takes."""

@@ -6,8 +6,10 @@ mechanics, whose stores are listed in `codegen.mechanics.stores`. Those that blo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
+
+from ..records import dataclass
 
 
 class Life(Enum):

@@ -13,9 +13,9 @@ if it may be used again (`Cleared`). A location that is loaded, added to and sto
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
+from ..records import dataclass
 from . import algebra
 from .algebra import Expr, Function, Symbol
 from .block import Block, Component, Expansion, symbols_of

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...program import procedure as steps
 from ...program.procedure import Array, Procedure, walk
+from ...records import dataclass
 
 
 @dataclass(slots=True)

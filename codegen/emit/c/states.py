@@ -8,11 +8,11 @@ needs of ``NAME.c`` are the few words that ``module.c.jinja`` defines for one st
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from ...elementary import named
 from ...program.procedure import Check, Procedure, Step
+from ...records import dataclass
 from ..function import Function, called_with
 from ..target import Scalar
 from ..templates import render

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from ...program.field import AnyField
 from ...program.field_table import field_of, identifier
+from ...records import dataclass
 
 TYPES = {
     "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",

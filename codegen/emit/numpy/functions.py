@@ -6,10 +6,11 @@ All arrays of a call are attributes of ``a``; lists of entries, which sweeps rep
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...program import procedure as steps
 from ...program.procedure import Array, Procedure, Routine, Step, over_directions
+from ...records import dataclass
 from ..function import Function
 
 AXES = {"nq": "NQ", "nu": "NU"}

@@ -9,13 +9,13 @@ direction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 from ...program.algebra import Symbol
 from ...program.block import Scope
 from ...program.field import SixField
 from ...program.scalar import Value, Vector
+from ...records import dataclass
 from .. import fields
 from ..joints import Column
 from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along

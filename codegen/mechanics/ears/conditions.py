@@ -6,9 +6,10 @@ Linear conditions are divided by the characteristic length. Section 4.1 of the t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...program.scalar import Value, Vector
+from ...records import dataclass
 from ..spatial import UNIT, add, cross, inner, product, scale
 from .geometry import EarGeometry
 from .motions import Twist

@@ -9,9 +9,10 @@ All coupled links are of the ear (`structure/regions.py`). Section 4.11 of the t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...program.scalar import Value, Vector
+from ...records import dataclass
 from .. import fields
 from ..spatial import product
 from ..stores import CL_DP, LOOP_CONSTANTS

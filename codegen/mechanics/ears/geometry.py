@@ -8,13 +8,13 @@ page), and a velocity, an acceleration or a displacement goes from link to link 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from ...program.block import Scope
 from ...program.field import VectorField
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
+from ...records import dataclass
 from .. import fields
 from ..spatial import add, cross, is_zero, matvec, minus, rotate, scale
 from ..stores import LOOP_CONSTANTS, ME, MY_LANE

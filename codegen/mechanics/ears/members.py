@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ...program.algebra import Number
 from ...program.block import Scope, V, V_co
 from ...program.field import Field, Readable
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
+from ...records import dataclass
 from ..joints import LinkJoint
 from ..joints.driven import ACCELERATION, Driven
 from ..spatial import add, dot, is_zero, scale

@@ -6,12 +6,12 @@ Angular parts come first; linear ones are those of the link's origin. Whose axes
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from ...program.block import Scope
 from ...program.field import SixField
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
+from ...records import dataclass
 from ..fields import MotionFields
 from ..spatial import ZERO, add, cross, is_zero, matvec, minus, scale
 

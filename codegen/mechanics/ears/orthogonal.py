@@ -8,11 +8,12 @@ least-squares sense: on consistent motion the redundant conditions agree.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...program.block import ANY, Scope
 from ...program.limits import limits
 from ...program.scalar import Value, Vector
+from ...records import dataclass
 from .. import fields
 from ..spatial import cross, inner, product
 from ..stores import EAR, RANK

@@ -11,12 +11,12 @@ Displacements along directions are handed on in slots while seeds are completed;
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 
 from ...program.block import Scope
 from ...program.field import SixField, VectorField
 from ...program.scalar import Matrix, Vector
 from ...program.store import Store
+from ...records import dataclass
 from .. import fields
 from ..handing_on import accumulate, add_to_sum
 from ..spatial import SIX, UNIT, ZERO, add, cross, is_zero, minus, rotate, transpose

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...program.block import Scope
 from ...program.scalar import Value, Vector
+from ...records import dataclass
 from ..spatial import SIX
 from ..stores import DP
 

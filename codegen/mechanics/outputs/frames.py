@@ -6,13 +6,13 @@ link's velocity is the one that is found without kinetic energy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 from ...model.model import GROUND, Model
 from ...model.places import Point
 from ...program.formula import Formula
 from ...program.scalar import Value, Vector
+from ...records import dataclass
 from .. import fields
 from ..formulas import formula_kinds
 from ..spatial import add, cross, matvec, transpose

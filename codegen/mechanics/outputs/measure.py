@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from ...model.expressions import Expression
 from ...model.outputs import Output
 from ...program.scalar import Value
+from ...records import dataclass
 from ..structure.system import System
 from .records import Records
 

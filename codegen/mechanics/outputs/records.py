@@ -7,7 +7,6 @@ is that of `ME`; of one on several they are `ME[0]`, `ME[1]` and so on.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from ...model.axes import Vector as ExpressionVector
 from ...model.expressions import Expression
@@ -23,6 +22,7 @@ from ...program.functions import SYMBOLIC
 from ...program.limits import limits
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
+from ...records import dataclass
 from .. import fields
 from ..formulas import leaf_of
 from ..spatial import add, cross, matmul, matvec, transpose

@@ -8,7 +8,7 @@ whose coefficients are alike but for those parts are of one kind.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...model.axes import Vector as Axis
 from ...model.errors import ModelError
@@ -20,6 +20,7 @@ from ...model.places import GROUND, Face, Point
 from ...program.field import XYZ
 from ...program.scalar import Value
 from ...program.shape import Constants
+from ...records import dataclass
 from ..spatial import matmul, matvec, transpose
 from ..stores import ELEMENT_CONSTANTS
 from .constants import split

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import combinations
 
 from ...model.model import GROUND
+from ...records import dataclass
 from .graph import EarLinks, Region, Unit
 from .links import Link
 

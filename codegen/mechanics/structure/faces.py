@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ...model.expressions import Expression
 from ...model.model import GROUND, Coupling, Loop, PointCondition
 from ...program.field import XYZ
 from ...program.scalar import Value
+from ...records import dataclass
 from ..spatial import matmul, matvec, transpose
 from .links import (
     BODY_FRAME,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
 from ...program import algebra
@@ -10,6 +10,7 @@ from ...program.algebra import Expr
 from ...program.digits import number
 from ...program.shape import Constants, Shape
 from ...program.store import Store
+from ...records import dataclass
 
 
 @dataclass(slots=True, eq=False)

@@ -6,11 +6,12 @@ kind is found in `grouping`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ...model.joints import Closure
 from ...program.algebra import Expr, Number
 from ...program.store import CONSTANT, Store
+from ...records import dataclass
 from ..joints import LinkJoint
 from ..stores import CONSTANTS, LINK
 from .element_kinds import ElementKind

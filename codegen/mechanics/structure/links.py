@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import mpmath
@@ -22,6 +22,7 @@ from ...model.quarter_turns import cosine_and_sine, quarter_turns
 from ...program.digits import are_long
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
+from ...records import dataclass
 from ..joints import DRIVEN_JOINTS, LINK_JOINTS, LinkJoint
 from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
 

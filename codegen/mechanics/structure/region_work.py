@@ -9,10 +9,11 @@ costs as much.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from graphlib import TopologicalSorter
 
 from ...model.model import GROUND
+from ...records import dataclass
 from .graph import Region
 from .links import Link
 

@@ -10,12 +10,12 @@ is a region of its own; of the links it starts from one is the base, the others 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ...loops.disjoint_sets import DisjointSets
 from ...loops.partition import Partition
 from ...loops.tangles import ear_members, joined, tangles
 from ...model.model import GROUND, Coupling, Model
+from ...records import dataclass
 from .elimination_order import Elimination, find_elimination
 from .graph import Closure, EarLinks, Region, Unit
 from .links import Link

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import mpmath
 
@@ -13,6 +13,7 @@ from ...model.model import GROUND, JointForce, Model
 from ...program.digits import are_long, long_number
 from ...program.field import XYZ
 from ...program.shape import Constants, Shape
+from ...records import dataclass
 from ..fields import explicit_acceleration, remainder, total
 from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
 from .faces import LoopFaces, loop_faces
