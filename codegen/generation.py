@@ -13,8 +13,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .c_interface import package_context
 from .folders import OTHERS, FolderError, put_right, refuse_foreign, write_folder
-from .for_c import package_context
 from .listing import list_model
 from .model import Model, ModelError, load_model
 from .program.progress import Progress, silent

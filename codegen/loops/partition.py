@@ -19,6 +19,7 @@ from .assembling import (
     loose_loops,
     settled_together,
 )
+from .choosing import Choice, choose
 from .components import components
 from .demands import check_couplings, check_cycles, hinted
 from .dependents import condition
@@ -30,7 +31,6 @@ from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
 from .tangles import closed_together
 from .velocities import Motion
-from .weighing import Weighed, weighed
 
 __all__ = ["Ear", "Partition", "partition"]
 
@@ -155,18 +155,18 @@ class _Choice:
         self.warnings: list[str] = []
         self.stuck: list[int] = []
 
-    def of(self, guess: Array) -> tuple[Array, Weighed, list[str], Redundancy]:
+    def of(self, guess: Array) -> tuple[Array, Choice, list[str], Redundancy]:
         """An assembled configuration, the ears, doubts, and what is known of redundant conditions."""
         geometry, random = self.geometry, self.random
         if is_closed(geometry, guess):
-            q, chosen = guess, self._weighed(guess)
+            q, chosen = guess, self._choice(guess)
             return q, chosen, self.warnings, _redundancy(geometry, chosen, q, random, self.stuck)
         q, self.warnings = first_assembly(geometry, self.order, guess, self.held, random, self.open_)
         settled = self._settled(q, self.open_, self.held)
         if settled is None:
             raise _NotNearlyClosed("loops are open in conditions that joints change")
         q = settled
-        chosen = self._weighed(q)
+        chosen = self._choice(q)
         redundancy = _redundancy(geometry, chosen, q, random, self.stuck)
         if redundancy.dropped or self.open_:
             q = assembled(geometry, _partition(geometry, chosen.drafts, q, []), q)
@@ -175,19 +175,19 @@ class _Choice:
             drafts = _judged(geometry, chosen.drafts, q)
             kept, geometry.kept = geometry.kept, [list(rows) for rows in geometry.rows]
             if max(d.condition for d in drafts) > POOR_CONDITION:
-                chosen = self._weighed(q)
+                chosen = self._choice(q)
             else:
-                chosen = weighed(geometry, drafts, chosen.growth, q, self.held, self.shared)
+                chosen = choose(geometry, drafts, chosen.growth, q, self.held, self.shared)
             if chosen.drafts == drafts:
                 geometry.kept = kept
             else:
                 redundancy = _redundancy(geometry, chosen, q, random, self.stuck)
         return q, chosen, self.warnings, redundancy
 
-    def _weighed(self, q: Array) -> Weighed:
+    def _choice(self, q: Array) -> Choice:
         """The ears at an assembled configuration."""
         sweep, drafts = self._chosen(q)
-        return weighed(self.geometry, drafts, sweep.growth(), q, self.held, self.shared)
+        return choose(self.geometry, drafts, sweep.growth(), q, self.held, self.shared)
 
     def _chosen(self, q: Array) -> tuple[Sweep, list[Draft]]:
         """Ears at an assembled configuration, and at some near it unless that one is enough; keeps which loops are stuck."""
@@ -264,7 +264,7 @@ class _Choice:
 
 
 def _redundancy(
-    geometry: Geometry, chosen: Weighed, q: Array, random: np.random.Generator, stuck: list[int]
+    geometry: Geometry, chosen: Choice, q: Array, random: np.random.Generator, stuck: list[int]
 ) -> Redundancy:
     """Redundant conditions: those that are dropped (`geometry.kept` is changed), and what opens others.
 

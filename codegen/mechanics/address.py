@@ -50,9 +50,9 @@ from .stores import (
     WRENCH_LANE,
 )
 from .structure.element_kinds import ElementKind
-from .structure.folded import Folded
 from .structure.kinds import EarKind, RegionKind, UnitKind
 from .structure.owners import owner_links
+from .structure.shared_constants import SharedConstants
 from .sweeps import SWEEP
 
 _COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
@@ -230,8 +230,8 @@ class SystemAddresses(Addresses):
     def _constant(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
         """A constant that differs within a kind: a number, or one that depends on design parameters."""
         variable = store.label.replace("#", "_")
-        folded = self._folded(kind, store)
-        data = folded.data.get(name)
+        shared = self._shared(kind, store)
+        data = shared.data.get(name)
         owner = store.owner if store.owner in (ELEMENT, LOOP) else LINK
         column, begins = ("CONSTANTS", self.constants_begin) if data is None else ("NUMBERS", self.numbers_begin)
         if owner is ELEMENT:
@@ -241,7 +241,7 @@ class SystemAddresses(Addresses):
         else:
             row = self.of_links(kind, sweep, store, column, begins[owner])
         if data is None:
-            return Address(variable, "constants", row, name, self.layout.forms[folded.shape.index])
+            return Address(variable, "constants", row, name, self.layout.forms[shared.shape.index])
         return Address("k" if owner is ELEMENT else f"k_{variable}", "numbers", row, str(data))
 
     @cached_property
@@ -262,12 +262,12 @@ class SystemAddresses(Addresses):
         numbers = (layout.number_offsets, layout.closure_number_offsets, layout.element_number_offsets)
         return dict(zip((LINK, LOOP, ELEMENT), numbers, strict=True))
 
-    def _folded(self, kind: UnitKind, store: Store) -> Folded:
+    def _shared(self, kind: UnitKind, store: Store) -> SharedConstants:
         """Whose constants a store means."""
         if isinstance(kind, EarKind):
             assert store.place is not None
             return kind.links[store.place] if store.owner is LINK else kind.closures[store.place]
-        assert isinstance(kind, Folded)
+        assert isinstance(kind, SharedConstants)
         return kind
 
     def _place_of_constants(self, index: int) -> int:

@@ -13,7 +13,7 @@ from ..program.field import PLACES, SixField
 from ..program.scalar import Matrix, Vector
 from ..program.store import Store
 from . import fields
-from .handing_on import accumulate, clear
+from .propagation import accumulate, clear
 from .spatial import add, cross, transpose, turned
 from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
 from .structure.elimination_order import CARRIER

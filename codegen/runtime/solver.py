@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from .long_texts import LongTexts
+from .extended_modules import ExtendedModules
 from .standalone import solver
 
 
 class Solver(solver.Solver):
     __doc__ = solver.Solver.__doc__
 
-    def _long_texts(self, model: Any, digits: int) -> LongTexts:
-        return LongTexts(model, self._manifest, digits)
+    def _extended_modules(self, model: Any, digits: int) -> ExtendedModules:
+        return ExtendedModules(model, self._manifest, digits)

@@ -11,8 +11,8 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..handing_on import clear
 from ..joints import LinkJoint
+from ..propagation import clear
 from ..spatial import ZERO, add, cross, dot, is_zero, matvec, minus, rotate, scale, transpose
 from ..stores import BASE, CL_DP, CONSTANTS, DP, DPOSITION, DQ, DU, LBASE, LME, LOOP_CONSTANTS, LUP, MY_LANE, SPEEDS
 from ..structure.kinds import EarKind, LinkKind

@@ -16,8 +16,8 @@ from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import hand_force, others
-from ..handing_on import accumulate
 from ..joints import LinkJoint
+from ..propagation import accumulate
 from ..spatial import SIX, about, add, inner, is_zero, product, transpose, turned
 from ..stores import (
     BASE,

@@ -12,7 +12,7 @@ from ...program.scalar import Matrix, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import from_far, hand_force, others
-from ..handing_on import accumulate, clear
+from ..propagation import accumulate, clear
 from ..rotors import transmitted_along
 from ..spatial import about, add, transpose, turned
 from ..stores import BASE, LOOP_REACTION, ME, REACTION, REGION, UDOT

@@ -11,8 +11,8 @@ from ...program.scalar import Vector
 from .. import fields
 from ..couplings import from_far, hand_force, others, to_base
 from ..elimination import OF_SOURCES, eliminate_force
-from ..handing_on import accumulate
 from ..joints import Column
+from ..propagation import accumulate
 from ..spatial import SIX
 from ..stores import BASE, LBASE, LREGION, REGION
 from ..structure.kinds import RegionKind

@@ -8,8 +8,8 @@ from ...program.scalar import Matrix, Vector
 from .. import fields
 from ..couplings import add_inertia, from_far, hand_force, hand_inertia, hand_on, others, to_base
 from ..elimination import OF_SOURCES, SymmetricSystem
-from ..handing_on import accumulate_force, clear
 from ..joints import Column
+from ..propagation import accumulate_force, clear
 from ..spatial import SIX
 from ..stores import BASE, REGION
 from ..structure.elimination_order import CARRIER

@@ -18,7 +18,7 @@ from ...program.scalar import Matrix, Vector
 from ...program.store import Store
 from ...records import dataclass
 from .. import fields
-from ..handing_on import accumulate, add_to_sum
+from ..propagation import accumulate, add_to_sum
 from ..spatial import SIX, UNIT, ZERO, add, cross, is_zero, minus, rotate, transpose
 from ..stores import BASE, GROUND, LANE_BASE, LANE_ROOTS, LBASE, LGROUND, LREGION, LROOTS, REGION, ROOTS
 from ..structure.kinds import EarKind

@@ -11,8 +11,8 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..couplings import to_base
-from ..handing_on import add_to_sum
 from ..joints.inertia import shift_inertia
+from ..propagation import add_to_sum
 from ..rotors import driven_rotor, rotor
 from ..spatial import SIX, about, add, dot, inner, is_zero, matmul, matvec, six, skew, symmetric, transpose, turned
 from ..stores import CONSTANTS, EAR, HELD, ME, OWN, REGION, TAU

@@ -11,7 +11,7 @@ from ...program.algebra import Expr, Symbol
 from ...program.block import Expansion, Scope
 from ...program.derivatives import Tangents
 from ...program.scalar import Value
-from .. import fields, handing_on
+from .. import fields, propagation
 from ..formulas import has_values
 from ..spatial import is_zero
 from ..stores import (
@@ -44,12 +44,12 @@ def velocities(x: Scope, kind: LinkKind) -> None:
 
 def clear(x: Scope, kind: LinkKind) -> None:
     """No force acts yet."""
-    handing_on.clear(x, ME, fields.external)
+    propagation.clear(x, ME, fields.external)
 
 
 def clear_tangents(x: Scope, kind: LinkKind) -> None:
     """Nor do any tangents."""
-    handing_on.clear(x, MY_LANE, fields.external)
+    propagation.clear(x, MY_LANE, fields.external)
 
 
 def loads(x: Scope, kind: ElementKind) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...program.block import Scope
 from .. import fields
-from ..handing_on import accumulate
+from ..propagation import accumulate
 from ..rotors import rotor
 from ..spatial import add, cross, dot, matvec, scale
 from ..stores import CONSTANTS, DKINETIC, KINETIC, LME, LUP, ME, MY_LANE, UP

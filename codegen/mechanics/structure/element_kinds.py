@@ -24,7 +24,6 @@ from ...records import dataclass
 from ..spatial import matmul, matvec, transpose
 from ..stores import ELEMENT_CONSTANTS
 from .constants import split
-from .folded import Folded, pattern
 from .links import (
     BODY_FRAME,
     Carrier,
@@ -42,6 +41,7 @@ from .links import (
     place,
 )
 from .model_constants import ModelConstants
+from .shared_constants import SharedConstants, pattern
 
 
 @dataclass(slots=True, eq=False)
@@ -131,7 +131,7 @@ class PlacedElement:
 
 
 @dataclass(slots=True, eq=False)
-class ElementKind(Folded):
+class ElementKind(SharedConstants):
     """What the blocks of a kind of force elements are written from.
 
     Attributes

@@ -13,12 +13,12 @@ from ...program import algebra
 from ...program.digits import long_number, number
 from ...program.shape import Constants
 from .faces import LoopFaces
-from .folded import pattern
 from .graph import Region
 from .kinds import ClosureKind, EarKind, LinkKind, RegionKind, UnitKind
 from .links import Link
 from .neighbours import Neighbours
 from .regions import Regions
+from .shared_constants import pattern
 
 
 def find_link_kinds(

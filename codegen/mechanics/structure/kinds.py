@@ -1,7 +1,7 @@
-"""Kinds: units of equal structure, which share every block and every generated function. What blocks are written from.
+"""Kinds: units of equal structure, which share every block and every generated function. Blocks are written from kinds.
 
-Numbers that are equal across a kind are folded into its code, the others are data of the unit (`folded`). Which units are of one
-kind is found in `grouping`.
+Numbers that are equal for all units of a kind are literals in its code; the others are data of each unit (`shared_constants`).
+`grouping` finds the units of each kind.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from ..stores import CONSTANTS, LINK
 from .element_kinds import ElementKind
 from .elimination_order import NOBODY, Partners
 from .factor_form import NO_FORM, FactorForm
-from .folded import Folded
+from .shared_constants import SharedConstants
 from .surface_forms import SurfaceForm
 
 
 @dataclass(slots=True, eq=False)
-class LinkKind(Folded):
+class LinkKind(SharedConstants):
     """What the blocks of a kind of links are written from.
 
     Attributes
@@ -88,7 +88,7 @@ class LinkKind(Folded):
 
 
 @dataclass(slots=True, eq=False)
-class ClosureKind(Folded):
+class ClosureKind(SharedConstants):
     """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes.
 
     `holds`: how many directions the joint holds; `slides`: the way between the faces matters; `surfaces`: the equations of a
@@ -176,7 +176,7 @@ class EarKind:
 
     role = "ear"
 
-    def _owner(self, store: Store) -> Folded | None:
+    def _owner(self, store: Store) -> SharedConstants | None:
         if store.memory is not CONSTANT or store.place is None:
             return None
         return self.links[store.place] if store.owner is LINK else self.closures[store.place]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...program.block import Scope
 from ...program.scalar import Matrix, Vector
 from .. import fields
-from ..handing_on import accumulate
+from ..propagation import accumulate
 from ..spatial import add, cross, matvec, minus
 from ..stores import ME, UP
 from ..structure.kinds import LinkKind

@@ -11,8 +11,8 @@ from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..handing_on import accumulate_force
 from ..joints import LinkJoint
+from ..propagation import accumulate_force
 from ..rotors import rotor, rotor_force_change
 from ..spatial import add, is_zero
 from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP

@@ -14,9 +14,9 @@ from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..couplings import hand_force, hand_inertia, hand_on, others
 from ..elimination import OF_FREEDOMS, SymmetricSystem
-from ..handing_on import accumulate, accumulate_force
 from ..joints import Column, LinkJoint
 from ..joints.inertia import shift_inertia
+from ..propagation import accumulate, accumulate_force
 from ..rotors import driven_rotor, rotor
 from ..spatial import SIX, add, cross, dot, is_zero, transpose
 from ..stores import CONSTANTS, HELD, ME, OWN, TAU, UP

@@ -16,8 +16,8 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..elimination import OF_FREEDOMS
-from ..handing_on import accumulate, accumulate_force
 from ..joints import LinkJoint
+from ..propagation import accumulate, accumulate_force
 from ..rotors import rotor, transmitted_along
 from ..spatial import SIX, cross, inner, is_zero, matvec, skew, transpose
 from ..stores import ME, UP

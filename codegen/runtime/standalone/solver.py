@@ -34,7 +34,7 @@ from .statics.statics import Statics
 from .trajectory.trajectory import Trajectory
 from .trust.diagnose import Diagnosing
 from .trust.diagnosis import Diagnosis
-from .trust.precision import PartitionTexts, extended
+from .trust.precision import PartitionModules, extended
 
 
 class Solver(Package):
@@ -889,8 +889,8 @@ class Solver(Package):
         ValueError
             `digits` are too few or too many, or the package was generated from another model.
         """
-        return extended(self, digits, None if model is None else self._long_texts(model, digits))
+        return extended(self, digits, None if model is None else self._extended_modules(model, digits))
 
-    def _long_texts(self, model: Any, digits: int) -> PartitionTexts:
+    def _extended_modules(self, model: Any, digits: int) -> PartitionModules:
         """The NumPy module of each partition with the numbers of a model in more digits, which its generator writes."""
         raise ValueError("model: a package by itself generates nothing; open it with ordernm.load to give its model")

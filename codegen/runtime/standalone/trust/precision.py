@@ -42,7 +42,7 @@ REFUSED = ("simulate", "judge", "equilibrium", "linearize", "diagnose")
 """Members that compute in double precision only."""
 
 
-PartitionTexts = Callable[[int], str]
+PartitionModules = Callable[[int], str]
 """Gives the NumPy module of a partition, with its numbers in more digits."""
 
 
@@ -262,7 +262,7 @@ class Extended(Package):
         Of these digits: its functions, such as ``exact.mp.sin``, keep them.
     """
 
-    def __init__(self, solver: Any, digits: int, texts: PartitionTexts | None):
+    def __init__(self, solver: Any, digits: int, texts: PartitionModules | None):
         self.__dict__.update((n, x) for n, x in solver.__dict__.items() if not _is_room(type(solver), n))
         self._solver, self._texts = solver, texts
         self._made, self._making = {}, threading.Lock()
@@ -301,7 +301,7 @@ def _refuse(exact: Extended) -> Any:
     raise AttributeError(f"{', '.join(REFUSED)} compute in double precision; they are not to be had in more digits")
 
 
-def extended(solver: Any, digits: int, texts: PartitionTexts | None = None) -> Any:
+def extended(solver: Any, digits: int, texts: PartitionModules | None = None) -> Any:
     """A solver in more digits; `texts` gives the NumPy module of each partition where it is not the package's own."""
     solver = getattr(solver, "_solver", solver)
     if isinstance(digits, bool) or not isinstance(digits, (int, np.integer)) or not FEWEST <= digits <= MOST:

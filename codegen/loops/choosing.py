@@ -1,4 +1,4 @@
-"""Choices of dependents weighed, component by component: compared, made better, or said to be poor."""
+"""Choose the dependent speeds, component by component: compare choices, improve them, or warn that they are poor."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from ..model.vectors import Array
 from ..records import dataclass
 from .comparison import ACCEPTED, WORTH_IT, Comparison
+from .conditioning import Conditioning, is_compared
 from .errors import loops_named
 from .geometry import Geometry
-from .judging import Judge, is_compared
+from .nearby_states import NearbyStates, rigid_parts
 from .ordering import Draft
-from .wandering import Surroundings, rigid_parts
 
 POOR_GROWTH = 1e5
-"""How much faster than independent speeds dependent ones of many loops may be before the user is told."""
+"""How much faster than independent speeds dependent ones of many loops may be before a warning is issued."""
 
 POOR_HINTS = 100.0
-"""How many times worse than pivoting a choice that the model asks for may be before the user is told."""
+"""How many times worse than pivoting a choice that the model asks for may be before a warning is issued."""
 
 ELSEWHERE = 2
-"""How many configurations far from the initial one are handed on."""
+"""Number of configurations far from the initial one that are returned."""
 
 SEED = 19900117
-"""Of the random numbers, for every component the same."""
+"""Seed of the random numbers, the same for every component."""
 
 
 @dataclass(frozen=True, slots=True)
-class Weighed:
-    """Ears, and how good they are.
+class Choice:
+    """A choice of ears and dependents, with its conditioning.
 
     Attributes
     ----------
@@ -44,8 +44,8 @@ class Weighed:
         Loops of components that are not compared.
     warnings : tuple of str
     elsewhere : (S, nq + 1) array
-        Configurations far from the initial one, with the loops that are compared closed as well as they can be: where
-        these stand at a special pose, others tell more.
+        Configurations far from the initial one. The compared loops are closed as well as possible; where the initial
+        configuration is a special pose, these are more informative.
     """
 
     drafts: list[Draft]
@@ -57,15 +57,15 @@ class Weighed:
     elsewhere: Array
 
 
-def weighed(
+def choose(
     geometry: Geometry,
     drafts: list[Draft],
     growth: Array,
     q: Array,
     held: set[int],
     components: Sequence[Sequence[int]],
-) -> Weighed:
-    """Judge the choice for every set of loops that share joints, and replace it where another one is clearly better.
+) -> Choice:
+    """Conditioning the choice for every set of loops that share joints, and replace it where another one is clearly better.
 
     Parameters
     ----------
@@ -92,13 +92,13 @@ def weighed(
         groups = rigid_parts(geometry, q, [components[n] for n in small])
         for n in small:
             order = [i for d in ears[n] for i in d.loops]
-            near = Surroundings(groups, components[n], q, np.random.default_rng(SEED))
+            near = NearbyStates(groups, components[n], q, np.random.default_rng(SEED))
             elsewhere = near.put(elsewhere)
-            judge = Judge(near, order, held, sum(len(d.dependent) for d in ears[n]), SEED)
+            judge = Conditioning(near, order, held, sum(len(d.dependent) for d in ears[n]), SEED)
             ears[n], found = judge.better(ears[n])
             unasked = None
             if held.intersection(judge.speeds):
-                unasked = Judge(near, order, set(), judge.rank, SEED)
+                unasked = Conditioning(near, order, set(), judge.rank, SEED)
                 found = unasked.compare(ears[n])
             compared.append(found)
             if found.loss > (ACCEPTED if unasked is None else POOR_HINTS):
@@ -116,7 +116,7 @@ def weighed(
             f"other coordinates under `independent` may do better"
         )
     uncompared = sum(len(components[n]) for n in rest if any(d.dependent for d in ears[n]))
-    return Weighed(drafts, growth, worst, tuple(compared), uncompared, tuple(warnings), elsewhere if small else q[:0])
+    return Choice(drafts, growth, worst, tuple(compared), uncompared, tuple(warnings), elsewhere if small else q[:0])
 
 
 def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict[int, int]) -> list[Draft]:
@@ -126,7 +126,7 @@ def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict
     return result + [d for more in left for d in more]
 
 
-def _poor(geometry: Geometry, found: Comparison, unasked: Judge | None) -> str:
+def _poor(geometry: Geometry, found: Comparison, unasked: Conditioning | None) -> str:
     """What to say of a poor choice; `unasked` judges without the model's hints, if it has any for these loops."""
     model = geometry.model
     text = (

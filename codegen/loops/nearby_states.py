@@ -42,7 +42,7 @@ NEARLY_CLOSED = 1e-5
 """Of the characteristic length, or rad: good enough to see how the joints stand to each other."""
 
 
-class Surroundings:
+class NearbyStates:
     """Closure matrices of some loops at the initial configuration and at others that it is connected with.
 
     Coordinates that no joint of these loops has stay as they are. All configurations are computed at once.

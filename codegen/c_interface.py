@@ -1,4 +1,4 @@
-"""What a package holds for a C programmer beside functions: names as indices, defaults, the initial state, a first program."""
+"""The part of a package for C programmers beside functions: indices by name, defaults, initial state, a first program."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from .model.model import Model
 from .runtime.standalone.calls.functions import STATE, shapes_of
 
 CLOSING = ("closure", "completion")
-"""Functions that make states consistent: a first program shows another one."""
+"""Functions that make states consistent; the first program does not show these."""
 
 NAMES = 1000
-"""Of a model with more names of a sort none becomes an index: nobody writes them by hand."""
+"""If a model has more names of one sort, none of them becomes an index, since nobody writes them by hand."""
 NUMBERS = 10_000
-"""A longer initial state is left to whoever knows it."""
+"""A longer initial state is not written."""
 LINE = 100
 
 
 def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """What the templates of a package's ``NAME_model.h`` and ``README.md`` are rendered with: ready lines."""
+    """Ready lines for the templates of a package's ``NAME_model.h`` and ``README.md``."""
     return {
         "rows": _rows(model),
         "indices": _indices(model),

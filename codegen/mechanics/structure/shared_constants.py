@@ -1,4 +1,4 @@
-"""Constants that several owners have of one form: which numbers they share, and which are data."""
+"""Constants of several owners with one form: the numbers that all share, and those that are data of each owner."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from ...records import dataclass
 
 
 @dataclass(slots=True, eq=False)
-class Folded:
-    """Constants of one shape that several owners have, with the numbers that all of them share.
+class SharedConstants:
+    """Constants of one shape with several owners, and the numbers that all of them share.
 
     Attributes
     ----------

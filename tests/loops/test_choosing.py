@@ -27,9 +27,9 @@ from codegen.loops import AssemblyError, complete_speeds, describe, partition
 from codegen.loops.components import components
 from codegen.loops.dependents import conditions, pivoted_columns
 from codegen.loops.geometry import Geometry, padded
+from codegen.loops.nearby_states import NearbyStates, rigid_parts
 from codegen.loops.ordering import Sweep, arrange, loop_order
 from codegen.loops.partition import SEED
-from codegen.loops.wandering import Surroundings, rigid_parts
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def chosen(four_loops):
 def surroundings(made, q, seed=0):
     g = Geometry(made)
     (loops,) = components(g)
-    return Surroundings(rigid_parts(g, padded(q), [loops]), loops, padded(q), np.random.default_rng(seed))
+    return NearbyStates(rigid_parts(g, padded(q), [loops]), loops, padded(q), np.random.default_rng(seed))
 
 
 def test_pivoted_columns_are_those_of_lapack():

@@ -1,4 +1,4 @@
-"""What several hand to one: the first to come, in the order of a sweep, writes a field, the others add to it."""
+"""Contributions of several links to one field: the first in the order of the sweep assigns it, the others add to it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ V = TypeVar("V")
 def accumulate(
     x: Scope, store: Store, field: Field[V], value: V, first: bool, tag: str, lanes: bool = False, name: str = "acc"
 ) -> None:
-    """Add to a field of somebody else, component by component; who is `first` writes it."""
+    """Add `value` to a field of another object, component by component; the `first` contribution assigns it."""
     for part, v in zip(field.scalars(), (v for _, v in field.parts(value)), strict=True):
         if first:
             x.store(store, part, v)
@@ -27,19 +27,19 @@ def accumulate(
 def accumulate_force(
     x: Scope, store: Store, field: Field[Vector], value: Vector, first: bool, tag: str, lanes: bool = False
 ) -> None:
-    """The same of a moment and a force, their components taken by turns."""
+    """The same for a moment and a force, with their components in turn."""
     parts = field.scalars()
     for i in (0, 3, 1, 4, 2, 5):
         accumulate(x, store, parts[i], value[i], first, tag, lanes)
 
 
 def add_to_sum(x: Scope, store: Store, field: Field[V], value: V, name: str, tag: str, lanes: bool = False) -> None:
-    """Add to what several sum up, component by component."""
+    """Add `value` to a sum over links, component by component."""
     for part, (_, v) in zip(field.scalars(), field.parts(value), strict=True):
         x.store(store.sum, part, x.let(name, v, tag, lanes=lanes))
 
 
 def clear(x: Scope, store: Store, field: AnyField) -> None:
-    """Nothing is summed up yet."""
+    """Set a field to zero before contributions are added."""
     for part in field.scalars():
         x.store(store, part, 0)

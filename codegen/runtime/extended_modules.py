@@ -1,4 +1,4 @@
-"""The NumPy module of a package with long numbers: generated again from its model, for `Solver.in_precision`."""
+"""NumPy modules of a package with constants in more digits, generated again from its model for `Solver.in_precision`."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from ..model import Model
 
 
-class LongTexts:
-    """Gives the NumPy module of each partition, with what was computed from the model in more digits.
+class ExtendedModules:
+    """Returns the NumPy module of each partition, with constants computed from the model in more digits.
 
     Parameters
     ----------
     model : Model or path
-        What the package was generated from.
+        The model from which the package was generated.
     manifest : dict
-        The package's.
+        That of the package.
     digits : int
 
     Raises
@@ -86,4 +86,4 @@ def _expected(manifest: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": manifest["name"], **{n: [*manifest[n]] for n in names}, "loops": [*manifest.get("loops", ())]}
 
 
-__all__ = ["LongTexts"]
+__all__ = ["ExtendedModules"]

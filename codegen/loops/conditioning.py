@@ -1,11 +1,11 @@
-"""The choice of dependents of loops that share joints, weighed as a whole: by its condition, and by how far it can move.
+"""Conditioning of the choice of dependents of loops that share joints: its condition and its reach, as a whole.
 
-Ears are chosen one after the other, each at its best. Together they can be poor all the same: what one ear leaves
-independent another may hardly be able to follow, and what is good at the initial configuration may be poor at the next.
-So the columns of all dependents are judged together, at configurations spread over the range of the mechanism, by how much
-their condition is worse than that of the columns which a pivoted Gram-Schmidt takes at each of them; and by how often
-random independents can be closed. A choice that loses more than a digit, or that seldom closes where another one does, is
-replaced, preferably by one whose ears still close one after the other.
+Ears are chosen one after the other, each at its best. The whole can still be poor: an ear may have to follow, with large
+speeds, what another ear left independent, and a choice that is good at the initial configuration may be poor at another.
+So the columns of all dependents are examined together, at configurations spread over the range of the mechanism. Their
+condition is divided by that of the columns which a pivoted Gram-Schmidt process takes at each configuration, and random
+displacements of the independents are closed. A choice that loses more than a digit, or that closes far fewer displacements
+than another, is replaced, preferably by one whose ears still close one after the other.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from .comparison import ACCEPTED, Comparison
 from .dependents import RANK_TOLERANCE, columns_at_all, conditions, pivoted_columns
 from .errors import PartitionError
 from .geometry import Geometry
+from .nearby_states import NearbyStates
 from .ordering import Draft, Sweep, arrange
 from .velocities import is_lone_coupling
-from .wandering import Surroundings
 
 FEW = 30
 """All choices for a single loop are tried if there are no more."""
@@ -57,12 +57,12 @@ ROUNDS = 2
 """How often that is repeated."""
 
 
-class Judge:
-    """Judges choices for one component.
+class Conditioning:
+    """Compares choices of dependents for one component.
 
     Parameters
     ----------
-    near : Surroundings
+    near : NearbyStates
     loops : sequence of int
         In the order of first trial.
     held : set of int
@@ -72,7 +72,7 @@ class Judge:
     seed : int
     """
 
-    def __init__(self, near: Surroundings, loops: Sequence[int], held: set[int], rank: int, seed: int) -> None:
+    def __init__(self, near: NearbyStates, loops: Sequence[int], held: set[int], rank: int, seed: int) -> None:
         self.near, self.geometry, self.loops, self.held, self.rank, self.seed = (
             near, near.geometry, list(loops), held, rank, seed,
         )  # fmt: skip
@@ -90,12 +90,12 @@ class Judge:
         self.serving = np.concatenate([[0], good[:: max(1, -(-len(good) // SERVING))]])
 
     def compare(self, drafts: Sequence[Draft]) -> Comparison:
-        """How good a choice is."""
+        """Conditioning and reach of a choice."""
         chosen = tuple(sorted(self.column[s] for d in drafts for s in d.dependent))
         return self._judged(chosen, sum(len(d.dependent) for d in drafts if len(d.loops) > 1))
 
     def _judged(self, chosen: tuple[int, ...], clustered: int) -> Comparison:
-        """How good a choice of columns is."""
+        """Conditioning and reach of a choice of columns."""
         known = self._known.get((chosen, clustered))
         if known is not None:
             return known
