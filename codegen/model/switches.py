@@ -25,9 +25,13 @@ from .trees import nodes, parts
 MODE: Final = "mode."
 """Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
 
-KINDS: Final = ("sign", "turn", "point")
-"""What modes are: the sign of the switching function, or the angle near which the function, an angle, is measured; a singular
-function has none, and is zero where an expression may have no value."""
+KINDS: Final = ("sign", "power", "turn", "point")
+"""What the mode of a switch is.
+
+``sign``: the sign of the switching function. ``power``: the same, of the base of a power such as ``max(0, x)**1.5``, whose higher
+derivatives are unbounded at zero. ``turn``: the angle near which the function, itself an angle, is measured. ``point``: nothing,
+of a singular function, which is zero where an expression may have no value.
+"""
 
 BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
 """Functions that have branches."""
@@ -258,7 +262,10 @@ class Switches:
     def _locate(self, tree: Tree, inner: Tree) -> None:
         """Find switches in the argument of a function that is defined for some numbers only."""
         if tree not in self._located:
-            self._located[tree] = [self._switch(call, call[2:]).number for call in branching(inner, self._varies)]
+            found = [self._switch(call, call[2:]) for call in branching(inner, self._varies)]
+            for switch in found:
+                switch.kind = "power"
+            self._located[tree] = [switch.number for switch in found]
 
     def _numbers(self, tree: Tree) -> frozenset[int]:
         """The switches in a held tree."""

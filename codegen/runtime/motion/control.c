@@ -139,7 +139,13 @@ static int attempt(ordernm_motion *m, trial *step)
     if (!m->nwatched) return 0;
     const scalar whole = step->h;
     status = ordernm_look_for_events(m, step);
-    if (step->event < 0 || status) return status;
+    if (status) return status;
+    if (m->derived && m->adaptive) {
+        const scalar larger = ordernm_error_beside_powers(m, step, step->event < 0 ? step->error : m->error_to_event);
+        if (larger > 1.0 || (step->event < 0 && larger > step->error)) step->error = larger;
+        if (larger > 1.0) return 0;
+    }
+    if (step->event < 0) return 0;
     step->to_wall = 0;
     step->end = m->t + step->h;
     if (fabs(step->wall - step->end) <= 1e-15*fabs(step->wall)) step->end = step->wall;

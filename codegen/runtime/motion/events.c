@@ -81,7 +81,7 @@ static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3]
 static int touches(const ordernm_motion *m, int e, const scalar *y, int i, int n)
 {
     const int k = e - m->problem->nevents;
-    if (k < 0 || m->system->switch_kind[m->held[k]] != ORDERNM_SIGN || !(m->ngroups || m->results->steps)) return 0;
+    if (k < 0 || m->system->switch_kind[m->held[k]] > ORDERNM_POWER || !(m->ngroups || m->results->steps)) return 0;
     scalar range = 0.0;
     for (int j = 0; j < n; ++j) range = fmax(range, fabs(y[j]));
     return y[i] >= 0.0 && y[i] <= TOUCHING*range && y[i - 1] > y[i] && y[i + 1] > y[i];
@@ -196,9 +196,9 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
 /* A step to where an event may be; an implicit one may not be found, or not along directions. */
 static int step_of_size(ordernm_motion *m, scalar h)
 {
-    scalar error;
-    const int status = m->method->step(m, h, &error);
-    return !status && m->method->gives_rate && !(error <= 1.0) ? -1 : status;
+    scalar *const error = &m->error_to_event;
+    const int status = m->method->step(m, h, error);
+    return !status && m->method->gives_rate && !(*error <= 1.0) ? -1 : status;
 }
 
 static int rates_at_end(ordernm_motion *m, scalar h)

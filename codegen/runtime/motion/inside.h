@@ -6,7 +6,7 @@
  *     room, explicit_backwards, radau_backwards, switches_backwards     memory and the beginning; one step, and switches, backwards
  *     steps, step_sizes, events, results, lost, transposes  between steps; how long; events in them; what is kept; directions without
  *                                                           derivatives; a state backwards
- *     explicit, radau, passing, points                     one step; over a switch; where rates may have no value
+ *     explicit, radau, passing, points, powers             one step; over a switch; where rates may have no value, or few derivatives
  *     radau_sensitivities, switches, poses, dead_points    its derivatives; modes; where loops lose rank
  *     radau_equations, report, errors                      its equations; a row of results; errors of steps
  *     state, linear, extremes                              one state with its loops closed; factors; where outputs turn
@@ -173,6 +173,7 @@ struct ordernm_motion {
     scalar *samples;          /* outputs between the ends of the step, as above */
     scalar around_event[2];   /* times in the step between which the event is that ends it */
     scalar beside_event[2];   /* one of them, and the output there */
+    scalar error_to_event;    /* of the step that has been made again to it */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
     scalar error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
@@ -350,6 +351,9 @@ int ordernm_next_point(ordernm_motion *m, const trial *step, point *found);
 int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at);
 int ordernm_rates_are_rough(const ordernm_motion *m, scalar h, const point *at);
 int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, int lane);
+
+/* powers.c */
+scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error);
 
 /* lost.c */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z);

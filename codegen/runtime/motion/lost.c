@@ -69,7 +69,7 @@ static int resting(ordernm_motion *m, scalar end)
     int count = 0;
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
-        if (m->modes[k] == 0.0 && m->let_go[k] == 0.0 && m->system->switch_kind[k] == ORDERNM_SIGN) m->resting[count++] = k;
+        if (m->modes[k] == 0.0 && m->let_go[k] == 0.0 && m->system->switch_kind[k] <= ORDERNM_POWER) m->resting[count++] = k;
     }
     for (int at = 0; at < 2 && count; ++at) {
         const int found = count;

@@ -54,9 +54,10 @@ typedef struct {
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
 } ordernm_precise;
 
-/* What the mode of a switch is: the sign of its function, or the angle near which its function, an angle that jumps at half a turn, is
- * measured. A singular function has none: it is zero where rates may have no value. */
-enum { ORDERNM_SIGN, ORDERNM_TURN, ORDERNM_POINT };
+/* What the mode of a switch is: the sign of its function, of ORDERNM_POWER with rates beside its zero whose higher derivatives grow
+ * without bounds, as those of max(0, x)^1.5; or the angle near which its function, an angle that jumps at half a turn, is measured. A
+ * singular function has none: it is zero where rates may have no value. */
+enum { ORDERNM_SIGN, ORDERNM_POWER, ORDERNM_TURN, ORDERNM_POINT };
 
 typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;

@@ -8,8 +8,9 @@
 #include <math.h>
 #include <string.h>
 
-/* Rates that differ by less, relative to their size, do not jump. */
-static const scalar SAME = 1e-13;
+/* Rates that differ by less, relative to their size, do not jump, nor do rates whose difference would move the state over the whole motion
+ * by less than this part of the error allowed: where a force begins, as q < 0 ? abs(q)^1.3 : 0 does, rounding decides how large it is. */
+static const scalar SAME = 1e-13, NEGLIGIBLE = 1e-6;
 
 /* As near to zero at the beginning, in the time of the motion, a switching function is taken as zero. */
 static const scalar AT_ZERO = 1e-13;
@@ -121,8 +122,11 @@ int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *c
 
 int ordernm_rates_jump(const ordernm_motion *m, const scalar *before, const scalar *after)
 {
-    for (int i = 0; i < m->ny + m->nx; ++i)
-        if (fabs(before[i] - after[i]) > SAME*(fabs(before[i]) + fabs(after[i]))) return 1;
+    const ordernm_problem *const p = m->problem;
+    for (int i = 0; i < m->ny + m->nx; ++i) {
+        const scalar by = fabs(before[i] - after[i]);
+        if (by > SAME*(fabs(before[i]) + fabs(after[i])) && by*(p->end - p->start) > NEGLIGIBLE*p->atol[i]) return 1;
+    }
     return 0;
 }
 
@@ -150,7 +154,7 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
         const scalar g = m->crossed[k];
-        if (m->system->switch_kind[k] != ORDERNM_SIGN) {
+        if (m->system->switch_kind[k] > ORDERNM_POWER) {
             m->switches[k] = g;
             m->modes[k] = mode_of(m, k);
             continue;
@@ -221,7 +225,7 @@ int ordernm_hold_again(ordernm_motion *m)
         const int free = m->modes[k] == 0.0;
         if (free || kind[k] == ORDERNM_TURN) m->modes[k] = mode_of(m, k); /* angles are those near where the step begins */
         m->switched |= free && m->modes[k] != 0.0;
-        if (kind[k] == ORDERNM_SIGN && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;
+        if (kind[k] <= ORDERNM_POWER && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;
         m->let_go[k] = 0.0;
     }
     return 0;
