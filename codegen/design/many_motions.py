@@ -110,15 +110,7 @@ def simulate_many(
     ------
     ValueError
     """
-    for word in ("on_failure", "dq0", "du0"):
-        if word in options:
-            raise ValueError(
-                f"simulate_many takes no {word}: " + ("failures are recorded" if word[0] == "o" else "simulate does")
-            )
-    if threads is not None and (not isinstance(threads, (int, np.integer)) or threads < 1):
-        raise ValueError(f"threads is {threads!r}, expected a number of threads")
-    if progress is not None and not callable(progress):
-        raise ValueError(f"progress is {progress!r}, expected a function of two numbers")
+    _check(options, threads, progress)
     several = _rows(solver, q, u, p, inputs)
     n = len(several)
     found: list[Trajectory | None] = [None] * n
@@ -139,6 +131,19 @@ def simulate_many(
 
     _in_threads(run, n, threads or processors(), progress or (lambda done, of: None), stop)
     return Motions(found, dict(sorted(failures.items())))
+
+
+def _check(options: Mapping[str, Any], threads: Any, progress: Any) -> None:
+    """Reject options that a batch of motions cannot have, and invalid `threads` and `progress`."""
+    for word in ("on_failure", "dq0", "du0"):
+        if word in options:
+            raise ValueError(
+                f"simulate_many takes no {word}: " + ("failures are recorded" if word[0] == "o" else "simulate does")
+            )
+    if threads is not None and (not isinstance(threads, (int, np.integer)) or threads < 1):
+        raise ValueError(f"threads is {threads!r}, expected a number of threads")
+    if progress is not None and not callable(progress):
+        raise ValueError(f"progress is {progress!r}, expected a function of two numbers")
 
 
 def _in_threads(
