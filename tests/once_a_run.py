@@ -25,6 +25,7 @@ from codegen.loops.ears import Partition
 from codegen.model import Model
 from codegen.pipeline import Source
 from codegen.program.progress import silent
+from codegen.runtime.standalone.calls.caller import CallerBuild
 from codegen.runtime.standalone.files.build import Build
 
 SMALL = 20_000
@@ -33,11 +34,12 @@ SMALL = 20_000
 
 @contextmanager
 def compiled_once(kept: Path) -> Iterator[None]:
-    """Libraries are copied from a folder where sources, flags and compiler are alike."""
+    """Libraries, and the compiled part of calls, are copied from a folder where sources, flags and compiler are alike."""
     compile_anew = Build._compile
 
     def compile_or_copy(build: Build, output: Path, log_file: Path) -> None:
-        if type(build) is not Build or sum(s.stat().st_size for s in build.sources) < SMALL:
+        small = sum(s.stat().st_size for s in build.sources) < SMALL
+        if type(build) is not CallerBuild and (type(build) is not Build or small):
             return compile_anew(build, output, log_file)
         library = kept / f"{build.key()}.so"
         if library.exists():

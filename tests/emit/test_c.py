@@ -58,11 +58,12 @@ def check_random_trees(seeds: range, folder: Path, largest: int, layout: str = "
 
 
 def test_generated_is_generic_is_dense_on_random_trees(tmp_path: Path) -> None:
-    check_random_trees(range(1001, 1003), tmp_path, largest=5)
+    check_random_trees(range(1002, 1003), tmp_path, largest=5)
 
 
 @pytest.mark.campaign
 def test_generated_is_generic_is_dense_on_many_random_trees(tmp_path: Path) -> None:
+    check_random_trees(range(1001, 1002), tmp_path, largest=5)
     check_random_trees(range(2000, 2040), tmp_path, largest=10)
 
 
@@ -147,10 +148,16 @@ def compilers() -> list[Any]:
 @pytest.mark.parametrize("compiler", compilers())
 @pytest.mark.parametrize(
     "flags",
-    ["-O1 -march=native", "-O0 -DORDERNM_PLAIN_C -std=c99 -pedantic", "-fsyntax-only -mavx2", "-fsyntax-only"],
+    [
+        pytest.param("-O1 -march=native", marks=pytest.mark.campaign),
+        "-O0 -DORDERNM_PLAIN_C -std=c99 -pedantic",
+        "-fsyntax-only -march=native",
+        "-fsyntax-only -mavx2",
+        "-fsyntax-only",
+    ],
 )
 def test_no_warnings(tmp_path: Path, compiler: str, flags: str) -> None:
-    """What the optimiser sees has more builds among the sanitizers' tests."""
+    """Warnings of the optimiser: the sanitizers' tests build with -O2 and -O3."""
     if "avx2" in flags and os.uname().machine != "x86_64":
         pytest.skip("-mavx2 is a flag of x86-64")
     source = write(tmp_path)
@@ -254,7 +261,7 @@ def test_no_globals_no_allocation_libc_only(tmp_path: Path) -> None:
     }
 
 
-RARE = ("-O2", "-O1 -march=native -DORDERNM_PLAIN_C", "-O3 -march=native")
+RARE = ("-O2", "-O1 -march=native -DORDERNM_PLAIN_C", "-O3 -march=native", "-O1 -march=native -mno-avx512f")
 """Left to the campaign: the sanitizers' builds compute the same in plain C and in the vectors of every machine."""
 
 
@@ -262,7 +269,7 @@ RARE = ("-O2", "-O1 -march=native -DORDERNM_PLAIN_C", "-O3 -march=native")
     "flags",
     [
         "-O2 -march=native",
-        "-O1 -march=native -mno-avx512f",
+        "-O0 -march=native -mno-avx512f",
         *(pytest.param(f, marks=pytest.mark.campaign) for f in RARE),
     ],
 )
