@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from typing import Any
@@ -11,9 +12,10 @@ from .errors import Problem
 from .expressions import Expression
 from .model import Model
 from .positions import Document
+from .sympy_trees import is_sympy
 
-Scalar = str | int | float | Expression
-"""A number, or an expression as the format writes it."""
+Scalar = str | int | float | Expression | Any
+"""A number, an expression as the format writes it, or one of sympy's."""
 Vector3 = str | Sequence[Scalar]
 """Three of them, or an expression of vectors."""
 
@@ -59,6 +61,41 @@ class ModelBuilder:
         if loop_tolerance is not None:
             self._root["loop_tolerance"] = _plain(loop_tolerance)
         self._problems: list[Problem] = []
+        self._symbols: dict[Any, str] = {}
+
+    def symbols(self, names: Mapping[Any, str]) -> None:
+        """Give symbols of sympy, and functions of time, the names that they have in the model; may be called several times.
+
+        Without it a symbol is the parameter, constant or input of its name, ``t`` is the time, and a function of time, as
+        `dynamicsymbols` makes them, is the input of its name or the coordinate of the body of its name.
+
+        Parameters
+        ----------
+        names : mapping of sympy.Symbol or sympy.Function to str
+            ``{theta: "q.arm", omega: "u.arm"}``.
+
+        Raises
+        ------
+        TypeError
+            A key that is no object of sympy's, or a name that is no str.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> from sympy.physics.mechanics import dynamicsymbols
+        >>> theta, m = dynamicsymbols("theta"), sympy.Symbol("m")
+        >>> b = ModelBuilder("pendulum", gravity=[0, 0, -9.81])
+        >>> b.parameter("m", 2)
+        'm'
+        >>> arm = b.body("arm", joint="revolute", axis="y", mass=m, com=[0, 0, sympy.Rational(-1, 2)], inertia={"yy": m / 12})
+        >>> b.symbols({theta: f"q.{arm}"})
+        >>> b.joint_force("spring", arm, -3 * sympy.tanh(theta) - theta.diff() / 10)
+        >>> print(b.build().forces[0].value[0])
+        -(3*tanh(q.arm)) - u.arm/10
+        """
+        from .sympy_names import checked_names
+
+        self._symbols.update(checked_names(names))
 
     def constant(self, name: str, value: Scalar | Sequence[Scalar]) -> Name:
         """A number known at generation time."""
@@ -288,8 +325,13 @@ class ModelBuilder:
         ModelError
             With every problem; the place is ``builder`` and the path of the key.
         """
-        document = Document("builder", self._root)
-        document.problems.extend(self._problems)
+        root, problems = self._root, list(self._problems)
+        if "sympy" in sys.modules:
+            from .sympy_names import SympyNames, resolved
+
+            root = resolved(root, SympyNames(root, self._symbols), ("",), problems)
+        document = Document("builder", root)
+        document.problems.extend(problems)
         return assemble(document, self._folder)
 
     def _put(self, section: str, name: str, value: Any) -> None:
@@ -297,7 +339,9 @@ class ModelBuilder:
 
     def _put_into(self, mapping: dict[str, Any], section: str, name: Any, value: Any) -> None:
         problem = None
-        if not isinstance(name, str):
+        if is_sympy(name):
+            problem = f"{name} is given twice; each name may be given once" if name in mapping else None
+        elif not isinstance(name, str):
             problem = f"{name!r} is no name; a str is needed"
         elif name.startswith("repeat ") or "(" in name:
             problem = f"{name!r} is no name; in Python, repeat with a loop"
@@ -313,6 +357,8 @@ def _operation(operator: str, swapped: bool = False) -> Callable[[object, object
     """A method of `Name`: the text of an operation."""
 
     def of(one: object, other: object) -> Name:
+        if is_sympy(other):
+            return NotImplemented  # sympy takes the name as `_sympy_` gives it
         left, right = (other, one) if swapped else (one, other)
         return Name(f"({_operand(left)} {operator} {_operand(right)})")
 
@@ -333,6 +379,13 @@ class Name(str):
     def __neg__(self) -> Name:
         return Name(f"(-{_operand(self)})")
 
+    def _sympy_(self) -> Any:
+        """What sympy computes with."""
+        from .parsing import parse
+        from .sympy_output import to_sympy
+
+        return to_sympy(parse(self))
+
 
 def _operand(value: object) -> str:
     return str(value) if isinstance(value, Name) else f"({value})"
@@ -342,10 +395,10 @@ def _plain(value: Any) -> Any:
     """Mappings, lists and scalars, whatever kinds of sequence and array they came as."""
     if isinstance(value, str):
         return str(value)
-    if isinstance(value, (int, float, Expression)) or value is None:
+    if isinstance(value, (int, float, Expression)) or value is None or is_sympy(value):
         return value
     if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {k if is_sympy(k) else str(k): _plain(v) for k, v in value.items()}
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Sequence):

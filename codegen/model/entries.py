@@ -23,6 +23,22 @@ ONE: Final = Expression.number(1)
 RESERVED: Final = frozenset({"t", "q", "u", "pi", "ground", *FUNCTIONS})
 
 
+class Misread:
+    """Stands where a value of another program could not be read.
+
+    Attributes
+    ----------
+    message : str
+        What was found and what is allowed.
+    """
+
+    def __init__(self, message: str) -> None:
+        self.message = message
+
+    def __repr__(self) -> str:
+        return self.message
+
+
 def complaint(message: str, column: int | None = None) -> PydanticCustomError:
     """What is wrong with a value, in the words of the format, to be raised."""
     return PydanticCustomError("model", "{message}", {"message": message, "column": column or 0})
@@ -55,6 +71,8 @@ def _expression(value: Any) -> Expression:
             return Expression.number(int(value) if isinstance(value, numbers.Integral) else float(value))
         except (OverflowError, ValueError):
             raise complaint(f"{seen(value)}; a finite number or an expression is needed") from None
+    if isinstance(value, Misread):
+        raise complaint(value.message)
     raise complaint(f"{seen(value)}; a number or an expression is needed")
 
 
@@ -103,11 +121,11 @@ _NO_VECTOR: Final = (
 def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
     if type(value) is str:
         return _LETTERS[value] if value in _LETTERS else _by_name(value, NO_AXIS)
-    return handler(value)
+    return _by_name(value, NO_AXIS) if isinstance(value, (Expression, Misread)) else handler(value)
 
 
 def _vector(value: Any, handler: Callable[[Any], Any]) -> Any:
-    if isinstance(value, (str, Expression)):
+    if isinstance(value, (str, Expression, Misread)):
         found = _expression(value)
         if found.names:  # what has none is a number, which the handler knows
             return _by_name(found, _NO_VECTOR)

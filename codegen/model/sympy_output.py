@@ -1,0 +1,133 @@
+"""Expressions of a model as expressions of sympy."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..elementary import TABLE
+from .expressions import Expression
+from .grammar import AT_LEAST, CHOICE, VANISHING, WRAPPED, Tree
+from .parsing import parse
+from .tree_text import print_tree
+
+Symbols = Mapping[str, Any] | Callable[[str], Any]
+"""Symbols of sympy by names of the model: a mapping, or a function."""
+
+
+def to_sympy(expression: Expression | str | float, symbols: Symbols | None = None) -> Any:
+    """The expression of sympy that equals an expression of a model.
+
+    Whole numbers and their quotients are exact, and the double nearest to pi is pi. A product that the model takes for zero
+    where one factor vanishes, even if the other has no value there, is a plain product.
+
+    Parameters
+    ----------
+    expression : Expression, str or float
+        A text is parsed.
+    symbols : mapping or callable (str) -> sympy.Expr, optional
+        Of names such as ``L``, ``t``, ``q.arm``; one that is left out is a real symbol of the same name.
+
+    Returns
+    -------
+    sympy.Expr
+
+    Raises
+    ------
+    ExpressionError
+        A text that is no expression.
+
+    Examples
+    --------
+    >>> to_sympy("if(x > 1/3, sin(x)**2, abs(x))")
+    Piecewise((sin(x)**2, x > 1/3), (Abs(x), True))
+    """
+    import sympy
+
+    if isinstance(expression, str):
+        expression = parse(expression)
+    if not isinstance(expression, Expression):
+        return sympy.sympify(expression)
+    return _Output(symbols or {}).value(expression.tree)
+
+
+class _Output:
+    """Makes sympy's expressions of trees, each part once."""
+
+    def __init__(self, symbols: Symbols) -> None:
+        self.symbols = symbols
+        self.known: dict[Tree, Any] = {}
+
+    def value(self, tree: Tree) -> Any:
+        """The value of a tree."""
+        found = self.known.get(tree)
+        if found is None:
+            found = self.known[tree] = self.made(tree)
+        return found
+
+    def name(self, name: str) -> Any:
+        """The symbol of a name."""
+        import sympy
+
+        given = self.symbols(name) if callable(self.symbols) else self.symbols.get(name)
+        return sympy.Symbol(name, real=True) if given is None else given
+
+    def made(self, tree: Tree) -> Any:
+        """The value of a tree that is met for the first time."""
+        import sympy
+
+        kind = tree[0]
+        if kind == "number":
+            return sympy.pi if tree[1] == math.pi else sympy.sympify(tree[1])
+        if kind == "quantity":
+            return sympy.sympify(tree[1])
+        if kind == "name":
+            return self.name(tree[1])
+        if kind == "call":
+            return self.call(tree[1], tree[2:])
+        if kind == "indexed" and not tree[3]:
+            return sympy.Function(tree[1])(*map(self.value, tree[2]))
+        if kind not in _OPERATIONS:
+            raise ValueError(f"{print_tree(tree, 0)} is settled when a model is loaded; take expressions of the model")
+        return _OPERATIONS[kind](*map(self.value, tree[1:]))
+
+    def call(self, name: str, arguments: tuple[Tree, ...]) -> Any:
+        """The value of a function."""
+        import sympy
+
+        if name == CHOICE:
+            condition, x, y = arguments
+            return sympy.Piecewise((self.value(x), self.condition(condition)), (self.value(y), True), evaluate=False)
+        if name == AT_LEAST:
+            return sympy.Piecewise((1, self.condition(("call", name, *arguments))), (0, True), evaluate=False)
+        values = [self.value(a) for a in arguments]
+        if name == VANISHING:
+            return values[0] * values[1]
+        function = getattr(sympy, TABLE["mod" if name == WRAPPED else name].spelled("sympy"))
+        # comparing the arguments may take sympy minutes
+        return function(*values, evaluate=False) if name in ("max", "min", "mod", WRAPPED) else function(*values)
+
+    def condition(self, tree: Tree) -> Any:
+        """The condition that a tree of comparisons, 1 where it holds and else 0, stands for."""
+        import sympy
+
+        match tree:
+            case ("number", n):
+                return sympy.true if n else sympy.false
+            case ("call", "at_least", a, b):
+                return sympy.Ge(self.value(a), self.value(b), evaluate=False)
+            case ("-", ("number", 1), ("call", "at_least", a, b)):
+                return sympy.Lt(self.value(a), self.value(b), evaluate=False)
+            case ("*", a, b):
+                return sympy.And(self.condition(a), self.condition(b), evaluate=False)
+            case ("call", "max", a, b):
+                return sympy.Or(self.condition(a), self.condition(b), evaluate=False)
+        return sympy.Ne(self.value(tree), 0)
+
+
+_OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    "neg": operator.neg, "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
+    "**": operator.pow, "%": operator.mod,
+}  # fmt: skip
