@@ -2,9 +2,9 @@
 
 >>> import ordernm
 >>> model = ordernm.load_model("examples/double_pendulum.yaml")
->>> ordernm.generate(model, "generated/double_pendulum")
+>>> report = ordernm.generate(model, "generated/double_pendulum", compile=False)
 >>> solver = ordernm.load("generated/double_pendulum")
->>> udot, dudot = solver.sensitivities(*solver.initial, dp=[1.0, 0.0])
+>>> udot, dudot = solver.sensitivities(*solver.initial, dp={"length_1": 1.0})
 """
 
 from __future__ import annotations

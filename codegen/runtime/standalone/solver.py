@@ -38,32 +38,53 @@ from .trust.precision import PartitionModules, extended
 
 
 class Solver(Package):
-    """A generated solver. May be used by several threads at once.
+    """A generated solver, which evaluates one model and its exact derivatives.
+
+    Several threads may use one solver at once.
 
     Parameters
     ----------
     folder : path
         The generated package.
     target : {"c", "numpy", "both"}, optional
-        Which code computes; left out: what the package was generated for. With "both" the two are compared first, then
-        the C computes. Without a C compiler the NumPy module serves, and a warning says so.
+        The code that computes. Left out: the target that the package was generated for. With "both", loading compares the
+        two first; then the C computes. Without a C compiler the NumPy module computes, and a warning says so.
 
     Raises
     ------
+    PackageError
+        If the folder holds no generated package, or a damaged one.
     CompileError
+        If the compiler fails.
     TargetsDifferError
+        If `target` is "both" and the two targets disagree.
+
+    See Also
+    --------
+    codegen.runtime.load : Opens a package.
 
     Notes
     -----
-    Arguments of the methods, all in SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design
-    parameters ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros), time ``t (...)``.
-    Leading axes are batch axes and broadcast by NumPy's rules. Seeds carry their k directions first:
-    ``dq (k, ..., nq)``, ``du``, ``dp``, ``dinputs`` alike, ``dt (k, ...)``; one without k counts as k = 1; missing ones
-    are zero. ``p``, ``inputs`` and seeds may be mappings from some names to numbers. Results are (..., n), derivatives
-    (k, ..., n).
+    Methods take SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design parameters
+    ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros) and time ``t (...)``. Leading axes
+    are batch axes and broadcast by NumPy's rules.
 
-    Every method raises ValueError for a wrong shape, a number that is not finite, an unknown name and a quaternion
-    shorter than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
+    Seeds have their k directions first: ``dq (k, ..., nq)``, ``du``, ``dp`` and ``dinputs`` likewise, ``dt (k, ...)``. A
+    seed without this axis counts as k = 1; missing seeds are zero. Results are (..., n), derivatives (k, ..., n). Each of
+    these arguments except t may be a mapping from names to numbers.
+
+    Every method raises ValueError for a wrong shape, an unknown name, a number that is not finite, and a quaternion shorter
+    than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
+
+    Examples
+    --------
+    The examples of the methods use three solvers of models in ``examples``: `solver` of the double pendulum, `four_bar` of
+    the four-bar linkage and `shaken` of the pendulum whose table has a prescribed motion.
+
+    >>> solver
+    <Solver double_pendulum: nq=2, nu=2, np=6, ninputs=0, noutputs=6, target=numpy>
+    >>> solver.parameter_names
+    ('length_1', 'length_2', 'mass_1', 'mass_2', 'stiffness', 'damping')
     """
 
     def _is_used(self) -> None:
@@ -84,7 +105,37 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
     ) -> Array:  # fmt: skip
-        """The derivatives of the speeds, udot (..., nu), by Eqs. 18-24 and 42-56."""
+        """Return the derivatives of the speeds (Eqs. 18-24 and 42-56).
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nu)
+            udot, rad/s^2 or m/s^2.
+
+        Raises
+        ------
+        SingularJointError
+            If nothing outboard of a joint has inertia along it, or a loop has lost rank.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.accelerations(q, u).round(3)
+        array([-15.414,  32.58 ])
+        >>> solver.accelerations(q, u, {"mass_2": 2.0}).round(3)
+        array([-14.334,  27.759])
+        >>> solver.accelerations(np.tile(q, (100, 1)), u).shape
+        (100, 2)
+        """
         return self._call("accelerations", (q, u, p, inputs, t), None, out)[0]
 
     def sensitivities(
@@ -92,21 +143,107 @@ class Solver(Package):
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """udot (..., nu) and its total derivative (k, ..., nu) along the seeds (Eqs. 9, 10), exact to rounding."""
+        """Return udot and its total derivatives along seeds (Eqs. 9, 10), exact to rounding.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        udot : ndarray (..., nu)
+            Derivatives of the speeds, rad/s^2 or m/s^2.
+        dudot : ndarray (k, ..., nu)
+            Their derivative along each direction.
+
+        See Also
+        --------
+        jacobians : Partial derivatives with respect to everything.
+        gradients : Gradients of sums of udot, at a cost that does not grow with the number of parameters.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> udot, dudot = solver.sensitivities(q, u, dp={"length_1": 1.0})
+        >>> dudot.round(3)
+        array([[ 16.333, -17.918]])
+        >>> solver.sensitivities(q, u, dq=np.eye(2))[1].shape
+        (2, 2)
+        """
         return self._call("sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt), out)
 
     def jacobians(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         wrt: str | Sequence[str] | None = None, out: Jacobians | None = None,
     ) -> Jacobians:  # fmt: skip
-        """The partial derivatives of udot, or those by what `wrt` names, ``"q, u"``; the others are not computed, and None."""
+        """Return the partial derivatives of udot.
+
+        In mechanisms with loops the columns of dependent coordinates and speeds are zero: the columns of the independent ones
+        contain their effect.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        wrt : str or sequence of str, optional
+            What to differentiate by, such as ``"q, u"``. Left out: q, u, p, inputs and t.
+        out : Jacobians, optional
+            Result of an earlier call, whose arrays are used again.
+
+        Returns
+        -------
+        Jacobians
+            `q` (..., nu, nq), `u`, `p`, `inputs`, and `t` (..., nu). Those that `wrt` does not name are None.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> J = solver.jacobians(q, u, wrt="q, u")
+        >>> J.q.round(3)
+        array([[ -1.738,   3.879],
+               [ -8.069, -21.501]])
+        >>> J.p is None
+        True
+        """
         return jacobians(self, (q, u, p, inputs, t), wrt, out)
 
     def coordinate_rates(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
     ) -> Array:  # fmt: skip
-        """The derivatives of the coordinates, qdot (..., nq), by Eq. 1."""
+        """Return the time derivatives of the coordinates (Eq. 1).
+
+        They differ from u for quaternions, and for positions of free joints.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nq)
+            qdot, rad/s or m/s; 1/s for quaternions.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.coordinate_rates(q, [0.5, -1.0])
+        array([ 0.5, -1. ])
+        """
         return self._call("coordinate_rates", (q, u, p, inputs, t), None, out)[0]
 
     def coordinate_rate_sensitivities(
@@ -114,7 +251,34 @@ class Solver(Package):
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """qdot (..., nq) and its total derivative (k, ..., nq) along the seeds."""
+        """Return qdot and its total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        qdot : ndarray (..., nq)
+            Time derivatives of the coordinates.
+        dqdot : ndarray (k, ..., nq)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> qdot, dqdot = solver.coordinate_rate_sensitivities(q, u, du=np.eye(2))
+        >>> dqdot
+        array([[1., 0.],
+               [0., 1.]])
+        """
         return self._call("coordinate_rate_sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt), out)
 
     # -- consistent states ---------------------------------------------------------------------------------------------
@@ -125,16 +289,60 @@ class Solver(Package):
         return self.initial_state()
 
     def initial_state(self, p: Numbers = None) -> tuple[Array, Array]:
-        """The model's initial state (q, u) at some parameters, assembled: initial values may be expressions of them.
+        """Return the model's initial state at given parameters, assembled.
 
-        Of a model that begins in equilibrium it is the state of rest that the initial values lead to, inputs of zero, t = 0.
+        Initial values may be expressions of parameters. For a model that begins in equilibrium this is the state of rest that
+        the initial values lead to, at zero inputs and t = 0.
+
+        Parameters
+        ----------
+        p : array_like (..., np), optional
+            Parameters. Left out: the defaults.
+
+        Returns
+        -------
+        q : ndarray (..., nq)
+            Coordinates, with closed loops and quaternions of length one.
+        u : ndarray (..., nu)
+            Speeds, consistent with the loops.
+
+        Raises
+        ------
+        AssemblyError
+            If a loop cannot be closed at these parameters.
+
+        Examples
+        --------
+        >>> q, u = four_bar.initial_state({"base": 1.2})
+        >>> q.round(3)
+        array([ 0.8  , -0.271, -2.228])
         """
         return self._states.initial_state(p)
 
     def initial_sensitivities(self, p: Numbers = None, *, dp: Numbers) -> tuple[Array, Array, Array, Array]:
-        """The state of `initial_state` and its derivatives: q, u, dq (k, ..., nq), du (k, ..., nu).
+        """Return the state of `initial_state` and its derivatives by parameters.
 
-        Where initial values depend on parameters, theirs are part of it, and loops stay closed.
+        The derivatives include those of initial values that are expressions of parameters, and keep loops closed.
+
+        Parameters
+        ----------
+        p : array_like (..., np), optional
+            Parameters. Left out: the defaults.
+        dp : array_like (k, ..., np)
+            Seeds.
+
+        Returns
+        -------
+        q, u : ndarray (..., nq), (..., nu)
+            The initial state.
+        dq, du : ndarray (k, ..., nq), (k, ..., nu)
+            Its derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u, dq, du = four_bar.initial_sensitivities(dp={"base": 1.0})
+        >>> dq.round(3)
+        array([[0.   , 0.291, 1.052]])
         """
         return self._states.initial_sensitivities(p, dp)
 
@@ -142,35 +350,51 @@ class Solver(Package):
         self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         follow: bool | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """A consistent state (q, u): loops closed, quaternions of unit length.
+        """Return a consistent state: loops closed, quaternions of unit length.
 
-        Loops stay on the branch of the guess. A guess whose dependent coordinates are those of a closed state, at other
-        independent coordinates or another time, is followed from there as a motion along the straight way would go; so is the
-        initial state, from the default parameters and t = 0 too.
+        Loops stay on the branch of the guess. A guess whose dependent coordinates belong to a closed state, at other
+        independent coordinates or another time, is followed from that state along the straight line between the two. The
+        initial state is followed likewise, from the default parameters and t = 0.
 
         Parameters
         ----------
-        q, u : (..., nq) and (..., nu), optional
-            The guess; its independent entries are kept, dependent ones are changed. What is left out is the model's initial
-            state.
+        q, u : array_like (..., nq), (..., nu), optional
+            The guess: independent entries are kept, dependent ones are changed. Left out: the model's initial state.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
         follow : bool, optional
-            Whether the states along the last axis of a batch are a path: each is followed from the one before it, whatever its
-            own dependent entries are, and the first from its guess. Left out: along the axis of t where motion is prescribed
-            and all times have the same guess, else not.
+            Treat the states along the last batch axis as a path: each is followed from the one before it, and the first from
+            its guess. Left out: True along the axis of t where motion is prescribed and all times share one guess.
+
+        Returns
+        -------
+        q : ndarray (..., nq)
+            Coordinates.
+        u : ndarray (..., nu)
+            Speeds.
 
         Raises
         ------
         AssemblyError
-            Names the loop and what is left of its conditions, or where its branch ends on the way.
+            If a loop cannot be closed, or its branch ends on the way. The error names the loop and the residual.
 
         Warns
         -----
         RuntimeWarning
-            Where the branch is in doubt: loops lose rank on the way, or the guess is far from any closed state.
+            If the branch is in doubt: a loop loses rank on the way, or the guess is far from any closed state.
+
+        See Also
+        --------
+        closure : Residuals of the loops.
 
         Examples
         --------
-        >>> q, u = solver.assemble({"crank": np.linspace(0.0, 6.28, 100)}, follow=True)
+        >>> q, u = four_bar.assemble({"crank": 1.2})
+        >>> q.round(3)
+        array([ 1.2  , -0.754, -2.159])
+        >>> q, u = four_bar.assemble({"crank": np.linspace(0.8, 7.0, 100)}, follow=True)
+        >>> q.shape
+        (100, 3)
         """
         return self._states.assemble(q, u, p, inputs, t, follow)
 
@@ -179,19 +403,70 @@ class Solver(Package):
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
         follow: bool | None = None,
     ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-        """A consistent state and its derivatives along the seeds: q, u, dq (k, ..., nq), du (k, ..., nu).
+        """Return a consistent state and its derivatives along seeds.
 
-        Only the independent entries of the seeds are read; the dependent ones follow from closure. `follow` as for
-        `assemble`.
+        Only the independent entries of dq and du are read; closure determines the dependent ones.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            The guess: independent entries are kept, dependent ones are changed.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        follow : bool, optional
+            See `assemble`.
+
+        Returns
+        -------
+        q, u : ndarray (..., nq), (..., nu)
+            The assembled state.
+        dq, du : ndarray (k, ..., nq), (k, ..., nu)
+            Its derivative along each direction, with the dependent entries.
+
+        Raises
+        ------
+        AssemblyError
+            If a loop cannot be closed.
+
+        Examples
+        --------
+        >>> q, u = four_bar.initial
+        >>> q, u, dq, du = four_bar.assemble_sensitivities(q, u, dq={"crank": 1.0})
+        >>> dq.round(3)
+        array([[ 1.   , -1.228,  0.404]])
         """
         return self._states.assemble_sensitivities((q, u, p, inputs, t), (dq, du, dp, dinputs, dt), follow)
 
     def closure(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
     ) -> tuple[Array, Array]:
-        """Scaled residuals of the loops in position and velocity, (..., len(closure_names)) each.
+        """Return the scaled residuals of the loops in position and velocity.
 
-        Linear conditions are divided by the loop's characteristic length; the velocities are those of u as it is given.
+        Residuals of linear conditions are divided by the loop's characteristic length. Velocities are those of u as it is
+        passed, dependent entries included.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        position : ndarray (..., nclosure)
+            One residual for each of `closure_names`; rad for angular conditions.
+        velocity : ndarray (..., nclosure)
+            Their time derivatives, 1/s.
+
+        Examples
+        --------
+        >>> q, u = four_bar.initial
+        >>> position, velocity = four_bar.closure(q, u)
+        >>> bool(np.abs(position).max() < 1e-12)
+        True
         """
         return self._call("closure", (q, u, p, inputs, t))
 
@@ -199,10 +474,33 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """Scaled position residuals (..., len(closure_names)), and by how much completed seeds open them, (k, ..., the same).
+        """Return the position residuals of the loops, and how much completed seeds open them.
 
-        The latter is zero to rounding unless conditions are redundant and a direction does not keep them, such as a
-        parameter that bends a planar loop out of its plane: then no derivative exists along it.
+        The derivatives are zero to rounding, unless conditions are redundant and a direction breaks them, such as a parameter
+        that bends a planar loop out of its plane. No derivative of the motion exists along such a direction.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+
+        Returns
+        -------
+        position : ndarray (..., nclosure)
+            One scaled residual for each of `closure_names`.
+        dposition : ndarray (k, ..., nclosure)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = four_bar.initial
+        >>> position, dposition = four_bar.closure_sensitivities(q, u, dp={"base": 1.0})
+        >>> bool(np.abs(dposition).max() < 1e-12)
+        True
         """
         return self._call("closure_sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt))
 
@@ -225,30 +523,66 @@ class Solver(Package):
 
     @property
     def partitions(self) -> tuple[tuple[str, ...], ...]:
-        """Names of the independent coordinates of each partition that the package holds, one to four."""
+        """Names of the independent coordinates of each partition in the package, one to four."""
         return partition_names(self)
 
     @property
     def partition(self) -> int:
-        """The partition in use."""
+        """Number of the partition in use, from 0."""
         return self._opened.number
 
     def use_partition(self, partition: int) -> None:
-        """Take other independent coordinates from now on; states keep their meaning, since q and u hold all coordinates and
-        speeds.
+        """Use another choice of independent coordinates from now on.
 
-        Not while other threads use this solver.
+        States keep their meaning, since q and u hold all coordinates and speeds. Do not call this while other threads use the
+        solver.
+
+        Parameters
+        ----------
+        partition : int
+            Index in `partitions`.
+
+        Raises
+        ------
+        ValueError
+            If there is no such partition.
+
+        Examples
+        --------
+        >>> four_bar.partitions
+        (('crank',), ('coupler',))
+        >>> four_bar.use_partition(1)
+        >>> four_bar.independent_names
+        ('coupler',)
+        >>> four_bar.use_partition(0)
         """
         use_partition(self, partition)
 
     def condition(self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0) -> Array:
-        """Worst condition of the closure matrices of the dependent speeds, for each partition, (..., len(partitions)).
+        """Return the worst condition number of the closure matrices, for each partition.
 
-        One is best; infinite where a loop has lost rank, as at a dead point of the independent coordinates. The figure says how
-        far dependent speeds move per unit of what opens a loop: the Frobenius norm of the inverse of the matrix, times that of
-        the matrix, at least sqrt(n), over the number n of dependent speeds; of a single one, one over its entry. Linear
-        conditions and displacements are in parts of the characteristic length. Other threads may use the solver meanwhile: the
-        partition in use stays.
+        The closure matrix has the columns of the dependent speeds. Its condition is 1 at best, and infinite where a loop has
+        lost rank, as at a dead point of the independent coordinates. It is the change of dependent speeds per unit of a
+        residual. For n dependent speeds it is ``|A^-1| max(|A|, sqrt(n))/n`` in the Frobenius norm, and ``1/|A|`` for a single
+        one; lengths are in parts of the characteristic length. Other threads may use the solver meanwhile.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (..., npartitions)
+            Condition numbers, in the order of `partitions`.
+
+        Examples
+        --------
+        >>> q, u = four_bar.initial
+        >>> four_bar.condition(q).round(2)
+        array([1.13, 1.05])
         """
         return conditions(self, q, p, inputs, t)
 
@@ -258,39 +592,50 @@ class Solver(Package):
         self, q: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         sensitivities: str | Sequence[str] = (), relax: bool = False, tolerance: float = 1e-9,
     ) -> Equilibrium:  # fmt: skip
-        """A state of rest near a guess: u = 0 and udot = 0, for trees and loops.
+        """Find a state of rest near a guess: u = 0 and udot = 0.
 
-        Newton's method in the tangent space, with exact Jacobians, finds the equilibrium that the guess leads to, stable or
-        not. Where it leads to none, the mechanism is let sink to rest from the guess; where forces have a potential, what is
-        found then is stable. Forces that depend on speeds are taken at u = 0, those that depend on time at t. Steady rotation
-        is no state of rest: a mechanism that spins is out of scope.
+        Newton's method with exact Jacobians finds the equilibrium that the guess leads to, stable or not. Where it
+        finds none, the mechanism sinks to rest from the guess; if all forces have a potential, that equilibrium is
+        stable. Forces that depend on speeds are taken at u = 0, forces that depend on time at t. Steady rotation is not
+        a state of rest.
 
         Parameters
         ----------
-        q : (nq,), optional
-            The guess; left out: the model's initial coordinates. Dependent ones follow.
-        p, inputs, t : (np,), (ninputs,), number
-        sensitivities : names, optional
-            Parameters, and inputs as ``inputs.motor``, by which q is differentiated: ``("length", "inputs.motor")``.
+        q : array_like (nq,), optional
+            The guess. Left out: the model's initial coordinates. Dependent ones follow from closure.
+        p, inputs, t : array_like (np,), (ninputs,), float, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        sensitivities : str or sequence of str, optional
+            Parameters, and inputs as ``inputs.motor``, by which q is differentiated.
         relax : bool, optional
-            Let the mechanism sink to rest first: where forces have a potential the equilibrium is stable, though it may not be
-            the one nearest to the guess.
+            Let the mechanism sink to rest first. The equilibrium is then stable if all forces have a potential, but may
+            not be the nearest one.
         tolerance : float, optional
-            The largest acceleration that counts as none, rad/s^2 or m/s^2, against one plus those that a small motion of
-            1 rad or 1 m would make. Newton's method goes on below it as long as it gets better, as a rule to rounding.
+            Largest acceleration that counts as rest, rad/s^2 or m/s^2, relative to 1 plus the acceleration that a
+            displacement of 1 rad or 1 m would cause. Newton's method continues below it while it improves.
 
         Returns
         -------
         Equilibrium
-            q, u, dq, stable, neutral and what was left. Near a loss of rank of a loop, where these are not determined, a
-            warning says so, and `stable` is None.
+            q, u, dq, stable, neutral and the residual. Near a loss of rank of a loop a warning is issued and `stable`
+            is None.
 
         Raises
         ------
         EquilibriumError
-            None was found; names the coordinate with the largest acceleration.
+            If no equilibrium is found. It names the coordinate with the largest acceleration.
         AssemblyError
-            The guess cannot be closed.
+            If the guess cannot be closed.
+
+        See Also
+        --------
+        linearize : Linearised equations about a state.
+
+        Examples
+        --------
+        >>> rest = solver.equilibrium({"upper": 0.3}, sensitivities="length_1")
+        >>> np.abs(rest.q).round(6), rest.stable
+        (array([0., 0.]), True)
         """
         return self._statics.equilibrium(q, p, inputs, t, sensitivities, relax, tolerance)
 
@@ -298,34 +643,52 @@ class Solver(Package):
         self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         outputs: str | Sequence[str] | None = None,
     ) -> Linearization:  # fmt: skip
-        """The linearised equations of motion about a state, ``x' = A x + B dinputs`` and ``dy = C x + D dinputs``, exact.
+        """Return the linearised equations of motion about a state, exact to rounding.
 
-        The states x are n small motions w along the independent speeds, ``state_names`` such as ``q.crank``, then n changes v
-        of these speeds, ``u.crank``. Small motions of quaternions are small rotations in the axes of their speeds,
-        ``rotation.ball.wx``, and positions of free joints move along theirs, ``displacement.bus.vx``: ``dq = N w`` where
-        ``qdot = N u``, so that A has no superfluous rows. Dependent coordinates and speeds follow, as everywhere.
-
-        Differentiating ``qdot = N u`` along a motion gives, D being derivatives with respect to q,
-
-            w' = v + N^+ (D(N u)[N w] - D(N w)[N u])        v' = D udot[N w] + (d udot/du) v
-
-        At rest w' = v. In motion the other term is not zero for quaternions and free joints, whose axes turn with the body:
-        w' = v + w x u for a rotation. About a state that moves, A is that of the instant, as are forces that depend on t.
+        They are ``x' = A x + B dinputs`` and ``dy = C x + D dinputs``. The state x holds n small motions w along the
+        independent speeds (``q.crank`` in ``state_names``), then n changes v of these speeds (``u.crank``). Small
+        motions of quaternions are small rotations about the axes of their speeds (``rotation.ball.wx``), and positions
+        of free joints move along theirs (``displacement.bus.vx``): ``dq = N w`` where ``qdot = N u``. So A has no
+        superfluous rows. Dependent coordinates and speeds follow from closure.
 
         Parameters
         ----------
-        q : (nq,), optional
-            Left out: the model's initial coordinates. Dependent ones follow.
-        u : (nu,), optional
-            Left out: at rest.
-        p, inputs, t : (np,), (ninputs,), number
-        outputs : names, optional
-            The outputs in C and D; left out: all, if the package has their derivatives.
+        q : array_like (nq,), optional
+            Coordinates. Left out: the model's initial ones. Dependent ones follow from closure.
+        u : array_like (nu,), optional
+            Speeds. Left out: zeros.
+        p, inputs, t : array_like (np,), (ninputs,), float, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        outputs : str or sequence of str, optional
+            Outputs y in C and D. Left out: all, if the package has their derivatives.
 
         Returns
         -------
         Linearization
             A, B, C, D with names; eigenvalues, modes, and derivatives of all these by parameters.
+
+        Raises
+        ------
+        AssemblyError
+            If the state cannot be closed.
+
+        Notes
+        -----
+        Differentiating ``qdot = N u`` along a motion gives, with D the derivative with respect to q,
+
+            w' = v + N^+ (D(N u)[N w] - D(N w)[N u])        v' = D udot[N w] + (d udot/du) v
+
+        At rest w' = v. In motion the other term is not zero for quaternions and free joints, whose axes turn with the
+        body: for a rotation w' = v + w x u. About a state that moves, A and forces that depend on t are those of the
+        instant.
+
+        Examples
+        --------
+        >>> about_rest = solver.linearize([0.0, 0.0])
+        >>> about_rest.state_names
+        ('q.upper', 'q.lower', 'u.upper', 'u.lower')
+        >>> about_rest.eigenvalues().imag.round(3)
+        array([-2.875,  2.875, -9.086,  9.086])
         """
         return self._statics.linearize(q, u, p, inputs, t, outputs)
 
@@ -339,26 +702,34 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None, derivatives: bool = True,
     ) -> Diagnosis:  # fmt: skip
-        """Rounding errors of udot and of its derivatives, condition numbers, and what is near a loss of rank, at one state.
+        """Estimate rounding errors and conditions at one state.
 
-        Errors are estimated by the code itself: it runs once more with every operation rounded up, and once rounded down. So
-        udot takes three evaluations, and derivatives as many of theirs. This follows the algorithm, whose errors grow with
-        none of the condition numbers in general, and is right within a factor of 30 as a rule (docs/theory.md, section 9).
-        Errors of the arguments are not in it: `argument_error` says what a unit in their last places does (four evaluations).
+        The code itself gives the estimates: it runs once with every operation rounded up, and once rounded down. They
+        follow the algorithm, whose errors no condition number bounds in general, and are right within a factor of 30 in
+        most cases (docs/theory.md, section 9). Errors of the arguments are not included: `argument_error` shows the
+        effect of a unit in their last places.
 
         Parameters
         ----------
-        q, u, p, inputs, t
-            One state. Not assembled: `gap` says how far loops are open.
-        dq, du, dp, dinputs, dt : optional
-            Seeds of the derivatives; left out: independent coordinates and speeds, parameters, inputs and t, each by itself.
-        derivatives : bool
-            Whether there are any.
+        q, u : array_like (nq,), (nu,)
+            One state. It is not assembled: `gap` reports how far loops are open.
+        p, inputs, t : array_like (np,), (ninputs,), float, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, nq), (k, nu), ..., optional
+            Seeds of the derivatives. Left out: each independent coordinate and speed, parameter, input and t by itself.
+        derivatives : bool, optional
+            Whether to estimate the errors of derivatives.
 
         Returns
         -------
         Diagnosis
-            Print it to have it in words. A state at which rank is lost is a diagnosis too, and no error.
+            Prints as text. A state at which rank is lost has a diagnosis too; it is not an error.
+
+        Examples
+        --------
+        >>> found = solver.diagnose(*solver.initial)
+        >>> bool(found.digits.min() > 12)
+        True
         """
         return self._diagnoses.diagnose((q, u, p, inputs, t), (dq, du, dp, dinputs, dt), derivatives)
 
@@ -371,47 +742,141 @@ class Solver(Package):
     def gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
     ) -> Gradients:
-        """Gradients of ``sum_i weights_i udot_i``: ``weights^T J`` of all Jacobians of udot at once, exact to rounding.
+        """Return gradients of ``sum_i weights_i udot_i``, exact to rounding.
+
+        They are ``weights^T J`` for the Jacobians J of udot with respect to all arguments, from one sweep back. The
+        cost does not grow with the number of parameters.
 
         Parameters
         ----------
-        weights : (k, ..., nu)
-            Of the entries of udot, for each of k sums; (nu,) for one.
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, ..., nu)
+            Weights of the entries of udot in each of k sums; (nu,) for one sum.
 
         Returns
         -------
         Gradients
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.gradients(q, u, weights={"lower": 1.0}).p.round(3)
+        array([[-17.918, -31.526,  -1.793,  -7.936,   5.313,   0.   ]])
         """
         return self._gradients.of("sensitivities_transposed", (q, u, p, inputs, t), (weights,))
 
     def coordinate_rate_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
     ) -> Gradients:
-        """Gradients of weighted sums of the time derivatives of the coordinates; weights (k, ..., nq)."""
+        """Return gradients of weighted sums of the time derivatives of the coordinates.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, ..., nq)
+            Weights of the entries of qdot in each of k sums; (nq,) for one sum.
+
+        Returns
+        -------
+        Gradients
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.coordinate_rate_gradients(q, u, weights=[1.0, 2.0]).u
+        array([[1., 2.]])
+        """
         return self._gradients.of("coordinate_rate_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
 
     def energy_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
     ) -> Gradients:
-        """Gradients of weighted sums of kinetic and potential energy; weights (k, ..., 2)."""
+        """Return gradients of weighted sums of kinetic and potential energy.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, ..., 2)
+            Weights of kinetic and potential energy in each of k sums; (2,) for one sum.
+
+        Returns
+        -------
+        Gradients
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.energy_gradients(q, u, weights=[1.0, 1.0]).q.round(3)
+        array([[18.816,  2.815]])
+        """
         return self._gradients.of("energy_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
 
     def output_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers
     ) -> Gradients:
-        """Gradients of weighted sums of the model's outputs; weights (k, ..., noutputs)."""
+        """Return gradients of weighted sums of the model's outputs.
+
+        Outputs of weight zero are skipped: an infinite derivative of such an output has no effect.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, ..., noutputs)
+            Weights of the outputs in each of k sums; (noutputs,) for one sum.
+
+        Returns
+        -------
+        Gradients
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.output_gradients(q, u, weights={"tip_x": 1.0}).q.round(3)
+        array([[-0.92 , -0.557]])
+        """
         return self._gradients.of("output_sensitivities_transposed", (q, u, p, inputs, t), (weights,))
 
     def assemble_gradients(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         weights_q: Numbers = None, weights_u: Numbers = None,
     ) -> Gradients:  # fmt: skip
-        """Gradients of weighted sums of the assembled state, with respect to what it is assembled from.
+        """Return gradients of weighted sums of the assembled state, by the state that it is assembled from.
 
         Parameters
         ----------
-        weights_q, weights_u : (k, ..., nq) and (k, ..., nu), optional
-            Of the assembled coordinates and speeds.
+        q, u : array_like (..., nq), (..., nu)
+            The guess: independent entries are kept, dependent ones are changed.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights_q, weights_u : array_like (k, ..., nq), (k, ..., nu), optional
+            Weights of the assembled coordinates and speeds in each of k sums.
+
+        Returns
+        -------
+        Gradients
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...); those of dependent entries are zero.
+
+        Examples
+        --------
+        >>> q, u = four_bar.initial
+        >>> four_bar.assemble_gradients(q, u, weights_q={"rocker": 1.0}).q.round(3)
+        array([[0.404, 0.   , 0.   ]])
         """
         return self._gradients.of_assembled((q, u, p, inputs, t), weights_q, weights_u)
 
@@ -424,7 +889,32 @@ class Solver(Package):
     def energies(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
     ) -> tuple[Array, Array]:
-        """Kinetic and potential energy, (...) each, J; gravity's is zero at the ground's origin."""
+        """Return kinetic and potential energy.
+
+        The potential energy of gravity is zero at the ground's origin, that of springs at their free length. Joint
+        forces, forces, torques and actuators have none.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        kinetic : ndarray (...)
+            Kinetic energy, J.
+        potential : ndarray (...)
+            Potential energy, J.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> kinetic, potential = solver.energies(q, u)
+        >>> float(kinetic), round(float(potential), 3)
+        (0.0, -8.955)
+        """
         (energy,) = self._call("energies", (q, u, p, inputs, t))
         return energy[..., 0], energy[..., 1]
 
@@ -432,7 +922,31 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
     ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:  # fmt: skip
-        """Kinetic and potential energy, and their total derivatives: (T, V), (dT, dV), dT and dV (k, ...)."""
+        """Return kinetic and potential energy and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+
+        Returns
+        -------
+        energies : tuple of two ndarray (...)
+            Kinetic and potential energy, J.
+        derivatives : tuple of two ndarray (k, ...)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> energies, (dkinetic, dpotential) = solver.energy_sensitivities(q, u, dp={"mass_1": 1.0})
+        >>> dpotential.round(3)
+        array([-1.777])
+        """
         energy, denergy = self._call("energy_sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt))
         return (energy[..., 0], energy[..., 1]), (denergy[..., 0], denergy[..., 1])
 
@@ -442,7 +956,28 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
     ) -> Array:  # fmt: skip
-        """The model's outputs (..., noutputs), in the order of `output_names`."""
+        """Return the model's outputs.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., noutputs)
+            Values in the order of `output_names`, in the unit of each output.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> dict(zip(solver.output_names, solver.outputs(q, u).round(3).tolist()))
+        {'tip_x': -1.506, 'tip_z': -0.92, 'kinetic': 0.0, 'potential': -8.955, 'upper': 1.2, 'lower': -0.4}
+        """
         return self._call("outputs", (q, u, p, inputs, t), None, out)[0]
 
     def output_sensitivities(
@@ -450,7 +985,33 @@ class Solver(Package):
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """The model's outputs (..., noutputs) and their total derivative (k, ..., noutputs) along the seeds."""
+        """Return the model's outputs and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        outputs : ndarray (..., noutputs)
+            Values in the order of `output_names`.
+        doutputs : ndarray (k, ..., noutputs)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> outputs, doutputs = solver.output_sensitivities(q, u, dp={"length_2": 1.0})
+        >>> doutputs[0, :2].round(3)
+        array([-0.717, -0.697])
+        """
         return self._call("output_sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt), out)
 
     # -- forces --------------------------------------------------------------------------------------------------------
@@ -458,21 +1019,96 @@ class Solver(Package):
     def mass_matrix(
         self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, out: Array | None = None
     ) -> Array:
-        """The mass matrix M of Eq. 4, (..., nu, nu); of `inputs` and `t` prescribed motion makes use."""
+        """Return the mass matrix M of Eq. 4.
+
+        With closed loops it is the matrix of the n independent speeds.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Inputs and t matter where motion is prescribed.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nu, nu)
+            M; (..., n, n) with closed loops. kg m^2, kg m or kg.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.mass_matrix(q).round(4)
+        array([[2.4505, 0.5819],
+               [0.5819, 0.2135]])
+        """
         return self._call("mass_matrix", (q, None, p, inputs, t), None, out)[0]
 
     def mass_matrix_sensitivities(
         self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
         dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None, out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """M (..., nu, nu) and its total derivative (k, ..., nu, nu) along the seeds."""
+        """Return the mass matrix and its total derivatives along seeds.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., np), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        M : ndarray (..., nu, nu)
+            The mass matrix; (..., n, n) with closed loops.
+        dM : ndarray (k, ..., nu, nu)
+            Its derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> M, dM = solver.mass_matrix_sensitivities(q, dp={"mass_2": 1.0})
+        >>> dM.round(4)
+        array([[[1.9503, 0.5819],
+                [0.5819, 0.2135]]])
+        """
         return self._call("mass_matrix_sensitivities", (q, None, p, inputs, t), (dq, None, dp, dinputs, dt), out)
 
     def inverse_dynamics(
         self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
     ) -> Array:  # fmt: skip
-        """The joint forces (..., nu) that udot (..., nu) needs beside the model's own: M udot - K."""
+        """Return the joint forces that given accelerations need in addition to the model's own forces.
+
+        With closed loops they act at the joints of the n independent speeds, and only the independent entries of udot
+        are read.
+
+        Parameters
+        ----------
+        q, u, udot : array_like (..., nq), (..., nu), (..., nu)
+            Coordinates, speeds and their derivatives, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nu)
+            Generalised forces M udot - K, N m or N; (..., n) with closed loops.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.inverse_dynamics(q, u, [0.0, 0.0]).round(3)
+        array([18.816,  2.015])
+        """
         return self._call("inverse_dynamics", (q, u, p, inputs, t, udot), None, out)[0]
 
     def inverse_dynamics_sensitivities(
@@ -480,7 +1116,34 @@ class Solver(Package):
         dq: Numbers = None, du: Numbers = None, dudot: Numbers = None, dp: Numbers = None, dinputs: Numbers = None,
         dt: Times | None = None, out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """The joint forces of `inverse_dynamics` and their total derivative (k, ..., nu); ``dudot (k, ..., nu)``."""
+        """Return the forces of `inverse_dynamics` and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u, udot : array_like (..., nq), (..., nu), (..., nu)
+            Coordinates, speeds and their derivatives, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dudot, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        force : ndarray (..., nu)
+            Generalised forces, N m or N; (..., n) with closed loops.
+        dforce : ndarray (k, ..., nu)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> force, dforce = solver.inverse_dynamics_sensitivities(q, u, [0.0, 0.0], dudot=np.eye(2))
+        >>> dforce.round(4)
+        array([[2.4505, 0.5819],
+               [0.5819, 0.2135]])
+        """
         given, along = (q, u, p, inputs, t, udot), (dq, du, dp, dinputs, dt, dudot)
         return self._call("inverse_dynamics_sensitivities", given, along, out)
 
@@ -488,7 +1151,31 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
     ) -> Array:  # fmt: skip
-        """The joint forces (..., nu) that hold udot at zero, -K of Eq. 4: M udot + bias_force = 0."""
+        """Return the joint forces that keep udot at zero: -K of Eq. 4.
+
+        The equations of motion are ``M udot + bias_force = 0``.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nu)
+            Generalised forces, N m or N; (..., n) with closed loops.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> M, bias = solver.mass_matrix(q), solver.bias_force(q, u)
+        >>> np.allclose(np.linalg.solve(M, -bias), solver.accelerations(q, u))
+        True
+        """
         return self._call("inverse_dynamics", (q, u, p, inputs, t, np.zeros(self.nu)), None, out)[0]
 
     def bias_force_sensitivities(
@@ -496,7 +1183,33 @@ class Solver(Package):
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """The forces of `bias_force` and their total derivative (k, ..., nu) along the seeds."""
+        """Return the forces of `bias_force` and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        force : ndarray (..., nu)
+            Generalised forces, N m or N; (..., n) with closed loops.
+        dforce : ndarray (k, ..., nu)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> force, dforce = solver.bias_force_sensitivities(q, u, dp={"stiffness": 1.0})
+        >>> dforce.round(3)
+        array([[ 0. , -0.4]])
+        """
         given, along = (q, u, p, inputs, t, np.zeros(self.nu)), (dq, du, dp, dinputs, dt, None)
         return self._call("inverse_dynamics_sensitivities", given, along, out)
 
@@ -513,14 +1226,58 @@ class Solver(Package):
     def inverse_mass_matrix(
         self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, out: Array | None = None
     ) -> Array:
-        """The inverse of the mass matrix, (..., nu, nu), in O(n^2): M is not formed. Its columns are those of `solve_mass`."""
+        """Return the inverse of the mass matrix in O(n^2), for models without loops.
+
+        It comes from the factors of the forward dynamics; M is not formed.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nu, nu)
+            The inverse of M. Its columns are solutions of `solve_mass`.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> np.allclose(solver.inverse_mass_matrix(q) @ solver.mass_matrix(q), np.eye(2))
+        True
+        """
         return self._call("inverse_mass_matrix", (q, None, p, inputs, t), None, out)[0]
 
     def solve_mass(
         self, q: Numbers, b: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         out: Array | None = None,
     ) -> Array:  # fmt: skip
-        """The solution x (..., nu) of M x = b for generalised forces b (..., nu), in O(n)."""
+        """Return the solution x of ``M x = b`` in O(n), for models without loops.
+
+        Parameters
+        ----------
+        q, b : array_like (..., nq), (..., nu)
+            Coordinates, SI units and radians; generalised forces, N m or N.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nu)
+            Accelerations x, rad/s^2 or m/s^2.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.solve_mass(q, [1.0, 0.0]).round(3)
+        array([ 1.157, -3.154])
+        """
         return self._call("solve_mass", (q, None, p, inputs, t, b), None, out)[0]
 
     def solve_mass_sensitivities(
@@ -528,7 +1285,33 @@ class Solver(Package):
         db: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """x (..., nu) of M x = b and its total derivative (k, ..., nu) along the seeds; ``db (k, ..., nu)``."""
+        """Return the solution of ``M x = b`` and its total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, b : array_like (..., nq), (..., nu)
+            Coordinates, SI units and radians; generalised forces, N m or N.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, db, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        x : ndarray (..., nu)
+            Accelerations, rad/s^2 or m/s^2.
+        dx : ndarray (k, ..., nu)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> x, dx = solver.solve_mass_sensitivities(q, [1.0, 0.0], dp={"mass_1": 1.0})
+        >>> dx.round(3)
+        array([[-0.446,  1.217]])
+        """
         along = (dq, None, dp, dinputs, dt, db)
         return self._call("solve_mass_sensitivities", (q, None, p, inputs, t, b), along, out)
 
@@ -537,10 +1320,29 @@ class Solver(Package):
     def driving_forces(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, out: Array | None = None
     ) -> Array:  # fmt: skip
-        """The generalised force, N m or N, along each of `prescribed_names`, (..., nprescribed).
+        """Return the generalised forces that prescribed motion needs, in addition to the model's own forces.
 
-        It is what has to act there beside the model's own forces for the coordinate to move as it is prescribed; its power is
-        force times rate.
+        The power of such a force is force times rate of the prescribed coordinate.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        out : ndarray, optional
+            Array for the result. It is returned.
+
+        Returns
+        -------
+        ndarray (..., nprescribed)
+            One force for each of `prescribed_names`, N m or N.
+
+        Examples
+        --------
+        >>> q, u = shaken.initial
+        >>> shaken.driving_forces(q, u, t=0.005).round(2)
+        array([-1580.16])
         """
         return self._call("driving_forces", (q, u, p, inputs, t), None, out)[0]
 
@@ -549,7 +1351,33 @@ class Solver(Package):
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
         out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """`driving_forces` and their total derivative (k, ..., nprescribed) along the seeds."""
+        """Return the forces of `driving_forces` and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
+        out : tuple of two ndarray, optional
+            Arrays for value and derivative. They are returned.
+
+        Returns
+        -------
+        force : ndarray (..., nprescribed)
+            One force for each of `prescribed_names`, N m or N.
+        dforce : ndarray (k, ..., nprescribed)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> q, u = shaken.initial
+        >>> force, dforce = shaken.driving_force_sensitivities(q, u, t=0.005, dp={"amplitude": 1.0})
+        >>> dforce.round(1)
+        array([[-40067.2]])
+        """
         return self._call("driving_force_sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt), out)
 
     # -- reactions -----------------------------------------------------------------------------------------------------
@@ -557,19 +1385,33 @@ class Solver(Package):
     def reactions(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
     ) -> tuple[Array, Array]:
-        """What joints and loops transmit, in the ground frame: moment, N m, then force, N.
+        """Return the moments and forces that joints and loops transmit, in the ground frame.
 
-        Needs a package that was generated with reactions.
+        The package must have been generated with reactions.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
 
         Returns
         -------
-        joints : (..., nbodies, 6)
-            What the joint of each body does to it, about the body's origin, the joint's own force included. NaN for a body on a
-            fixed joint: it is one with what carries it.
-        loops : (..., nloops, 6)
-            What each loop joint does to its ``to`` body, about the origin of the face there. Where conditions are redundant
-            they are not unique: these are, ear by ear, the ones with the least sum of squares of moments, and forces
-            times the characteristic length.
+        joints : ndarray (..., nbodies, 6)
+            Moment (N m) about the body's origin, then force (N), exerted on each body by its joint, the joint's own
+            force included. NaN for a body on a fixed joint, which is merged with the body that carries it.
+        loops : ndarray (..., nloops, 6)
+            The same for each loop joint, exerted on its ``to`` body about the origin of the face there. Where redundant
+            conditions leave them undetermined, the values have the least sum of squares of moments, and forces times
+            the characteristic length, in each closure group.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> joints, loops = solver.reactions(q, u)
+        >>> joints[0].round(3)
+        array([0.   , 0.   , 0.   , 4.991, 0.   , 4.308])
         """
         return reactions_of(self._joint_links, self._call("reactions", (q, u, p, inputs, t)))
 
@@ -577,18 +1419,33 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
     ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-        """`reactions` and their total derivatives along the seeds.
+        """Return the values of `reactions` and their total derivatives along seeds.
 
-        Through closed loops seeds of dependent coordinates and speeds follow from the others. Where conditions are
-        redundant it is the derivative of the reactions that `reactions` gives.
+        Seeds of dependent coordinates and speeds follow from closure. Where conditions are redundant, the result is the
+        derivative of the values that `reactions` returns.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
         Returns
         -------
-        joints : (..., nbodies, 6)
-        loops : (..., nloops, 6)
-        djoints : (k, ..., nbodies, 6)
-            Of the components in the ground frame, N m and N per unit of the seed. NaN where `joints` is.
-        dloops : (k, ..., nloops, 6)
+        joints, loops : ndarray (..., nbodies, 6), (..., nloops, 6)
+            The values of `reactions`.
+        djoints, dloops : ndarray (k, ..., nbodies, 6), (k, ..., nloops, 6)
+            Derivatives of their components in the ground frame along each direction. NaN where `joints` is NaN.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> joints, loops, djoints, dloops = solver.reaction_sensitivities(q, u, dp={"mass_2": 1.0})
+        >>> djoints[0, 0].round(3)
+        array([0.   , 0.   , 0.   , 1.611, 0.   , 1.038])
         """
         found = self._call("reaction_sensitivities", (q, u, p, inputs, t), (dq, du, dp, dinputs, dt))
         return reaction_sensitivities_of(self._joint_links, found)
@@ -603,24 +1460,35 @@ class Solver(Package):
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         bodies: Bodies = None, accelerations: bool = False,
     ) -> FrameMotion:  # fmt: skip
-        """Where bodies are, how they turn and move, and with `accelerations` how these change.
+        """Return pose and velocity of bodies, and accelerations on request.
 
-        Needs a package that was generated with frames. Through closed loops as over a tree: dependent speeds follow from the
-        others, coordinates are taken as they are passed.
+        The package must have been generated with frames. Dependent speeds follow from closure; coordinates are used as
+        they are passed.
 
         Parameters
         ----------
-        u : (..., nu), optional
-            Zero if left out.
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        u : array_like (..., nu), optional
+            Speeds. Left out: zeros.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
         bodies : str or sequence of str, optional
-            One alone, whose arrays are without the axis n, or several; left out: all, in the order of the model.
-        accelerations : bool
-            Accelerations too, which take the forward dynamics.
+            Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
+            model.
+        accelerations : bool, optional
+            Compute accelerations too, which takes the forward dynamics.
 
         Returns
         -------
         FrameMotion
-            In the ground frame.
+            Rotation, position and velocities of the bodies relative to the ground, along its axes.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.frames(q, bodies="lower").position.round(3)
+        array([-0.932,  0.   , -0.362])
         """
         return self._frames.frames((q, u, p, inputs, t), bodies, accelerations)
 
@@ -629,13 +1497,37 @@ class Solver(Package):
         bodies: Bodies = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
         dinputs: Numbers = None, dt: Times | None = None,
     ) -> tuple[FrameMotion, FrameMotion]:  # fmt: skip
-        """Motions of bodies, see `frames`, and their total derivatives along the seeds.
+        """Return the motions of `frames` and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        u : array_like (..., nu), optional
+            Speeds. Left out: zeros.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        bodies : str or sequence of str, optional
+            Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
+            model.
+        accelerations : bool, optional
+            Compute accelerations too, which takes the forward dynamics.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
         Returns
         -------
-        FrameMotion
-        FrameMotion
-            Derivatives, with the k directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
+        frames : FrameMotion
+            The motions of the bodies.
+        dframes : FrameMotion
+            Their derivatives, directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> frames, dframes = solver.frame_sensitivities(q, bodies="lower", dp={"length_1": 1.0})
+        >>> dframes.position.round(3)
+        array([[-0.932,  0.   , -0.362]])
         """
         return self._frames.frame_sensitivities((q, u, p, inputs, t), (dq, du, dp, dinputs, dt), bodies, accelerations)
 
@@ -643,13 +1535,39 @@ class Solver(Package):
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         bodies: Bodies = None,
     ) -> Array:  # fmt: skip
-        """Geometric Jacobians of bodies: what a unit of each speed adds to angular velocity and velocity of the origin.
+        """Return the geometric Jacobians of bodies.
+
+        Times u they give the velocities of the bodies, less the part that prescribed motion adds. They do not depend on
+        u.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        u : array_like (..., nu), optional
+            Speeds. Left out: zeros.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        bodies : str or sequence of str, optional
+            Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
+            model.
 
         Returns
         -------
-        (..., n, 6, nu)
-            Rows: angular velocity, velocity, along the ground's axes. Columns of dependent speeds are zero, as what follows from
-            the independent ones is in the columns of these; so times u it is the velocity. It does not depend on u.
+        ndarray (..., n, 6, nu)
+            Rows: angular velocity, then velocity of the body's origin, along the ground's axes. Columns of dependent
+            speeds are zero; the columns of the independent ones contain their effect.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.frame_jacobians(q, bodies="lower").round(3)
+        array([[ 0.   ,  0.   ],
+               [ 1.   ,  1.   ],
+               [ 0.   ,  0.   ],
+               [-0.362,  0.   ],
+               [ 0.   ,  0.   ],
+               [ 0.932,  0.   ]])
         """
         return self._frames.frame_jacobians(q, p, inputs, t, bodies)
 
@@ -657,23 +1575,36 @@ class Solver(Package):
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         points: Points = None, accelerations: bool = False,
     ) -> PointMotion:  # fmt: skip
-        """Where points fixed in bodies are, and how they move.
+        """Return position and velocity of points fixed in bodies, and accelerations on request.
+
+        The package must have been generated with frames.
 
         Parameters
         ----------
-        u : (..., nu), optional
-            Zero if left out.
-        points : optional
-            A list of points or one alone, whose arrays are without the axis n: the name of a point of the model, that of a body
-            for its origin, or a pair of a body (or ``"ground"``) and a place (3,) in its frame, m. Left out: all points of the
-            model.
-        accelerations : bool
-            Accelerations too, which take the forward dynamics.
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        u : array_like (..., nu), optional
+            Speeds. Left out: zeros.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        points : str, pair, or list of both, optional
+            Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
+            place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
+        accelerations : bool, optional
+            Compute accelerations too, which takes the forward dynamics.
 
         Returns
         -------
         PointMotion
-            In the ground frame.
+            Position and velocity of the points relative to the ground, along its axes.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.points(q, points="tip").position.round(3)
+        array([-1.506,  0.   , -0.92 ])
+        >>> solver.points(q, points=[("upper", [0, 0, -0.5]), "lower"]).position.shape
+        (2, 3)
         """
         return self._frames.points((q, u, p, inputs, t), points, accelerations)
 
@@ -682,16 +1613,40 @@ class Solver(Package):
         points: Points = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
         dinputs: Numbers = None, dt: Times | None = None,
     ) -> tuple[PointMotion, PointMotion]:  # fmt: skip
-        """Motions of points, see `points`, and their total derivatives along the seeds.
+        """Return the motions of `points` and their total derivatives along seeds.
 
-        The place of a point of the model in its body may depend on parameters, and that is part of the derivative along dp;
-        places that are given are constants.
+        Where parameters move a point of the model in its body, the derivative along dp includes that. A place that is
+        given as numbers is constant.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        u : array_like (..., nu), optional
+            Speeds. Left out: zeros.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        points : str, pair, or list of both, optional
+            Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
+            place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
+        accelerations : bool, optional
+            Compute accelerations too, which takes the forward dynamics.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
+            Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
         Returns
         -------
-        PointMotion
-        PointMotion
-            Derivatives, with the k directions first: ``position (k, ..., n, 3)`` and so on.
+        points : PointMotion
+            The motions of the points.
+        dpoints : PointMotion
+            Their derivatives, directions first: ``position (k, ..., n, 3)`` and so on.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> points, dpoints = solver.point_sensitivities(q, points="tip", dp={"length_2": 1.0})
+        >>> dpoints.position.round(3)
+        array([[-0.717,  0.   , -0.697]])
         """
         return self._frames.point_sensitivities((q, u, p, inputs, t), (dq, du, dp, dinputs, dt), points, accelerations)
 
@@ -699,12 +1654,33 @@ class Solver(Package):
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         points: Points = None,
     ) -> Array:  # fmt: skip
-        """Geometric Jacobians of points: what a unit of each speed adds to the angular velocity of its body and to its velocity.
+        """Return the geometric Jacobians of points.
+
+        Parameters
+        ----------
+        q : array_like (..., nq)
+            Coordinates, SI units and radians.
+        u : array_like (..., nu), optional
+            Speeds. Left out: zeros.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        points : str, pair, or list of both, optional
+            Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
+            place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
 
         Returns
         -------
-        (..., n, 6, nu)
-            See `frame_jacobians`.
+        ndarray (..., n, 6, nu)
+            Rows: angular velocity of the body, then velocity of the point, along the ground's axes. See
+            `frame_jacobians`.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> solver.point_jacobians(q, points="tip")[3:].round(3)
+        array([[-0.92 , -0.557],
+               [ 0.   ,  0.   ],
+               [ 1.506,  0.574]])
         """
         return self._frames.point_jacobians(q, p, inputs, t, points)
 
@@ -721,55 +1697,81 @@ class Solver(Package):
         largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), progress: Progress | None = None,
         on_failure: str = "raise",
     ) -> Trajectory:  # fmt: skip
-        """Integrate the motion over time, and its derivatives with it (Eqs. 2, 3), in compiled code.
+        """Integrate the motion and its sensitivities over time (Eqs. 2, 3), in compiled code.
 
         Parameters
         ----------
-        t : float or (nt,)
-            Times of results, rising; the motion begins at the first. A number T means from 0 to T, at the steps' ends.
-        q, u : (nq,) and (nu,), optional
-            The initial state; dependent speeds follow from closure, loops that are open are closed, and a warning says so. What
-            is left out is the model's initial state, whose dependence on parameters is part of the derivatives.
-        p : (np,), optional
-        inputs : (nsignals,), or (times, values), or (times, values, kind), or function, or spline, or mapping, optional
-            Constants; or values (ntimes, nsignals), by `kind` held from each time on ("hold"), joined by straight lines
-            ("linear", if not said), by a spline through them ("cubic", "quintic"), or control points of a cubic B-spline whose
-            knots are times ("spline", ntimes + 2 of them); a function of time, which a spline of degree 9 replaces; SciPy's
-            `BSpline` or `PPoly`; or by name any of these for one signal. Before their first and after their last time signals
-            are held. Those that prescribed motion reads need a continuous velocity, and bring their rates and accelerations.
-        sensitivities : sequence of str
-            What derivatives are with respect to: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
-            coordinates and speeds, ``inputs.NAME`` for a number added to an input, ``inputs.NAME[i]`` for its i-th value. A
-            parameter that is a vector, and the joint of several freedoms, stand for their entries.
-        dq0, du0 : (k, nq) and (k, nu), optional
-            Derivatives of the initial state in place of those that follow from `sensitivities`; independent entries are read.
-        rtol : float
-        atol : float or (nq + nu,)
-            The error of a step that is allowed in each independent coordinate and speed: atol + rtol times its size.
-        atol_sensitivities : float or (k,), optional
-            The same for derivatives, with the same rtol. Left out: steps are chosen for the state alone; then derivatives are
-            those of the computed motion to rounding all the same.
-        method : {"dop853", "radau", "rk4"}
-            Dormand and Prince's of order 8; Radau IIA of order 5 for stiff models; the classical one with constant `step`.
+        t : float or array_like (nt,)
+            Increasing times of the results, s; the motion begins at the first. A number T means from 0 to T, with
+            results at the integrator's steps.
+        q, u : array_like (nq,), (nu,), optional
+            The initial state. Dependent speeds follow from closure; open loops are closed, with a warning. Left out:
+            the model's initial state, whose dependence on parameters is part of the derivatives.
+        p : array_like (np,), optional
+            Parameters. Left out: the defaults.
+        inputs : array_like (nsignals,), tuple, callable, spline or mapping, optional
+            Constants; ``(times, values)`` or ``(times, values, kind)`` with values (ntimes, nsignals); a function of
+            time; or SciPy's `BSpline` or `PPoly`. A mapping gives any of these for each signal by name. See Notes.
+        sensitivities : str or sequence of str, optional
+            What to differentiate by: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
+            coordinates and speeds, ``inputs.NAME`` for a constant added to an input, ``inputs.NAME[i]`` for its i-th
+            value. The name of a vector parameter, or of a joint of several degrees of freedom, stands for its entries.
+        dq0, du0 : array_like (k, nq), (k, nu), optional
+            Derivatives of the initial state, instead of those that follow from `sensitivities`. Independent entries are
+            read.
+        rtol : float, optional
+            Relative tolerance of a step.
+        atol : float or array_like (nq + nu,), optional
+            Absolute tolerance of a step, for each independent coordinate and speed.
+        atol_sensitivities : float or array_like (k,), optional
+            Absolute tolerance of the derivatives. Left out: steps are chosen for the state alone. The derivatives are
+            those of the computed motion to rounding in either case.
+        method : {"dop853", "radau", "rk4"}, optional
+            Dormand and Prince's method of order 8; Radau IIA of order 5, for stiff models; the classical Runge-Kutta
+            method with constant `step`.
         step, largest_step : float, optional
-            The first step, or that of "rk4", s; none is larger than `largest_step`.
-        most_steps : int
-        events : sequence of `Event` or str, optional
-            Outputs that cross a level, zero for a mere name; a motion ends at the first one with `stop`. See `Trajectory.events`.
+            First step of an adaptive method or constant step of "rk4", s; upper bound of all steps, s.
+        most_steps : int, optional
+            Number of steps after which the motion is given up.
+        events : sequence of Event or str, optional
+            Outputs that cross a level; for a name alone, zero. The motion ends at the first event with `stop`.
         progress : callable, optional
-            Called as ``progress(time, end)`` about ten times a second; KeyboardInterrupt in it ends the motion there.
-        on_failure : {"raise", "return"}
-            What is done when a motion cannot go on: `SimulationError` with the trajectory so far, or the latter with a warning.
+            Called as ``progress(time, end)`` about ten times a second. A KeyboardInterrupt in it ends the motion there.
+        on_failure : {"raise", "return"}, optional
+            Raise `SimulationError` if a motion cannot continue, or return the trajectory up to there with a warning.
 
         Returns
         -------
         Trajectory
+            Times, states, outputs, their derivatives, and events.
 
         Raises
         ------
         SimulationError
-            Names time and cause; its `trajectory` has everything before it.
-        AssemblyError, ValueError
+            If the motion cannot continue. It has time and cause; its `trajectory` holds the motion up to there.
+        AssemblyError
+            If the initial state cannot be closed.
+        NoCompilerError
+            If there is no C compiler.
+
+        Notes
+        -----
+        The kind of inputs is "linear" (the default), "hold" (each value holds until the next time), "cubic" or
+        "quintic" (a spline through the values), or "spline" (ntimes + 2 control points of a cubic B-spline with knots
+        at the times). A function of time is replaced by a spline of degree 9. Before their first and after their last
+        time, signals are constant. A signal that prescribed motion reads needs a continuous velocity; its rate and
+        acceleration are those of the spline.
+
+        Examples
+        --------
+        >>> run = solver.simulate(2.0, sensitivities=("length_1", "q0.upper"))
+        >>> run.q[-1].round(4)
+        array([ 0.7396, -0.3181])
+        >>> run.dq[:, -1].shape
+        (2, 2)
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 101), {"upper": 0.5}, p={"damping": 0.2})
+        >>> run.outputs.shape
+        (101, 6)
         """
         # long: eighteen arguments, each with its meaning
         return self._motions.simulate(
@@ -799,33 +1801,56 @@ class Solver(Package):
         rtol: float = 1e-9, atol: Any = 1e-9, integrator: str = "dop853", step: float | None = None,
         largest_step: float | None = None, most_steps: int = MOST_STEPS, memory: int = MEMORY,
     ) -> Judged:  # fmt: skip
-        """Values of functionals of a motion, and their gradients, exact for the steps that are made.
+        """Return values of functionals of a motion and their gradients, exact for the steps that are made.
 
         Parameters
         ----------
-        t : float, or (start, end)
-            The motion's end, s, or both ends.
-        functionals : one or several of `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`
-        q, u, p, inputs, dq0, du0, rtol, atol, step, largest_step, most_steps
-            As those of `simulate`.
-        wrt : sequence of str
-            What gradients are with respect to, as the `sensitivities` of `simulate`.
-        method : {"auto", "forward", "adjoint"}
-            Sensitivities along with the motion, or the discrete adjoint, whose cost does not grow with the number of parameters;
-            "auto" takes what costs less. Both give the same to rounding.
-        integrator : {"dop853", "radau", "rk4"}
-        memory : int
-            Bytes that the adjoint keeps steps in.
+        t : float or tuple of two float
+            End of the motion, s, or its start and end.
+        functionals : functional or sequence of functionals
+            `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`.
+        q, u, p : array_like (nq,), (nu,), (np,), optional
+            Initial state and parameters, as in `simulate`.
+        inputs : array_like, tuple, callable, spline or mapping, optional
+            Inputs over time, as in `simulate`.
+        wrt : str or sequence of str, optional
+            What to differentiate by, like `sensitivities` of `simulate`.
+        method : {"auto", "forward", "adjoint"}, optional
+            Sensitivities along with the motion, or the discrete adjoint, whose cost does not grow with the number of
+            parameters. "auto" uses the cheaper one. Their results agree to rounding.
+        dq0, du0 : array_like (k, nq), (k, nu), optional
+            Derivatives of the initial state, as in `simulate`.
+        rtol, atol : float, optional
+            Tolerances of a step, as in `simulate`.
+        integrator : {"dop853", "radau", "rk4"}, optional
+            The method of `simulate`.
+        step, largest_step : float, optional
+            First or constant step, and upper bound of all steps, s.
+        most_steps : int, optional
+            Number of steps after which the motion is given up.
+        memory : int, optional
+            Bytes in which the adjoint keeps steps. Steps that do not fit are computed twice.
 
         Returns
         -------
         Judged
+            `values` (m,), `gradients` (m, k) and the method that was used.
 
         Raises
         ------
         SimulationError
-            The motion ends before its time, or an event that is asked for does not come.
+            If the motion ends before its time, or an event that a functional needs does not occur.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final, Integral
+        >>> found = solver.judge(1.0, [Final("tip_x"), Integral("kinetic")], wrt=("length_1", "mass_2"))
+        >>> found.values.round(4)
+        array([1.4231, 6.5964])
+        >>> found.gradients.shape
+        (2, 2)
         """
+        # long: seventeen arguments, each with its meaning
         return self._motions.judge(
             t,
             functionals,
@@ -859,35 +1884,47 @@ class Solver(Package):
     # -- precision -----------------------------------------------------------------------------------------------------
 
     def in_precision(self, digits: int = 40, model: Any = None) -> Any:
-        """This solver in more digits, to settle a doubt about rounding: the same statements on longer numbers.
+        """Return this solver in more digits, to settle a doubt about rounding.
 
-        Its members take what those of this solver take, and mpmath's numbers and decimal text too; floats count as exactly
-        what they are. They return mpmath's numbers in arrays of objects, which keep these digits whatever ``mpmath.mp.dps``
-        is; ``.astype(float)`` rounds an array to doubles. `assemble` closes loops to these digits; the other members take
-        coordinates as they are given, as everywhere. Of a model that begins in equilibrium, `initial` is the state of rest
-        that double precision finds. There are no `simulate`, `judge`, `equilibrium`, `linearize` and `diagnose`. Numbers that
-        were computed from the model when it was generated are the doubles that stand in the package.
+        It runs the statements of the NumPy module on longer numbers. Its methods accept floats, which count as exactly
+        what they are, mpmath's numbers, and text such as ``"0.1"``. They return arrays of mpmath's numbers, which keep
+        their digits whatever ``mpmath.mp.dps`` is; ``.astype(float)`` rounds an array to doubles. `assemble` closes
+        loops to these digits.
 
         Parameters
         ----------
-        digits : int
-            Decimal digits of results, at least 16; what is computed with has ten more. Cancellation takes digits away, so
-            compare with those of more.
+        digits : int, optional
+            Decimal digits of results, at least 16; ten more are computed. Cancellation costs digits, so compare with a
+            result of more digits.
         model : Model or path, optional
-            What the package was generated from: numbers that were computed from it are computed in these digits too, from the
-            doubles that the model file is read as. Needs a solver that `ordernm.load` has opened.
+            The model that the package was generated from. Constants that were computed from it are then computed in
+            these digits too; otherwise they are the doubles in the package. Needs a solver that `ordernm.load` has
+            opened.
 
         Returns
         -------
         Solver
-            With ``digits``, and ``mp``, mpmath's functions in these digits.
+            It has ``digits``, and ``mp`` with mpmath's functions in these digits. `simulate`, `judge`, `equilibrium`,
+            `linearize` and `diagnose` are absent.
 
         Raises
         ------
         ImportError
-            mpmath is not installed.
+            If mpmath is not installed.
         ValueError
-            `digits` are too few or too many, or the package was generated from another model.
+            If `digits` is out of range, or the package was generated from another model.
+
+        Notes
+        -----
+        For a model that begins in equilibrium, `initial` is the state of rest that double precision finds.
+
+        Examples
+        --------
+        >>> exact = solver.in_precision(40)
+        >>> q, u = solver.initial
+        >>> error = (solver.accelerations(q, u) - exact.accelerations(q, u)).astype(float)
+        >>> bool(np.abs(error).max() < 1e-12)
+        True
         """
         return extended(self, digits, None if model is None else self._extended_modules(model, digits))
 

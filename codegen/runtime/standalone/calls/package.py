@@ -42,7 +42,7 @@ Composed = Callable[[tuple[Any, ...], Any, Any], Sequence[Array]]
 
 
 class Package:
-    """A generated package that is open; see `Solver` for its parameters."""
+    """A generated package that is open. `Solver` documents its parameters."""
 
     _watch: Callable[[str | Wanted, tuple[Any, ...], tuple[Any, ...] | None], None] | None = None
     """What warns of directions that have no derivative."""
@@ -142,7 +142,7 @@ class Package:
 
     @property
     def target(self) -> str:
-        """What computes: ``c`` or ``numpy``."""
+        """The code that computes: ``c`` or ``numpy``."""
         return self._target.name
 
     @property
@@ -152,9 +152,12 @@ class Package:
 
     @property
     def batch_threads(self) -> int | None:
-        """On how many threads the C works on a batch. None, the default: on all processors that the process may use, for batches
-        that take one thread 0.2 ms or more, and on one for others. A number holds for all batches of 64 states and more for
-        each thread. Results are the same to the bit."""
+        """Number of threads that share the states of a batch in C, or None to choose by the batch.
+
+        None, the default, uses all processors of the process for batches that take one thread 0.2 ms or more, and one
+        for others. A number holds for batches that have at least 64 states for each thread. Results are the same to the
+        bit.
+        """
         return self._threads
 
     @batch_threads.setter
@@ -171,8 +174,11 @@ class Package:
 
     @property
     def bad_states(self) -> str:
-        """What becomes of states of a batch that cannot be computed, such as singular ones and those with NaN: ``error``, unless
-        set to ``nan``; then their results are NaN, a warning names them, and the others are computed."""
+        """Treatment of batch states that cannot be computed, ``error`` or ``nan``.
+
+        Such states are singular, or have numbers that are not finite. With ``error``, the default, they raise. With
+        ``nan`` their results are NaN, a warning names them, and the other states are computed.
+        """
         return self._bad_states
 
     @bad_states.setter
@@ -183,22 +189,22 @@ class Package:
 
     @property
     def independent_names(self) -> tuple[str, ...]:
-        """Names of the coordinates that the others follow from; all of them in a model without loops."""
+        """Names of the independent coordinates; all names in a model without loops."""
         return tuple(self._opened.manifest.get("independent_names", self.coordinate_names))
 
     @property
     def independent_speed_names(self) -> tuple[str, ...]:
-        """Names of the speeds that the others follow from."""
+        """Names of the independent speeds; all names in a model without loops."""
         return tuple(self._opened.manifest.get("independent_speed_names", self.speed_names))
 
     @property
     def operations(self) -> dict[str, Any]:
         """Additions, multiplications, divisions and functions, by function and sweep.
 
-        ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` is what one more direction costs there,
-        ``"per_call"`` what all directions share. ``"start"`` computes constants, sines and cosines. A sweep that a function
-        runs twice counts twice; each column of a matrix is a direction; ``"solve_in_1"`` is a sweep over directions that
-        runs for values.
+        ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` counts one more direction,
+        ``"per_call"`` the work that all directions share. ``"start"`` computes constants, sines and cosines. A sweep
+        that a function runs twice counts twice; each column of a matrix is a direction. ``"solve_in_1"`` is a sweep
+        over directions that runs for values.
         """
         by_sweep = self._manifest["operations"]
         run = {name: f.get("sweeps", ()) for name, f in self._manifest["functions"].items()}
@@ -222,28 +228,31 @@ class Package:
     # -- compiling -----------------------------------------------------------------------------------------------------
 
     def prepare(self, *members: str) -> None:
-        """Compile now what members need, which is compiled else when they are first called.
+        """Compile now the code that methods need, which is otherwise compiled at their first call.
 
-        Libraries are kept, beside the package or in the user's cache, so this takes time once. With the NumPy target there
-        is nothing to compile but for motions.
+        Libraries are kept beside the package or in the user's cache, so this takes time once. The NumPy target compiles
+        code for motions only.
 
         Parameters
         ----------
         *members : str
-            Such as ``"accelerations"``, ``"jacobians"``, ``"simulate"``; ``"batches"`` for large batches of `accelerations`
-            and `sensitivities`. Left out: all that the solver has.
+            Names of methods, such as ``"accelerations"``, ``"jacobians"``, ``"simulate"``; ``"batches"`` for large
+            batches of `accelerations` and `sensitivities`. Left out: everything.
 
         Raises
         ------
         ValueError
-            There is no such member.
+            If the solver has no such method.
         AttributeError
-            The package was generated without it.
-        NoCompilerError, CompileError
+            If the package was generated without it.
+        NoCompilerError
+            If there is no C compiler.
+        CompileError
+            If the compiler fails.
 
         Examples
         --------
-        >>> solver.prepare("simulate", "jacobians")  # doctest: +SKIP
+        >>> solver.prepare("simulate", "jacobians")
         """
         methods = [n for n, _ in inspect.getmembers(type(self), inspect.isfunction) if n[0] != "_"]
         compiled = [*(n for n in methods if self._needed(n) and not lacks(self._manifest, n)), "batches"]

@@ -1,0 +1,30 @@
+"""Names that examples in docstrings use: NumPy, ordernm, and solvers of three models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import codegen
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+MODELS: dict[str, tuple[str, dict[str, Any]]] = {
+    "solver": ("double_pendulum", {"reactions": True, "frames": True}),
+    "four_bar": ("four_bar", {"partitions": 2}),
+    "shaken": ("shaken_pendulum", {}),
+}
+"""Name of the solver, model in `EXAMPLES`, options of `generate`."""
+
+
+def namespace(folder: Path) -> dict[str, Any]:
+    """The names. The solvers compute with NumPy, so only motions are compiled."""
+    found: dict[str, Any] = {"np": np, "ordernm": codegen}
+    for name, (model, options) in MODELS.items():
+        package = folder / model
+        if not package.exists():
+            codegen.generate(EXAMPLES / f"{model}.yaml", package, target="numpy", **options)
+        found[name] = codegen.load(package)
+    return found

@@ -1,0 +1,87 @@
+"""Docstrings of public functions: each has its sections (numpydoc), and its example prints what it shows."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from docs_namespace import namespace
+
+import codegen
+import codegen.runtime
+
+validate = pytest.importorskip("numpydoc.validate", reason="numpydoc is not installed: pip install -e '.[test]'")
+
+FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+CHECKED = (
+    "GL03", "GL06", "GL07", "GL08", "SS01", "SS02", "SS03", "SS06", "PR01", "PR02", "PR03", "PR04", "PR07", "PR10", "RT01",
+    "RT03", "EX01",
+)  # fmt: skip
+"""What numpydoc's validation has to find nothing of."""
+OF_PROPERTIES = ("GL03", "GL06", "GL07", "GL08", "SS01", "SS02", "SS03", "SS06")
+
+FUNCTIONS = ("codegen.runtime.standalone.solver.Solver", "codegen.runtime.standalone.calls.package.Package")
+"""Functions, and classes with all their public members."""
+
+
+def members(name: str) -> Iterator[str]:
+    """The name itself, and those of public methods and properties of a class."""
+    yield name
+    found = named(name)
+    if inspect.isclass(found):
+        for member, value in vars(found).items():
+            wrapped = (property, classmethod, staticmethod)
+            if member[0] != "_" and (inspect.isfunction(value) or isinstance(value, wrapped) or hasattr(value, "func")):
+                yield f"{name}.{member}"
+
+
+def named(name: str) -> Any:
+    """An object by the name of its module and its own."""
+    module, _, rest = name.rpartition(".")
+    try:
+        return getattr(importlib.import_module(module), rest)
+    except ModuleNotFoundError:
+        return inspect.getattr_static(named(module), rest)
+
+
+PUBLIC = [member for name in FUNCTIONS for member in members(name)]
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_docstring_has_its_sections(name):
+    found = validate.validate(name)
+    codes = CHECKED if inspect.isfunction(named(name)) else OF_PROPERTIES
+    assert [message for code, message in found["errors"] if code in codes] == [], found["docstring"]
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory) -> dict[str, Any]:
+    return namespace(tmp_path_factory.mktemp("docs"))
+
+
+ROOT = Path(codegen.__file__).parents[1]
+MODULES = sorted(
+    ".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for p in (ROOT / "codegen").rglob("*.py")
+    if ">>> " in p.read_text(encoding="utf-8")
+)
+"""Modules with examples, those of functions that are not public too."""
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_examples_print_what_they_show(module, names, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    found = importlib.import_module(module)
+    tests = [t for t in doctest.DocTestFinder().find(found) if t.examples]
+    assert tests
+    said: list[str] = []
+    for test in tests:
+        test.globs = vars(found) | names
+        doctest.DocTestRunner(optionflags=FLAGS).run(test, out=said.append)
+    assert "".join(said) == ""
