@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -295,6 +296,16 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     return code
 
 
+def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm equations``: the equations of motion in sympy."""
+    from .showing_equations import run
+
+    text = run(options, status)
+    status.close()
+    print(text, end="")
+    return OK
+
+
 def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm bench``: problems with known answers, measured."""
     from .bench.command import bench
@@ -450,32 +461,22 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
     generate = commands.add_parser("generate", help="generate a solver from a model file")
     _generate_arguments(generate)
     generate.set_defaults(run=run_generate)
-    simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
-    if wanted in (None, "simulate"):
-        from .simulating import add_arguments as add_simulate_arguments
-
-        add_simulate_arguments(simulated)
-    simulated.set_defaults(run=run_simulate)
-    imports = commands.add_parser("import", help="make a model file of a robot's: URDF, MJCF, SDF")
-    if wanted in (None, "import"):
-        from .importing.command import add_arguments as add_import_arguments
-
-        add_import_arguments(imports)
-    imports.set_defaults(run=run_import)
-    reported = commands.add_parser(
-        "report", help="measure a model's speed and errors: a page with figures, and its numbers"
-    )
-    if wanted in (None, "report"):
-        from .reporting.command import add_arguments as add_report_arguments
-
-        add_report_arguments(reported)
-    reported.set_defaults(run=run_report)
-    benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
-    if wanted in (None, "bench"):
-        from .bench.command import add_arguments as add_bench_arguments
-
-        add_bench_arguments(benched)
-    benched.set_defaults(run=run_bench)
+    for name, run, module, help_text in (
+        ("simulate", run_simulate, ".simulating", "compute a motion, with derivatives by parameters"),
+        ("import", run_import, ".importing.command", "make a model file of a robot's: URDF, MJCF, SDF"),
+        (
+            "report",
+            run_report,
+            ".reporting.command",
+            "measure a model's speed and errors: a page with figures, and its numbers",
+        ),
+        ("bench", run_bench, ".bench.command", "measure accuracy and speed on problems with known answers"),
+        ("equations", run_equations, ".showing_equations", "print the equations of motion: mass matrix and right side"),
+    ):
+        command = commands.add_parser(name, help=help_text)
+        if wanted in (None, name):
+            import_module(module, __package__).add_arguments(command)
+        command.set_defaults(run=run)
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),
         ("show", run_show, "print what a model file, or a generated package, holds"),

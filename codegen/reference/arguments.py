@@ -61,7 +61,7 @@ class State:
 class Arguments(ABC):
     """The model and the partition of an engine, and the state that it is asked for; see `Engine`."""
 
-    def __init__(self, model: Model, numbers: str = "float64", partition: Partition | None = None) -> None:
+    def __init__(self, model: Model, numbers: str | Arithmetic = "float64", partition: Partition | None = None) -> None:
         self.given = model
         model = self.model = model.released
         self.held = np.array(
@@ -71,7 +71,7 @@ class Arguments(ABC):
         self.free_q, self.free_u = (
             np.setdiff1d(np.arange(n), held) for n, held in ((model.nq, held_q), (model.nu, self.held))
         )
-        self.arithmetic = Arithmetic(numbers)
+        self.arithmetic = Arithmetic(numbers) if isinstance(numbers, str) else numbers
         if partition is None:
             partition = choose_partition(self.given) if model.loops else Partition((), tuple(range(model.nu)))
         self.partition = partition
@@ -116,7 +116,7 @@ class Arguments(ABC):
         q, u = self._with_prescribed(q, u, Pairs(self.arithmetic, k, environment))
         for body, place in model.quaternions:
             e = q.value[place, 0]
-            if not e @ e >= SMALLEST_QUATERNION**2:
+            if not (self.arithmetic.symbolic or e @ e >= SMALLEST_QUATERNION**2):
                 name = model.bodies[body].name
                 raise ValueError(f"q: the quaternion of {name} is {e}; its length must be at least 1e-6")
         return State(Pairs(self.arithmetic, k, environment), q, u).moved(model, q, u)
@@ -126,7 +126,7 @@ class Arguments(ABC):
         value = self.arithmetic.array(value)
         if value.shape != (n,):
             raise ValueError(f"{name} has shape {value.shape}, expected ({n},)")
-        if any(map(mpmath.isnan, value)):
+        if not self.arithmetic.symbolic and any(map(mpmath.isnan, value)):
             raise ValueError(f"{name} holds NaN: {value}")
         tangent = self.arithmetic.zeros(k, n) if seed is None else seed
         if tangent.shape != (k, n):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import decimal
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
 from typing import Any
 
@@ -18,6 +18,7 @@ import mpmath
 import numpy as np
 
 from ..elementary import ON_ARRAYS, TABLE
+from ..model.expressions import Expression
 
 Array = np.ndarray[Any, Any]
 
@@ -38,7 +39,14 @@ class Arithmetic:
     Parameters
     ----------
     numbers : {"float64", "mpmath", "decimal"}
+
+    Attributes
+    ----------
+    symbolic : bool
+        Numbers may have symbols, whose values are not known; see `codegen.symbolic`.
     """
+
+    symbolic = False
 
     def __init__(self, numbers: str = "float64") -> None:
         if numbers not in NUMBERS:
@@ -93,6 +101,10 @@ class Arithmetic:
     def power(self, x: Any, y: Any) -> Any:
         """x**y for numbers; not a number where that has no real value."""
         return _real(x**y)
+
+    def value_of(self, expression: Expression, values: Mapping[str, Any]) -> Any:
+        """An expression of a model with values for its names, without derivatives: of symbolic numbers."""
+        raise NotImplementedError(f"numbers of the kind {self.numbers} are evaluated by Pairs")
 
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:
         """Factor a small symmetric positive definite A = L diag(d) L^T.

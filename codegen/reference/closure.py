@@ -123,9 +123,12 @@ class Cut:
         if not self.turning:
             return linear
         R_s, R_e = placed_rotation(loop.start, pairs), self.C @ placed_rotation(loop.end, pairs)
-        sines = [reduce(add, ((c.mT @ d) * pairs.number(w) for w, c, d in terms)) for terms in self.turning]
-        turned = residuals_of_turn(pairs, loop, self.frame.mT @ R_s, R_s, R_e, sines)
+        turned = residuals_of_turn(pairs, loop, self.frame.mT @ R_s, R_s, R_e, self.sines(pairs))
         return pairs.block([[linear], *([x] for x in turned)])
+
+    def sines(self, pairs: Pairs) -> list[Pair]:
+        """The angular conditions, sums of c . d, (1, 1) each."""
+        return [reduce(add, ((c.mT @ d) * pairs.number(w) for w, c, d in terms)) for terms in self.turning]
 
     def displacement_of_faces(
         self, pairs: Pairs, loop: Loop, defaults: dict[str, float], start: Terms, end: Terms

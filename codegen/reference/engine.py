@@ -46,7 +46,7 @@ class Engine(Arguments):
     Parameters
     ----------
     model : Model
-    numbers : {"float64", "mpmath", "decimal"}
+    numbers : {"float64", "mpmath", "decimal"} or Arithmetic
         With ``mpmath`` every array holds mpf numbers of the caller's ``mpmath.mp.dps`` digits, with ``decimal`` numbers of
         `decimal.Decimal` of the caller's context, in a fifth of the time; float arguments are taken at their exact binary value.
     partition : Partition, optional
@@ -372,11 +372,16 @@ class Engine(Arguments):
         return total
 
     def _outputs(self, state: State) -> Pair:
-        """The outputs, (noutputs, 1); accelerations and sums are found when the first of them needs these."""
+        """The outputs, (noutputs, 1)."""
+        seen = self._seen(state)
+        return seen.pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
+
+    def _seen(self, state: State) -> Seen:
+        """What outputs read; accelerations and sums are found when the first of them needs these."""
         pairs, motion, names = state.pairs, self._motion(state), self.given.prescribed_names
         accelerating = cache(lambda: self._accelerating(state, motion, self._accelerations(state)))
         driving = cache(lambda: self._driving_forces(state))
-        seen = Seen(
+        return Seen(
             pairs,
             point=lambda point: self._point(motion, point.body, pairs.vector(point.at)),
             acceleration=lambda point: accelerating()(point.body, pairs.vector(point.at)),
@@ -385,7 +390,6 @@ class Engine(Arguments):
             driving_forces=lambda: {name: driving()[i : i + 1] for i, name in enumerate(names)},
             bodies=cache(lambda: self._moving(state, motion)),
         )
-        return pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
 
 
 def _weighted(weights: Any, J: Jacobians) -> Gradients:

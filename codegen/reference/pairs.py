@@ -209,8 +209,13 @@ class Pairs:
         key = id(expression)
         if key not in self._known:
             tree = expression.tree
-            limits = self.k and is_singular(tree)
-            found = self._with_limits(tree) if limits else expression.evaluate(self.environment, self._functions)
+            if self.arithmetic.symbolic:
+                known = {name: self.environment[name].value for name in expression.names}
+                found = self.number(self.arithmetic.value_of(expression, known))
+            elif self.k and is_singular(tree):
+                found = self._with_limits(tree)
+            else:
+                found = expression.evaluate(self.environment, self._functions)
             self._known[key] = expression, found
         return self._known[key][1]
 

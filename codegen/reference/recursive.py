@@ -37,7 +37,7 @@ from ..loops.partition import Partition
 from ..model.model import GROUND, Coupling, Model
 from ..model.motions import Ball, Displacement, Slide, Turn
 from .arguments import State
-from .arithmetic import Array, SingularMatrixError
+from .arithmetic import Arithmetic, Array, SingularMatrixError
 from .closure import AnyCut, EarClosure, closed_motion, cut, displacement, with_best_dependents
 from .couplings import CoupledCut
 from .ears import groups
@@ -73,7 +73,7 @@ class Articulated:
 class RecursiveEngine(Engine):
     """The paper's recursive method, O(n + m) per evaluation and per direction. See `Engine` for the face."""
 
-    def __init__(self, model: Model, numbers: str = "float64", partition: Partition | None = None) -> None:
+    def __init__(self, model: Model, numbers: str | Arithmetic = "float64", partition: Partition | None = None) -> None:
         super().__init__(model, numbers, partition)
         self.groups = groups(self.model, self.partition, self.held.tolist())
         held = set(self.held.tolist())

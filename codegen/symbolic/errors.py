@@ -1,0 +1,14 @@
+"""What can go wrong on the way to symbols."""
+
+from __future__ import annotations
+
+
+class SymbolicError(ValueError):
+    """A request that cannot be met, or a part of a model without a formula that sympy can hold."""
+
+
+class TooLargeError(SymbolicError):
+    """Equations of more terms than allowed."""
+
+
+__all__ = ["SymbolicError", "TooLargeError"]

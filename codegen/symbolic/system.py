@@ -1,0 +1,255 @@
+"""The reference engine on symbols: mass matrix, right side and constraints as polynomials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy
+
+from ..model.model import Coupling, Model
+from ..model.outputs import Output
+from ..reference.arguments import State
+from ..reference.arithmetic import Arithmetic, Array
+from ..reference.closure import EarClosure, cut
+from ..reference.ears import Group
+from ..reference.outputs import VALUES, Seen
+from ..reference.pairs import Pair
+from ..reference.recursive import RecursiveEngine
+from ..reference.terms import Terms
+from .arithmetic import SymbolicArithmetic
+from .polynomials import Polynomial
+
+
+def symbols_of(names: Sequence[str], prefix: str = "") -> tuple[sympy.Symbol, ...]:
+    """Real symbols of these names, such as ``q.crank``."""
+    return tuple(sympy.Symbol(f"{prefix}{name}", real=True) for name in names)
+
+
+@dataclass
+class Constraints:
+    """The conditions of closed loops that count, over all speeds of the tree.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the conditions, ear by ear.
+    position : (r, 1) array
+        What is zero where the loops are closed: m, and sines of angles.
+    jacobian : (r, nu) array
+    remainder : (r, 1) array
+        What the second time derivative of `position` has beside the Jacobian times the accelerations that are not prescribed.
+    """
+
+    names: list[str]
+    position: Array
+    jacobian: Array
+    remainder: Array
+
+
+class SymbolicEngine(RecursiveEngine):
+    """The recursive engine at a state of symbols; linear conditions of loops are in metres.
+
+    Parameters
+    ----------
+    model : Model
+    parameters : mapping of str to number or sympy.Expr
+        Values of parameters that shall not be symbols.
+    most_products : int, optional
+        Products of terms; more raise `TooLargeError`.
+    """
+
+    def __init__(self, model: Model, parameters: Mapping[str, Any], most_products: int | None = None) -> None:
+        self.symbolic = SymbolicArithmetic(most_products)
+        super().__init__(model, self.symbolic)
+        self.lengths = (1,) * len(self.model.loops)
+        self.q = symbols_of(self.given.coordinate_names, "q.")
+        self.u = symbols_of(self.given.speed_names, "u.")
+        self.udot = symbols_of(self.given.speed_names, "udot.")
+        self.p = tuple(parameters.get(p.name, sympy.Symbol(p.name, real=True)) for p in self.model.parameters)
+        self.inputs = symbols_of(self.model.inputs)
+        self.t = sympy.Symbol("t", real=True)
+
+    @cached_property
+    def state(self) -> State:
+        """All arguments as symbols; speeds need not close the loops."""
+        return self._arguments(self.q, self.u, self.p, self.inputs, self.t)
+
+    @cached_property
+    def bodies(self) -> list[Terms]:
+        """The kinematic sweep at `state`."""
+        return super()._motion(self.state)
+
+    def _motion(self, state: State) -> list[Terms]:
+        return self.bodies if state is self.state else super()._motion(state)
+
+    def _accelerations(self, state: State) -> Pair:
+        """Symbols, and those that are prescribed."""
+        return self._with_accelerations(self._of_speeds("udot", self.udot, None, state.pairs), state.pairs)
+
+    def _closed_speeds(self, state: State) -> Pair:
+        """The dependent speeds for the independent ones of the state."""
+        others = [i for i in range(self.model.nu) if i not in set(self.dependent.tolist())]
+        value = self.motion_of_tree[self.dependent][:, others] @ state.u.value[others]
+        return Pair(value, self.arithmetic.zeros(0, *value.shape))
+
+    # --- trees ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def mass(self) -> Array:
+        """M over all speeds of the tree, (nu, nu), of prescribed ones too."""
+        return self._mass_matrix(self.state).value
+
+    @cached_property
+    def right_side(self) -> Array:
+        """K less what prescribed accelerations take, (nu, 1), for all speeds of the tree."""
+        pairs = self.state.pairs
+        return -self._inverse_dynamics(self.state, pairs.zeros(self.model.nu, 1)).value
+
+    @cached_property
+    def rates(self) -> Array:
+        """The time derivatives of the coordinates that are not prescribed, (nq, 1)."""
+        return self._coordinate_rates(self.state).value[self.free_q]
+
+    @cached_property
+    def seen(self) -> Seen:
+        """What outputs read."""
+        return self._seen(self.state)
+
+    def output(self, output: Output) -> Polynomial:
+        """The value of an output."""
+        value: Polynomial = VALUES[output.measure](output, self.seen).value
+        return value
+
+    # --- loops ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """As many independent conditions as there are dependent speeds, chosen at the assembled initial configuration."""
+        every = self._every_condition
+        at = self._initial_values()
+        rows: list[int] = []
+        for ear in self.partition.ears:
+            slices = [self.closure_slices[k] for k in ear.loops]
+            own = [i for s in slices for i in range(s.start, s.stop) if i in set(self.kept.tolist())]
+            numbers = self.symbolic.algebra.evaluated(every.jacobian[np.ix_(own, ear.dependent)], at)
+            best, _ = Arithmetic().independent_rows(numbers)
+            rows += [own[i] for i in sorted(best[: len(ear.dependent)].tolist())]
+        return Constraints(
+            [every.names[i] for i in rows], every.position[rows], every.jacobian[rows], every.remainder[rows]
+        )
+
+    def _initial_values(self) -> dict[sympy.Symbol, float]:
+        q = dict(zip(self.q, np.array(self.partition.q)[self.free_q].tolist(), strict=True))
+        p = {s: p.value for s, p in zip(self.p, self.model.parameters, strict=True) if isinstance(s, sympy.Symbol)}
+        return q | p | dict.fromkeys((*self.u, *self.inputs, self.t), 0.0)
+
+    @cached_property
+    def _every_condition(self) -> Constraints:
+        """All conditions, redundant ones too."""
+        pairs, model, bodies = self.state.pairs, self.model, self.bodies
+        speeds = tuple(range(model.nu))
+        tree = Group(tuple(model.outward), (), (), (), speeds)
+        G = EarClosure(model, tree, pairs, bodies, ()).partial_velocities(speeds)
+        none = pairs.zeros(6, model.nu)
+        position, jacobian, remainder = [], [], []
+        given = self._given_accelerations(pairs)
+        for loop in model.loops:
+            if isinstance(loop, Coupling):
+                row = self._coupled(loop)
+                value = -pairs.matrix([[pairs.expression(loop.offset)]])
+                for term in loop.terms:
+                    at = model.coordinate_slices[term.body][0].start + term.index
+                    value = value + self.state.q[at : at + 1] * pairs.expression(term.factor)
+                position.append([value])
+                jacobian.append([row])
+                remainder.append([row @ given])
+                continue
+            start, end = loop.start.body, loop.end.body
+            joint = cut(pairs, loop, 1, bodies[start], bodies[end], model.defaults, ())
+            linear = joint.rows[: loop.closure.linear, 3:] @ joint.offset
+            values = [value for value, _, _ in joint.surfaces] or [linear, *joint.sines(pairs)]
+            position += [[value] for value in values]
+            jacobian.append([joint.K_end @ G.get(end, none) - joint.K_start @ G.get(start, none)])
+            remainder.append([joint.remainder(pairs, bodies[start], bodies[end])])
+        return Constraints(
+            list(model.closure_names), *(pairs.block(of).value for of in (position, jacobian, remainder))
+        )
+
+    def _coupled(self, loop: Coupling) -> Pair:
+        row = self.state.pairs.zeros(1, self.model.nu)
+        for term in loop.terms:
+            at = self.model.coordinate_slices[term.body][1].start + term.index
+            row.value[0, at] = self.state.pairs.expression(term.factor).value
+        return row
+
+    @cached_property
+    def _solved(self) -> tuple[Array, Array]:
+        """How all speeds follow from the independent ones, (nu, nu), and what the dependent accelerations have besides."""
+        known, nu = self.constraints, self.model.nu
+        motion, besides = self.arithmetic.eye(nu), self.arithmetic.zeros(nu, 1)
+        for i in self.dependent:
+            motion[i, i] = self.arithmetic.number(0)
+        first = 0
+        for ear in self.partition.ears:
+            D, rows = list(ear.dependent), list(range(first, first + len(ear.dependent)))
+            first += len(D)
+            inverse = self._inverse_of(known.jacobian[np.ix_(rows, D)])
+            J = known.jacobian[rows].copy()
+            J[:, D] = 0 * J[:, D]
+            motion[D] = -(inverse @ (J @ motion))
+            besides[D] = -(inverse @ (known.remainder[rows] + J @ besides))
+        return motion, besides
+
+    @property
+    def motion_of_tree(self) -> Array:
+        """All speeds of the tree from the independent ones: columns of dependent speeds are zero, (nu, nu)."""
+        return self._solved[0]
+
+    @property
+    def remainder_of_tree(self) -> Array:
+        """Accelerations of the dependent speeds at zero accelerations of the independent ones, (nu, 1)."""
+        return self._solved[1]
+
+    def _inverse_of(self, A: Array) -> Array:
+        """The inverse of a matrix by its cofactors, (n, n)."""
+        n = len(A)
+        if not n:
+            return A
+        minors = _Minors(A)
+        determinant = minors.of(tuple(range(n)), tuple(range(n)))
+        share = self.symbolic.algebra.reciprocal(determinant)
+        inverse = self.arithmetic.zeros(n, n)
+        for i in range(n):
+            for j in range(n):
+                rows, columns = (tuple(k for k in range(n) if k != x) for x in (j, i))
+                inverse[i, j] = minors.of(rows, columns) * (-1) ** (i + j) * share
+        return inverse
+
+
+class _Minors:
+    """Determinants of parts of a matrix, each once."""
+
+    def __init__(self, A: Array) -> None:
+        self.A = A
+        self.known: dict[tuple[tuple[int, ...], tuple[int, ...]], Any] = {((), ()): 1}
+
+    def of(self, rows: tuple[int, ...], columns: tuple[int, ...]) -> Any:
+        """By its first row."""
+        if (rows, columns) not in self.known:
+            total: Any = 0
+            for k, column in enumerate(columns):
+                entry = self.A[rows[0], column]
+                if entry:
+                    rest = columns[:k] + columns[k + 1 :]
+                    total = entry * (-1) ** k * self.of(rows[1:], rest) + total
+            self.known[rows, columns] = total
+        return self.known[rows, columns]
+
+
+def matrix_of(of: Array) -> sympy.Matrix:
+    """The same with sympy's expressions."""
+    return sympy.Matrix(*of.shape, [x.expression if isinstance(x, Polynomial) else x for x in of.flat])

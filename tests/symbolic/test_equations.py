@@ -1,0 +1,156 @@
+"""Equations of motion in sympy equal those of generated solvers at random states."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+
+import codegen
+from codegen.model import Model
+from codegen.symbolic import Equations, SymbolicError, TooLargeError, equations
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+TOP = """
+model: top
+gravity: [0, 0, -g]
+parameters: {g: 9.81, mass: 0.3, height: 0.05, across: 2.0e-4, along: 3.0e-4}
+bodies:
+  top:
+    parent: ground
+    joint: {type: spherical}
+    mass: mass
+    com: [0, 0, height]
+    inertia: {xx: across, yy: across, zz: along}
+"""
+
+
+def read(name: str) -> Model:
+    return codegen.parse_model(TOP, "top") if name == "top" else codegen.load_model(EXAMPLES / f"{name}.yaml")
+
+
+def difference(x, y) -> float:
+    x, y = np.asarray(x), np.asarray(y)
+    assert x.shape == y.shape
+    return float(np.abs(x - y).max(initial=0) / max(1.0, np.abs(y).max(initial=0)))
+
+
+def accelerations(found: Equations, numbers: dict) -> np.ndarray:
+    """udot from the matrices, as the form says."""
+    if found.form == "tree":
+        return np.linalg.solve(numbers["M"], numbers["forcing"])[:, 0]
+    if found.form == "embedded":
+        return (numbers["S"] @ np.linalg.solve(numbers["M"], numbers["forcing"]) + numbers["remainder"])[:, 0]
+    J = numbers["J"]
+    A = np.block([[numbers["M"], J.T], [J, np.zeros((len(J), len(J)))]])
+    return np.linalg.solve(A, np.concatenate([numbers["forcing"], -numbers["rate"]]))[: len(numbers["M"]), 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        ("pendulum", "tree"), ("double_pendulum", "tree"), ("swing_up", "tree"), ("top", "tree"),
+        ("four_bar", "multipliers"), ("four_bar", "embedded"), ("slider_crank", "multipliers"), ("slider_crank", "embedded"),
+    ],
+)  # fmt: skip
+def test_equations_are_those_of_the_solver(name, form, tmp_path):
+    model = read(name)
+    found = equations(model, form=form)
+    codegen.generate(model, tmp_path / "made", target="numpy", compile=False, check=False)
+    solver = codegen.load(tmp_path / "made")
+    evaluate, rng = found.lambdify(), np.random.default_rng(len(name))
+    for _ in range(5):
+        p = solver.parameters * rng.uniform(0.95, 1.05, len(solver.parameters))
+        inputs, t = rng.normal(size=len(model.inputs)), rng.uniform()
+        q, u = solver.initial
+        q, u = q + rng.normal(size=len(q)) * 0.1, rng.normal(size=len(u))
+        q, u = solver.assemble(q, u, p, inputs, t)
+        numbers = evaluate(q, u, p, inputs, t)
+        assert difference(accelerations(found, numbers), solver.accelerations(q, u, p, inputs, t)) < 1e-12
+        assert difference(numbers["qdot"][:, 0], solver.coordinate_rates(q, u, p, inputs, t)) < 1e-12
+        if form != "multipliers":
+            assert difference(numbers["M"], solver.mass_matrix(q, p)) < 1e-12
+        else:
+            assert difference(numbers["J"] @ u, np.zeros(len(found.constraints))) < 1e-12
+            assert difference(numbers["position"], np.zeros((len(found.constraints), 1))) < 1e-12
+        if form == "embedded":
+            chosen = [u[found.u.index(s)] for s in found.independent]
+            assert difference(numbers["S"] @ chosen, u) < 1e-12
+        values = dict(zip((*found.q, *found.u, *found.parameters, *found.inputs), [*q, *u, *p, *inputs], strict=True))
+        values |= dict(zip(found.udot, solver.accelerations(q, u, p, inputs, t), strict=True)) | {found.t: t}
+        of_outputs = [float(e.subs(values)) for e in found.outputs.values()]
+        assert difference(of_outputs, solver.outputs(q, u, p, inputs, t)[: len(of_outputs)]) < 1e-12
+    assert not found.outputs.refused
+
+
+def test_numbers_are_exact_and_terms_are_few():
+    """A person would write the mass matrix of the double pendulum with these terms."""
+    found = equations(read("double_pendulum"))
+    l1, l2, m2 = (found.symbol(name) for name in ("length_1", "length_2", "mass_2"))
+    across = sympy.Rational(1, 7500)  # 0.02 m in radius: three tenths of 0.02**2
+    expected = l2**2 * m2 / 3 + m2 * across
+    assert found.M[1, 1] == expected
+    assert found.M[0, 1] == expected + l1 * l2 * m2 * sympy.cos(found.q[1]) / 2
+    assert not found.M.atoms(sympy.Float) | found.forcing.atoms(sympy.Float)
+
+
+def test_parameters_are_given_by_name_or_as_the_model_has_them():
+    model = read("pendulum")
+    of_values = equations(model, parameters="values")
+    assert of_values.parameters == () and of_values.M.free_symbols == set()
+    one = equations(model, parameters={"length": sympy.Rational(1, 2)})
+    assert one.M == equations(model).subs({"length": 0.5}).M
+    assert [p.name for p in one.parameters] == [n for n in model.parameter_names if n != "length"]
+    with pytest.raises(SymbolicError, match=r"no parameter 'lenght'; it has .*; did you mean 'length'"):
+        equations(model, parameters={"lenght": 1})
+    with pytest.raises(SymbolicError, match="neither a number nor an expression"):
+        equations(model, parameters={"length": "1 m"})
+    with pytest.raises(SymbolicError, match="'embedded' is not possible; pendulum has no closed loops"):
+        equations(model, form="embedded")
+
+
+def test_large_equations_are_refused():
+    with pytest.raises(TooLargeError, match=r"the equations of arm have more than .* give force=True"):
+        equations(codegen.load_model(EXAMPLES / "arm.yaml"))
+
+
+def test_a_module_of_sympy_makes_the_same_matrices(tmp_path):
+    found = equations(read("four_bar"), form="embedded")
+    file = tmp_path / "four_bar_equations.py"
+    command = [
+        sys.executable,
+        "-m",
+        "codegen",
+        "equations",
+        str(EXAMPLES / "four_bar.yaml"),
+        "--form",
+        "embedded",
+        "--sympy",
+    ]
+    subprocess.run([*command, "-o", str(file)], check=True, capture_output=True)
+    made: dict = {}
+    exec(compile(file.read_text(), str(file), "exec"), made)
+    for name, matrix in found.matrices.items():
+        assert made[name] == matrix, name
+    assert made["defaults"] == found.defaults and made["outputs"] == dict(found.outputs)
+    file.write_text("mine")
+    refused = subprocess.run([*command, "-o", str(file)], check=False, capture_output=True, text=True)
+    assert refused.returncode == 2 and "ordernm did not write it" in refused.stderr and file.read_text() == "mine"
+
+
+def test_generating_imports_no_sympy(tmp_path):
+    """Sympy is for who asks for it: reading, generating and loading take none of it."""
+    said = (
+        "import sys, codegen, codegen.symbolic\n"
+        f"model = codegen.load_model({str(EXAMPLES / 'four_bar.yaml')!r})\n"
+        f"codegen.generate(model, {str(tmp_path / 'made')!r}, target='numpy', compile=False, check=False)\n"
+        f"codegen.load({str(tmp_path / 'made')!r})\n"
+        "print('sympy' in sys.modules)"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True).stdout.split()[-1]
+        == "False"
+    )
