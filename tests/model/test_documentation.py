@@ -28,12 +28,12 @@ def test_there_are_examples_and_the_four_legs_stand_apart():
     assert len({id(b.mass) for b in hips}) == 1
 
 
-def test_the_python_example():
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    names: dict = {}
-    exec(compile(code, "model_format.md", "exec"), names)
-    assert names["model"].nu == 10
-    assert isinstance(names["b"], ModelBuilder)
+def test_the_python_examples():
+    for code, nu in zip(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL), (10, 1), strict=True):
+        names: dict = {}
+        exec(compile(code, "model_format.md", "exec"), names)
+        assert names["model"].nu == nu
+        assert isinstance(names["b"], ModelBuilder)
 
 
 def test_the_quoted_message():
