@@ -63,7 +63,7 @@ class InertiaFields:
 
 
 def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> InertiaFields:
-    J, M, H = (("kg m^2", "moments"), ("kg", "mass"), ("kg m", "what couples them"))
+    J, M, H = (("kg m^2", "moments"), ("kg", "mass"), ("kg m", "their coupling"))
     return InertiaFields(
         SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", handed_on=handed_on),
         SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", handed_on=handed_on),
@@ -93,13 +93,13 @@ joint_attitude = MatrixField("R", "1", PARENT, "parent components from joint com
 joint_factor = ScalarField("factor", "m/rad", "", "displacement per angle of a joint, such as a screw's pitch")
 armature = ScalarField("rotor{}", "kg m^2 or kg", "", "reflected inertia of the rotor that turns with a speed")
 face_place = VectorField(
-    "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or place of an end of a force element"
+    "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or attachment point of a force element"
 )
 face_axes = MatrixField(
     "{}.F", "1", LINK, "link components from those of a face, of a loop joint or of a force element"
 )
-coupling_factor = ScalarField("factor{}", "u/u", "", "what a coupling multiplies a coordinate by")
-coupling_offset = ScalarField("offset", "u", "", "what the coordinates of a coupling add up to, each with its factor")
+coupling_factor = ScalarField("factor{}", "u/u", "", "factor of a coordinate in a coupling")
+coupling_offset = ScalarField("offset", "u", "", "sum of the coordinates of a coupling, each times its factor")
 surface_part = ScalarField(
     "part{}", "any", "", "part of the equation of a condition on a point without its coordinates, or its length"
 )
@@ -131,7 +131,7 @@ total = _motion(angular_velocity, "t", OWN, ", all of it", ", with all of alpha"
 ear_own = replace(
     total, w=VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS)
 )
-moving = _motion(angular_velocity, "g", OWN, " against the ground, for outputs")
+moving = _motion(angular_velocity, "g", OWN, " relative to the ground, for outputs")
 explicit_acceleration = AccelerationField(
     "b",
     ACCELERATION,
@@ -141,10 +141,10 @@ explicit_acceleration = AccelerationField(
 
 # -- forces on a link --------------------------------------------------------------------------------------------------
 
-needed = SixField("", WRENCH, OWN, "moment about the origin and force that a link's motion with udot = 0 needs")
-total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that all of a link's motion needs")
+needed = SixField("", WRENCH, OWN, "moment about the origin and force that a link's motion with udot = 0 requires")
+total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that all of a link's motion requires")
 external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the force elements on a link")
-articulated = _inertia("acc.", OWN, "articulated inertia that the children hand on", True)
+articulated = _inertia("acc.", OWN, "articulated inertia propagated by the children", True)
 moment_scale = ScalarField(
     "acc.sJ",
     "kg m^2",
@@ -156,21 +156,21 @@ moment_scale = ScalarField(
 mass_scale = ScalarField(
     "acc.sM", "kg", "", "size of the children's masses (zero pivot)", handed_on=True, unread=NO_LINK_ASKS
 )
-articulated_force = SixField("acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True)
+articulated_force = SixField("acc.", WRENCH, OWN, "articulated force propagated by the children", handed_on=True)
 transmitted = SixField(
     "tacc.",
     WRENCH,
     OWN,
-    "what joints outboard transmit with all accelerations known",
+    "wrench that outboard joints transmit, with all accelerations known",
     handed_on=True,
 )
-inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a freedom (D of Eq. 47)")
-right_side = ScalarField("rD.{}", "u/s^2", "", "what drives a freedom, over the inertia along it (Eq. 53)")
+inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a degree of freedom (D of Eq. 47)")
+right_side = ScalarField("rD.{}", "u/s^2", "", "driving force of a degree of freedom over its inertia (Eq. 53)")
 gain = ScalarField(
     "G{}.{}",
     "1",
     OWN,
-    "inertia over that along the freedom (Eq. 46), by freedom and component; after six, those of partners",
+    "inertia over that along the degree of freedom (Eq. 46), by degree of freedom and component; after six, those of partners",
 )
 
 driving_gain = ScalarField(
@@ -198,12 +198,10 @@ turning_push = MatrixField(
 all_turning_moment = MatrixField("Wn", "N m s", OWN, "the same, the link's own moment too")
 all_turning_push = MatrixField("Wf", "N s", OWN, "the same, the link's own force too")
 turning_gain = ScalarField(
-    "tg{}.{}", "1/s", OWN, "change of udot with the parent's angular velocity, by freedom and component"
+    "tg{}.{}", "1/s", OWN, "change of udot with the parent's angular velocity, by degree of freedom and component"
 )
 column_force = SixField("P.", WRENCH, OWN, "articulated force of a column")
-column_drive = ScalarField(
-    "cD.{}", "u/s^2", "", "what drives a freedom in a column, over the inertia along it (Eq. 53)"
-)
+column_drive = ScalarField("cD.{}", "u/s^2", "", "the same in a column (Eq. 53)")
 column_turning = VectorField("dw", "rad/s", OWN, "change of the angular velocity in a column")
 column_acceleration = AccelerationField("dA.", ACCELERATION, OWN, "change of the accelerations in a column")
 seed_turning = VectorField(
@@ -220,7 +218,7 @@ composite_inertia = SymmetricField(
     "comp.J", "kg m^2", OWN, "inertia of the link and everything outboard", handed_on=True
 )
 composite_force = SixField(
-    "F{}.", INERTIA, OWN, "force for a unit acceleration of a freedom and of everything outboard"
+    "F{}.", INERTIA, OWN, "force for a unit acceleration of a degree of freedom and of everything outboard"
 )
 
 # -- energies ----------------------------------------------------------------------------------------------------------
@@ -230,35 +228,37 @@ outboard_moment = VectorField("sum.h", "kg m", OWN, "first moment of everything 
 
 # -- links whose motion loops close on: against the link that carries all of the loop -----------------------------------
 
-closing_attitude = MatrixField("cW", "1", "the origin", "attitude against the origin")
-closing_position = VectorField("co", "m", "the origin", "position against the origin")
-closing_twist = TwistField("c", TWIST, OWN, "angular velocity and velocity against the origin")
+closing_attitude = MatrixField("cW", "1", "the origin", "attitude relative to the origin")
+closing_position = VectorField("co", "m", "the origin", "position relative to the origin")
+closing_twist = TwistField("c", TWIST, OWN, "angular velocity and velocity relative to the origin")
 closing_shift = ShiftField(
-    "c", DISPLACEMENT, OWN, "rotation vector and displacement of a direction, against the origin"
+    "c", DISPLACEMENT, OWN, "rotation vector and displacement of a direction, relative to the origin"
 )
-step = ShiftField("n", DISPLACEMENT, OWN, "rotation vector and displacement of Newton's step, against the origin")
+step = ShiftField("n", DISPLACEMENT, OWN, "rotation vector and displacement of Newton's step, relative to the origin")
 
 # -- links of ears, in the axes of their region ------------------------------------------------------------------------
 
 ear_attitude = MatrixField("sW", "1", REGION, "region components from link components")
-ear_position = VectorField("o", "m", REGION, "position against the region's base", unread=NO_EAR_STARTS)
+ear_position = VectorField("o", "m", REGION, "position relative to the region's base", unread=NO_EAR_STARTS)
 ear_inertia = SymmetricField("sJ", "kg m^2", REGION, "inertia about the origin")
 ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass")
 per_source = TwistField(
-    "Z{}.", "per unit of the source", REGION, "how a link moves with a source (Gamma and Xi of Eq. 37)"
+    "Z{}.", "per unit of the source", REGION, "motion of a link per unit of a source (Gamma and Xi of Eq. 37)"
 )
 ear_remainder = _motion(
-    VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS), "s", REGION, ", the sources at rest",
+    VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS), "s", REGION, ", with the sources at rest",
     unread=NO_EAR_STARTS,
 )  # fmt: skip
 ear_total = _motion(ear_remainder.w, "ts", REGION, ", all of it", ", with all of alpha", NO_EAR_STARTS)
-ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion needs, the sources at rest")
-ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion needs")
+ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion requires, with the sources at rest")
+ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion requires")
 ear_transmitted = SixField(
-    "sacc.", WRENCH, REGION, "what later ears hand to a link that they start from", handed_on=True
+    "sacc.", WRENCH, REGION, "contribution of later ears to a link from which they start", handed_on=True
 )
-root_transmitted = SixField("oacc.", WRENCH, OWN, "what later ears hand to a link that they start from", handed_on=True)
-measured_position = VectorField("ro", "m", REGION, "position where what is open is measured", unread=NO_EAR_STARTS)
+root_transmitted = SixField(
+    "oacc.", WRENCH, OWN, "contribution of later ears to a link from which they start", handed_on=True
+)
+measured_position = VectorField("ro", "m", REGION, "position at which residuals are measured", unread=NO_EAR_STARTS)
 measured_velocity = TwistField(
     "r",
     TWIST,
@@ -270,28 +270,30 @@ ear_step = ShiftField(
     "s",
     DISPLACEMENT,
     REGION,
-    "rotation vector and displacement of Newton's step, against the base",
+    "rotation vector and displacement of Newton's step, relative to the base",
     unread=NO_EAR_STARTS,
 )
-shift = EarShiftField("", DISPLACEMENT, REGION, "rotation vector and displacement of a direction, against the base")
-lever_tangent = VectorField("dr", "m", REGION, "tangent of the way from the parent's origin to the link's")
+shift = EarShiftField("", DISPLACEMENT, REGION, "rotation vector and displacement of a direction, relative to the base")
+lever_tangent = VectorField("dr", "m", REGION, "tangent of the vector from the parent's origin to the link's")
 arm_tangent = VectorField(
     "da{}{}",
     "m",
     REGION,
-    "tangent of the way from the origin to a face, by loop and side",
+    "tangent of the vector from the origin to a face, by loop and side",
     unread="later blocks follow faces in the axes of their own links",
 )
 dependent_acceleration = ScalarField(
-    "x.{}", "u/s^2", "", "tangent of udot of a dependent freedom, the sources' udot held"
+    "x.{}", "u/s^2", "", "tangent of udot of a dependent degree of freedom, the sources' udot held"
 )
 
 # -- ears --------------------------------------------------------------------------------------------------------------
 
 dependent_rate = ScalarField(
-    "Y{}.{}", "per unit of the source", "", "rate of a dependent freedom with a source (Eq. 37)"
+    "Y{}.{}", "per unit of the source", "", "rate of a dependent degree of freedom with a source (Eq. 37)"
 )
-dependent_remainder = ScalarField("y{}", "u/s^2", "", "udot of a dependent freedom, the sources at rest (Eq. 38)")
+dependent_remainder = ScalarField(
+    "y{}", "u/s^2", "", "udot of a dependent degree of freedom, with the sources at rest (Eq. 38)"
+)
 orthogonal_entry = ScalarField(
     "q{}.{}",
     "1",
@@ -320,7 +322,7 @@ source_to_partner = ScalarField(
 region_inertia = _inertia("I.", REGION, "inertia of a region that its base carries", False)
 region_force = SixField("", WRENCH, REGION, "force of a region that its base carries")
 source_inverse_pivot = ScalarField("Dinv{}", "1/(kg u^2)", "", "one over the inertia along a source (Eq. 47)")
-source_right_side = ScalarField("rD{}", "u/s^2", "", "what drives a source, over the inertia along it (Eq. 53)")
+source_right_side = ScalarField("rD{}", "u/s^2", "", "driving force of a source over its inertia (Eq. 53)")
 source_gain = ScalarField("G{}.{}", "1", "", "inertia over that along the source (Eq. 46)")
 source_driving_gain = ScalarField(
     "dG{}.{}", "kg u [m, 1]", "", "inertia over a prescribed source and what is known when the region's own are found"
@@ -331,12 +333,14 @@ source_driving_rest = ScalarField(
 source_driving = ScalarField("drive{}", "kg u^2/s^2", "", "force that a prescribed source takes")
 source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source")
 source_tangent_force = ScalarField("r{}", "kg u^2/s^2", "", "right side of the balance along a source")
-region_transmitted = SixField("t.", WRENCH, "the base", "what ears hand to the base with all accelerations known")
+region_transmitted = SixField(
+    "t.", WRENCH, "the base", "contribution of ears to the base, with all accelerations known"
+)
 region_balance = SixField("b.", WRENCH, "the base", "the tangent of that")
 
-far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link against the base")
-far_position = VectorField("far{}.o", "m", REGION, "position of a far link against the base")
-far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link against the base")
+far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link relative to the base")
+far_position = VectorField("far{}.o", "m", REGION, "position of a far link relative to the base")
+far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link relative to the base")
 far_remainder = _motion(
     VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link"), "far{}.", REGION,
     " of a far link with udot = 0", of="",
@@ -347,13 +351,13 @@ far_own = _motion(
     " of a far link", of="",
 )  # fmt: skip
 far_shift = EarShiftField(
-    "far{}.", DISPLACEMENT, REGION, "rotation vector and displacement of a far link, against the base"
+    "far{}.", DISPLACEMENT, REGION, "rotation vector and displacement of a far link, relative to the base"
 )
 far_step = ShiftField(
     "far{}.n", DISPLACEMENT, REGION, "rotation vector and displacement of a far link in Newton's step"
 )
 far_transmitted = SixField(
-    "far{}.t.", WRENCH, "the far link", "what ears hand to a far link with all accelerations known"
+    "far{}.t.", WRENCH, "the far link", "contribution of ears to a far link, with all accelerations known"
 )
 far_balance = SixField("far{}.b.", WRENCH, "the far link", "the tangent of that")
 

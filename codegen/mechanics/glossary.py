@@ -10,34 +10,37 @@ import re
 from .fields import FIELDS
 
 WORDS = {
-    "link": "A rigid part that moves: a body, what is fixed to it, and a joint of one kind. "
-    "A universal or planar joint makes two.",
-    "unit": "What one call of a block works on: a link, an ear, a region or a force element.",
+    "link": "A moving rigid part: a body with everything that is fixed to it, on a joint of one kind. A universal or planar "
+    "joint makes two links.",
+    "unit": "A link, an ear, a region or a force element: one call of a block works on one unit.",
     "kind": "Units of equal structure. They share every block and every generated function.",
     "block": "A short straight-line program for one kind and one sweep.",
     "sweep": "One pass over all units, outward (from the ground to the tips) or inward.",
-    "ear": "Links that the dependent joints of one loop move, resolved together; of several loops that are tangled, a cluster. "
-    "Without any loop: one link of a region whose joint is independent.",
+    "ear": "Links that are resolved together: those that the dependent joints of one loop, or of a cluster, move; or one link "
+    "of a region whose joint is independent. The word comes from the ear decomposition of graphs (H. Whitney, 1932).",
+    "cluster": "Several loops that cannot be closed one after the other.",
     "region": "Ears whose links all move with the same few sources.",
-    "source": "What the links of a region move with: an independent speed, or one of the six components of the motion of a link "
-    "that is resolved elsewhere.",
-    "root": "A link that an ear starts from, or the ground.",
-    "member": "A link of an ear, as a block of the ear sees it.",
-    "condition": "One of the numbers that the joint of a loop holds at zero.",
-    "base": "The link whose axes a region uses and that, where the loops close whatever it does, carries the region.",
-    "far link": "A root outside the region other than the base. Its motion against the base is six sources.",
-    "partner": "A link that a unit is coupled to when it is eliminated.",
-    "coupling": "A 6x6 inertia that stands between two links.",
-    "pivot": "The inertia along a freedom or a source, by which is divided when it is eliminated.",
-    "dependent": "A freedom (coordinate, speed) that the loops determine; the others are independent.",
-    "record": "Memory of a link, an ear or a region for one call, one number a component.",
-    "slot": "Memory per direction that only neighbours need, while one sweep passes; reused.",
-    "lanes": "Memory per direction that is kept between sweeps; also the directions themselves: one, two or eight at a time.",
-    "store": "What a block calls memory: whose it is and of which sort (`ME`, `UP`, `REGION`, ...).",
-    "field": "What is kept in a store: a scalar, a vector, a matrix, six components.",
-    "seed": "A direction of derivatives: dq, du, dp, dinputs, dt.",
-    "primitive": "The derivative of a statement with respect to one of its own operands.",
-    "origin": "Of the motion of links that loops close on: the link that carries all of the loop, or the ground.",
+    "source": "A variable with which the links of a region move: an independent speed, or one of the six components of the "
+    "motion of a link that is resolved elsewhere.",
+    "root": "A link from which an ear starts, or the ground.",
+    "member": "A link of an ear, in the blocks of this ear.",
+    "condition": "A number that is zero when a loop is closed; the joint of the loop enforces it.",
+    "base": "The link along whose axes a region has its components. It carries the region if the loops close for any motion of "
+    "the link.",
+    "far link": "A root outside the region other than the base. Its motion relative to the base is six sources.",
+    "partner": "A link that is coupled to a unit when the unit is eliminated.",
+    "coupling": "A 6x6 block of inertia between two links. (The model file uses the word for gears, belts and the like.)",
+    "pivot": "The inertia along a degree of freedom or a source; its elimination divides by the pivot.",
+    "dependent": "Determined by the loops (a coordinate, a speed); all others are independent.",
+    "record": "Memory of a link, an ear or a region for one call.",
+    "slot": "Memory per direction for values that only neighbours need during one sweep; it is reused.",
+    "lanes": "SIMD lanes: one, two or eight directions, or several states, at a time; and memory per direction that is kept "
+    "between sweeps.",
+    "store": "Memory as a block addresses it: its owner and its sort (`ME`, `UP`, `REGION`, ...).",
+    "field": "An entry of a store: a scalar, a vector, a matrix or six components.",
+    "seed": "A direction of differentiation: dq, du, dp, dinputs, dt.",
+    "primitive": "The derivative of a statement with respect to one of its operands.",
+    "origin": "The link that carries a whole closed component, or the ground: motions in loops are relative to it.",
 }
 
 
@@ -57,10 +60,10 @@ def glossary() -> str:
         "",
         "## Fields",
         "",
-        "What blocks keep for each other: the name in the memory of generated code (`me->omega_y`), with `{}` for numbers;",
-        "the short name, of which local variables are made there (`up_w_y`); the name in `codegen/mechanics/fields.py`;",
-        "shape, unit and the axes of components. In units, u is what a freedom is measured in, rad or m, and brackets hold",
-        "the units of angular and linear parts.",
+        "Values that blocks store for other blocks: the name in the memory of generated code (`me->omega_y`), with `{}` for",
+        "numbers; the short name, as in local variables (`up_w_y`); the name in `codegen/mechanics/fields.py`; shape, unit and",
+        "axes of the components. In units, u is the unit of a degree of freedom, rad or m, and brackets contain the units of the",
+        "angular and linear parts.",
         "",
         "| in generated code | short | in the generator | shape | unit | axes of | meaning |",
         "| --- | --- | --- | --- | --- | --- | --- |",

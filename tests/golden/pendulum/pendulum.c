@@ -117,9 +117,9 @@ typedef struct {
 typedef struct {
     double position_z; /* position of the origin, m */
     double attitude_zz; /* rotation matrix, ground from link components */
-    double moment_y; /* moment about the origin and force that a link's motion with udot = 0 needs, [N m, N] */
-    double inverse_pivot_0; /* one over the inertia along a freedom (D of Eq. 47), 1/(kg u^2) */
-    double right_side_0; /* what drives a freedom, over the inertia along it (Eq. 53), u/s^2 */
+    double moment_y; /* moment about the origin and force that a link's motion with udot = 0 requires, [N m, N] */
+    double inverse_pivot_0; /* one over the inertia along a degree of freedom (D of Eq. 47), 1/(kg u^2) */
+    double right_side_0; /* driving force of a degree of freedom over its inertia (Eq. 53), u/s^2 */
     double total_acceleration_z; /* acceleration of the origin, all of it, m/s^2 */
 } link_record;
 

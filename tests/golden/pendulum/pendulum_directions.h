@@ -2,8 +2,8 @@
 
 /* A link, for every direction. */
 typedef struct {
-    LANES moment_y; /* moment about the origin and force that a link's motion with udot = 0 needs, [N m, N] */
-    LANES right_side_0; /* what drives a freedom, over the inertia along it (Eq. 53), u/s^2 */
+    LANES moment_y; /* moment about the origin and force that a link's motion with udot = 0 requires, [N m, N] */
+    LANES right_side_0; /* driving force of a degree of freedom over its inertia (Eq. 53), u/s^2 */
 } DIRECTIONS(ALIASES) DIRECTIONS(link_lanes);
 
 /* What one call over directions works on. */
