@@ -25,7 +25,7 @@ def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]
     """Ready lines for the templates of a package's ``NAME_model.h`` and ``README.md``."""
     return {
         "rows": _rows(model),
-        "indices": _indices(model),
+        "indices": _indices(model, manifest),
         "tables": _tables(model, manifest),
         "usage": _usage(manifest),
         "program": _program(model, manifest),
@@ -40,11 +40,12 @@ def _some(names: Sequence[str], limit: int = 12) -> str:
 # ---- NAME_model.h ----------------------------------------------------------------------------------------------------
 
 
-def _indices(model: Model) -> list[str]:
+def _indices(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     """The enum of ``NAME_Q_crank = 0`` ...; a dot in a name becomes ``_``, and names that are then equal have none."""
+    outputs = [o.name for o in model.outputs] if any("output" in name for name in manifest["functions"]) else []
     sorts = [
         ("Q", model.coordinate_names), ("U", model.speed_names), ("P", model.parameter_names), ("INPUT", model.inputs),
-        ("OUTPUT", [o.name for o in model.outputs]),
+        ("OUTPUT", outputs),
     ]  # fmt: skip
     found = [f"{index} = {i}" for sort, names in sorts for i, index in _enumerators(model, sort, names).items()]
     return ["enum {", *(f"    {line}," for line in found[:-1]), f"    {found[-1]}", "};"] if found else []

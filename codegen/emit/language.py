@@ -89,6 +89,8 @@ class Language(ABC):
         self.reads_numbers = False
         """Whether any function reads the table of numbers that differ within a kind."""
         self._shared: dict[str, list[tuple[Kind, ...]]] = {}
+        self._tables_of_numbers: dict[str, str] = {}
+        """By the numbers of a table: the function that it is called after."""
 
     # -- the language ----------------------------------------------------------------------------------------------
 

@@ -34,10 +34,13 @@ class RowWriter(SweepWriter):
         """A function for blocks that are the same but for table rows, and the statements that call it for all rows.
 
         `place` gets a function that makes the expression of an integer column; `about` is what it computes. Its tables are
-        called after itself, or after the functions of values and of numbers that have the same.
+        called after itself, or after the functions of values and of numbers that have the same ones.
         """
         single = len(integers) == 1
+        numbered = any(store is NUMBER for store, _ in block.loads.values())
         of = of_numbers or name
+        if numbered:  # tables of equal numbers are one
+            of = self._tables_of_numbers.setdefault(repr(numbers), of)
         table = f"rows_of_{of_values or name}"
         used = [False]
 
@@ -56,7 +59,6 @@ class RowWriter(SweepWriter):
         first = len(self.plan.links) + len(self.model.loops) + len(self.model.loads)
         lines = self.lines_of(block, located, lambda margin: f"{first} + {column(0)}", about=about)
         f = Function(about, self.signature(name, lanes, not single), lines, notes(block))
-        numbered = any(store is NUMBER for store, _ in block.loads.values())
         if used[0]:
             self.add_table(table, integers)
         if numbered:

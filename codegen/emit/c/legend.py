@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from ...model.model import Model
+from ...program.procedure import Procedure
 from ..function import COMMENT
 
 
-def legend(model: Model, links: int, numbers: str, singular_outputs: bool) -> list[str]:
-    """Lines that say what arguments and results are."""
+def legend(
+    model: Model, links: int, numbers: str, singular_outputs: bool, functions: Iterable[Procedure]
+) -> list[str]:
+    """Lines that say what arguments and results of the functions are."""
+    arrays = {a.name: a for f in functions for a in (*f.arguments, *f.seeds, *f.results)}
 
     def some(names: Sequence[str]) -> str:
         return " ".join(names[:12]) + (" ..." if len(names) > 12 else "") or "none"
@@ -19,8 +23,9 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool) -> li
     lines = [
         f"  q[{nq}]     coordinates: {some(model.coordinate_names)}",
         f"  u[{nu}]     speeds: {some(model.speed_names)}",
-        f"  udot[{nu}]  their time derivatives",
     ]
+    if "udot" in arrays:
+        lines.append(f"  udot[{nu}]  their time derivatives")
     if model.parameters:
         where = f"{model.name}_model.h has defaults, initial state and indices"
         lines.append(f"  p[{len(model.parameters)}]     design parameters; {where}:")
@@ -29,9 +34,9 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool) -> li
             lines.append(f"             {p.name}{f' [{unit}]' if unit else ''}")
     if model.inputs:
         lines.append(f"  inputs[{len(model.inputs)}]: {' '.join(model.inputs)}")
-    if any("t" in e.names for e in model.expressions()):
+    if "t" in arrays:
         lines.append("  t         time, s")
-    if outputs:
+    if "outputs" in arrays:
         lines.append(f"  outputs[{len(outputs)}]: {some(outputs)}")
     if model.switches.have_modes:
         lines.append(
@@ -40,11 +45,16 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool) -> li
         lines.append(
             "            a number for each, or NULL where branches are to follow from the arguments; see motion/motion.h"
         )
+    if "energy" in arrays:
+        lines.append("  energy[2]  kinetic and potential energy, J")
+    if any(len(a.shape) > 1 for a in arrays.values()):
+        lines.append(f"  M[{nu}*{nu}] and J_x[{nu}*n] are stored row by row.")
+    if any(a.lanes for a in arrays.values()):
+        lines.append(
+            "A function whose name ends in _8, _2 or _1 works on 8, 2 or 1 directions at once: seeds (dq, du, ...) and derivatives"
+        )
+        lines.append(f"have the direction as last index, dq[{nq}][8].")
     lines += [
-        "  energy[2]  kinetic and potential energy, J",
-        f"  M[{nu}*{nu}] and J_x[{nu}*n] are stored row by row.",
-        "A function whose name ends in _8, _2 or _1 works on so many directions at once: seeds (dq, du, ...) and derivatives",
-        f"have the direction as last index, dq[{nq}][8].",
         f"work: {model.name.upper()}_WORKSPACE {numbers} of the caller's. Nothing in it is kept between calls; functions are "
         f"re-entrant.",
         "Functions return 0, or the number (from 1) of the link about whose joint nothing outboard has inertia.",

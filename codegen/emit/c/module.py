@@ -49,7 +49,7 @@ class CWriter(CPrepared):
             "column_lanes": vectors.columns(self.scalar, of_columns, GROUP),
             "NAME": model.name.upper(),
             "about_names": about_names(bool(model.loops)),
-            "legend": legend(model, len(self.plan.links), self.scalar.words, self.singular_outputs),
+            "legend": legend(model, len(self.plan.links), self.scalar.words, self.singular_outputs, found),
             "headers": ["string.h"] if self.columns.symmetric else [],
             "column_types": ["c/column_types.c.jinja"] if of_columns else [],
             "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
