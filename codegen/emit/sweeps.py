@@ -10,7 +10,7 @@ from ..program.addresses import Kind
 from ..program.block import Block
 from ..program.plan import Merged
 from ..program.procedure import sweeps as sweeps_run
-from ..program.store import MARGIN, Store
+from ..program.store import ARGUMENT, MARGIN, Store
 from .function import Function
 from .language import Language, Located
 from .notes import notes
@@ -82,6 +82,8 @@ class SweepWriter(Language):
         @cache
         def place(store: Store, name: str) -> Located:
             kind, of = merged.of[store.plain]
+            if of.memory is ARGUMENT:
+                return self.element(of.name, name)
             at = self.place((kind,), sweep, of, name)
             return replace(at, variable=variables.setdefault(at.row, f"{at.variable}_{kind.index}"))
 

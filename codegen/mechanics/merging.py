@@ -15,18 +15,25 @@ from ..program.formula import Formula
 from ..program.fusion import fused
 from ..program.passes import drop_dead, propagate_copies, share_values
 from ..program.plan import Merged, Plan
-from ..program.store import MARGIN, Store
+from ..program.store import MARGIN, Store, argument
 from .address import SystemAddresses
 from .expansion import Program
+from .fields import remainder
 from .memory import SystemLayout
-from .plan import plan_of
-from .stores import GROUND_LINK, SLOT
+from .plan import plan_of, read_of_ground
+from .stores import GROUND_LINK, KEPT, RECORD, SLOT
 from .structure.kinds import UnitKind
 from .sweeps import FALLING, INWARD, SWEEP, transpose_name
 
 LONGEST, LONGEST_ALONG = 1000, 300
 """Symbols that the statements and stores of a merged sweep read, at most: compilers take longer for long functions. The second is
 for sweeps over directions: values that all directions share stay in registers in short loops only."""
+
+OF_LINKS = RECORD, KEPT[RECORD], SLOT
+"""Memory of links that the ground has, too."""
+
+GRAVITY = argument("gravity")
+"""Minus the acceleration of gravity. The functions of links read it in the record of the ground."""
 
 
 def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
@@ -56,7 +63,9 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
             s: [n for n in of if any(x not in found or (SLOT, n) in found[x].names for x in both[s])]
             for s, of in slots.items()
         }
-    return plan_of(replace(program, merged=found, slots=slots), formulas)
+    program = replace(program, merged=found, slots=slots)
+    read = {n for m, _, n in program.read_outside if m[0] is RECORD} | read_of_ground(program, RECORD)
+    return plan_of(replace(program, ground_fields=program.ground_fields & read), formulas)
 
 
 def _base(sweep: str) -> str:
@@ -75,6 +84,8 @@ class _Merging:
         See `Merged`.
     shared : set of (Store, str)
         Components that links read and write for their neighbours only, within this sweep.
+    ground : set of Store
+        Those of the ground, whose values are there before the sweep runs.
     """
 
     def __init__(self, program: Program, addresses: SystemAddresses, sweep: str):
@@ -82,6 +93,9 @@ class _Merging:
         self.first: dict[object, Component] = {}
         self.of: dict[Store, tuple[Kind, Store]] = {}
         self.shared: set[Component] = set()
+        self.ground: set[Store] = set()
+        of = program.system.fields_of_gravity
+        self.of_gravity = {name: str(remainder.a.components.index(of[name])) for name in of}
         self._stores: dict[tuple[UnitKind, Store], Store] = {}
 
     def run(self, kinds: Iterable[UnitKind]) -> Merged:
@@ -92,7 +106,8 @@ class _Merging:
             block = improve(block)
         block.early = True
         components = [*block.loads.values(), *((a.plain, n) for a, n, _ in block.stores)]
-        return Merged(block, self.of, {(a.memory, n) for a, n in components})
+        ground = {(self.of[a][1].memory, n) for a, n in block.loads.values() if a in self.ground}
+        return Merged(block, self.of, {(a.memory, n) for a, n in components}, ground)
 
     def placed(self, kind: UnitKind) -> Block:
         """The block of a kind, with components that are the same in all blocks where the addresses are."""
@@ -106,19 +121,26 @@ class _Merging:
 
     def component(self, kind: UnitKind, store: Store, name: str) -> Component:
         """What stands for a component of a store of a kind."""
-        mine = self._stores.setdefault((kind, store), Store(store.label, store.owner, store.memory))
-        self.of[mine] = kind, store
+        mine = self._stores.get((kind, store))
+        if mine is None:
+            mine = self._stores[kind, store] = Store(store.label, store.owner, store.memory)
+            self.of[mine] = kind, store
+            if store.memory in OF_LINKS and self.is_ground(kind, store):
+                self.ground.add(mine)
         if store.memory is MARGIN:
             return mine, f"{kind.index}.{name}"
+        if mine in self.ground and store.memory is not SLOT and name in self.of_gravity:
+            self.of[GRAVITY] = kind, GRAVITY
+            return GRAVITY, self.of_gravity[name]
         at = self.addresses.address(kind, self.sweep, store, name)
         part = at.component if isinstance(at.component, str) else at.component.values
         found = self.first.setdefault((at.region, at.row and at.row.values, part, at.form), (mine, name))
-        if (store.memory is SLOT or at.region == "near") and not self.is_ground(kind, store):
+        if (store.memory is SLOT or at.region == "near") and mine not in self.ground:
             self.shared.add(found)
         return found
 
     def is_ground(self, kind: UnitKind, store: Store) -> bool:
-        """Whether a store is of the ground, whose values are there before the sweep runs."""
+        """Whether a store is of the ground."""
         if store.owner is GROUND_LINK:
             return True
         return len(self.program.system.links) in self.addresses.links_meant(kind, self.sweep, store)

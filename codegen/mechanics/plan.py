@@ -8,11 +8,13 @@ from ..program.addresses import Kind
 from ..program.digits import value_of
 from ..program.formula import Formula
 from ..program.plan import Ground, Plan, Swept
+from ..program.store import Memory
 from .address import SystemAddresses
 from .expansion import Program
 from .fields import remainder
 from .memory import SystemLayout
 from .procedures import arrays
+from .stores import KEPT, LINK, RECORD
 from .structure.element_kinds import ElementKind
 from .structure.kinds import EarKind, RegionKind, UnitKind
 from .structure.system import System
@@ -83,8 +85,9 @@ def _ground(program: Program) -> Ground:
         name: of_gravity.get(name, float(name.endswith(("W.xx", "W.yy", "W.zz"))))
         for name in sorted(program.ground_fields)
     }
+    kept = fields.keys() & read_of_ground(program, KEPT[RECORD])
     if g is None:
-        return Ground(fields, {}, None, [], FALLING)
+        return Ground(fields, kept, {}, None, [], FALLING)
     shape = g.shape
     components = {name: shape.varying.get(name) or g.values.get(name, 0.0) for name in remainder.a.components}
     places = {n: k for k, n in enumerate(program.system.model.parameter_names)}
@@ -99,4 +102,13 @@ def _ground(program: Program) -> Ground:
                 elif key in shape.varying:
                     terms.append((shape.varying[key], places[p]))
             tangents.append((name, terms))
-    return Ground(fields, components, g, tangents, FALLING)
+    return Ground(fields, kept, components, g, tangents, FALLING)
+
+
+def read_of_ground(program: Program, memory: Memory) -> set[str]:
+    """Components that sweeps may read in the ground's record, or in its kept one."""
+    found = {n for merged in program.merged.values() for m, n in merged.ground if m is memory}
+    for sweep in program.blocks.keys() - program.merged.keys():
+        loads = [at for block in program.blocks[sweep].values() for at in block.loads.values()]
+        found |= {n for store, n in loads if store.memory is memory and store.owner is not LINK}
+    return found

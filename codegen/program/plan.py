@@ -25,11 +25,14 @@ class Merged:
         What each of its stores is in the blocks of a kind.
     names : set of (Memory, str)
         Components that it loads or stores.
+    ground : set of (Memory, str)
+        Components of the ground's records that it reads; those of gravity it reads elsewhere.
     """
 
     block: Block
     of: dict[Store, tuple[Kind, Store]]
     names: set[tuple[Memory, str]]
+    ground: set[tuple[Memory, str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +77,8 @@ class Ground:
     ----------
     fields : dict of str to float or str
         Components that are read: a number, or which component of `gravity` it is.
+    kept : set of str
+        Those of them that sweeps run backwards read again.
     gravity : dict of str to float or str
         Minus the acceleration of gravity: a number, or which of `constants` it is. Empty without gravity.
     constants : Constants or None
@@ -85,6 +90,7 @@ class Ground:
     """
 
     fields: dict[str, float | str]
+    kept: set[str]
     gravity: dict[str, float | str]
     constants: Constants | None
     tangents: list[tuple[str, list[tuple[float | str, int]]]]

@@ -38,7 +38,7 @@ class CPrepared(CMemory):
         """Lines that set what is read of the ground: at rest, accelerating by -g. For a sweep, or for all of them."""
         lines = []
         near = self.layout.near.get(sweep, {}) if sweep else {}
-        kept = self.layout.fields["kept"] if sweep in self.keeping else {}
+        kept = self.plan.ground.kept if sweep in self.keeping else ()
         for name, value in self.plan.ground.fields.items():
             if sweep and name in near:
                 region, place = "near", f"a->near[{near_name(self.layout.near_forms[sweep], name)}]"
