@@ -10,9 +10,7 @@ from ...program.procedure import Procedure
 from ..function import COMMENT
 
 
-def legend(
-    model: Model, links: int, numbers: str, singular_outputs: bool, functions: Iterable[Procedure]
-) -> list[str]:
+def legend(model: Model, links: int, numbers: str, singular_outputs: bool, functions: Iterable[Procedure]) -> list[str]:
     """Lines that say what arguments and results of the functions are."""
     arrays = {a.name: a for f in functions for a in (*f.arguments, *f.seeds, *f.results)}
 
@@ -50,10 +48,10 @@ def legend(
     if any(len(a.shape) > 1 for a in arrays.values()):
         lines.append(f"  M[{nu}*{nu}] and J_x[{nu}*n] are stored row by row.")
     if any(a.lanes for a in arrays.values()):
-        lines.append(
-            "A function whose name ends in _8, _2 or _1 works on 8, 2 or 1 directions at once: seeds (dq, du, ...) and derivatives"
-        )
-        lines.append(f"have the direction as last index, dq[{nq}][8].")
+        lines += [
+            "A function whose name ends in _8, _2 or _1 works on 8, 2 or 1 directions at once: seeds (dq, du, ...) and",
+            f"derivatives have the direction as last index, dq[{nq}][8].",
+        ]
     lines += [
         f"work: {model.name.upper()}_WORKSPACE {numbers} of the caller's. Nothing in it is kept between calls; functions are "
         f"re-entrant.",
