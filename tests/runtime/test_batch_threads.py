@@ -1,5 +1,6 @@
 """How many threads share a batch where `batch_threads` is not set, and that results do not depend on it."""
 
+import dataclasses
 import math
 import multiprocessing
 import os
@@ -180,3 +181,47 @@ def test_a_library_that_cannot_be_had_is_reported_only_if_threads_were_asked_for
     solver.batch_threads = 2
     with pytest.warns(RuntimeWarning, match="one thread: no threads"):
         same(results(solver), one)
+
+
+@pytest.fixture(scope="module")
+def framed(tmp_path_factory):
+    """A package whose functions along directions are in several libraries, and some of them are made of others."""
+    path = tmp_path_factory.mktemp("framed") / "model"
+    codegen.generate(MODEL, path, functions=["energy_sensitivities", "frame_sensitivities"], frames=True, check=False)
+    return path
+
+
+def flat(results):
+    """The arrays of results, which may be tuples or motions of frames and points."""
+    if isinstance(results, np.ndarray):
+        return [results]
+    parts = results if isinstance(results, tuple) else [getattr(results, f.name) for f in dataclasses.fields(results)]
+    return [x for part in parts if not isinstance(part, str) and part is not None for x in flat(part)]
+
+
+POINTS = {"points": [("lower", (0.1, 0.2, -0.3)), ("upper", (0.0, 0.0, 0.4))]}
+
+
+@pytest.mark.parametrize("number", [1, 3])
+@pytest.mark.parametrize("k", [1, 2, 8, 11])
+@pytest.mark.parametrize("moving", ["dq du", "dq dp", "dp", ""])
+def test_directions_of_all_states_and_of_each_state(framed, number, k, moving):
+    """Large batches, state after state, give what single states do, whichever seeds are the same for all states."""
+    solver, count = codegen.load(framed), 150
+    solver.batch_threads = number
+    rng = np.random.default_rng(k)
+    q, u = rng.normal(size=(2, count, 2))
+    sizes = {"dq": 2, "du": 2, "dp": solver.np}
+    seeds = {n: rng.normal(size=(k, *((count,) if n in moving else ()), size)) for n, size in sizes.items()}
+
+    def of(i):
+        return {n: np.ascontiguousarray(x[:, i]) if x.ndim == 3 else x for n, x in seeds.items()}
+
+    for function, more in (("energy_sensitivities", {}), ("frame_sensitivities", {}), ("point_sensitivities", POINTS)):
+        call = getattr(solver, function)
+        whole = call(q, u, **seeds, **more)
+        for i in (0, 1, count - 1):
+            alone = call(q[i], u[i], **of(i), **more)
+            for found, expected in zip(flat(whole), flat(alone), strict=True):
+                at = found[:, i] if found.shape[:2] == (k, count) else found[i]
+                np.testing.assert_allclose(at, expected, rtol=1e-13, atol=1e-13)

@@ -127,8 +127,8 @@ def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[st
             continue
         lines = [
             f"{real} *y[RESULTS + m];",
-            "memcpy(y, x, RESULTS*sizeof *y);",
-            "for (int i = 0; i < m; ++i) y[RESULTS + i] = x[RESULTS + m + i];",
+            "long steps[RESULTS + m];",
+            "take_part(x, y, steps, m, m);",
             f"if (!status) status = {model}_call_{places}(y, {given}, t, k);",
         ]  # fmt: skip
         guard = guard_of_library(frames)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import threading
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,6 @@ from ..warning import warn
 from .batches import Batches, Failed
 from .caller import find_caller
 from .functions import BESIDE, Function, names_of
-from .results import empty
 from .single_calls import SLOT, Calls
 from .task import Target, Task
 
@@ -39,6 +38,20 @@ OVER = """
 int {0}(int (*)({1} *const *, long, double, long), {1} **, long (*)[2], long, long, const double *, long, long *, long);
 """
 """Goes over states: a call, its pointers, their steps from state to state, what is given, times, directions, first and last."""
+
+
+MOST_RESULTS = 16
+"""Of a function; ``direct_call.h`` has the same."""
+
+
+@dataclass(slots=True)
+class Table:
+    """A table of pointers that calls of one thread use, and the memory that it points to."""
+
+    x: Any
+    work: Any
+    lanes: Any = None
+    lanes_size: int = 0
 
 
 class CTarget(Target):
@@ -112,13 +125,14 @@ class CTarget(Target):
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
         self._numbers, self._doubles, self._longs = map(self.ffi.typeof, (f"{self.real}[]", "double[]", "long[]"))
+        self._number, self._pairs = map(self.ffi.typeof, (f"{self.real} *", "long[][2]"))
         self._calls: dict[str, Any] = {}
         self.batches = Batches(weakref.proxy(self), folder, manifest, sealed)
         self._addresses: dict[str, int] = {}
         self._lock = threading.Lock()
         self._blank = [self.ffi.NULL] * SLOT["default_p"]
         self.default_pointers = [self.pointer(a) for a in self.defaults]
-        self._free_work: list[Any] = []
+        self._tables: list[Table] = []
         self.calls = Calls(weakref.proxy(self), caller)
 
     def _library(self, part: str) -> Any:
@@ -199,18 +213,6 @@ class CTarget(Target):
                 self._addresses[symbol] = int(self.ffi.cast("intptr_t", getattr(library, symbol)()))
             return self._addresses[symbol]
 
-    @contextlib.contextmanager
-    def work(self) -> Iterator[Any]:
-        """A pointer to a workspace that no other call uses meanwhile."""
-        try:
-            memory = self._free_work.pop()
-        except IndexError:
-            memory = self.pointer(np.empty(self.workspace, self.dtype))
-        try:
-            yield memory
-        finally:
-            self._free_work.append(memory)
-
     def run_backwards(self, system: Any) -> None:
         """Give an ``ordernm_system`` the functions that run motions backwards, where they are a library of their own."""
         if "sensitivities_transposed" not in self._part_of:
@@ -250,6 +252,7 @@ class CTarget(Target):
                 lanes,
                 self.few_pointer,
                 self.ffi.NULL,
+                self.ffi.NULL,
                 *map(self.pointer, results),
             ],
         )
@@ -262,15 +265,13 @@ class CTarget(Target):
     def run(self, task: Task) -> None:
         f, of, k, batch = task.f, task.seeds.of, task.seeds.k, task.batch
         given = {a: self._row(task.arrays[a], batch) for a in f.arguments if a != "t"}
+        given |= {s: self._rows(of[s], k, batch, task.states) for s in f.seeds if s in of}
         if batch and self.batches.takes(f, task.states, k):
-            with_steps = {a: (at, step, 0) for a, (at, step) in given.items()}
             if "t" in f.arguments:
                 t = np.asarray(task.arrays["t"], self.dtype)
-                with_steps["t"] = self._whole(t, t.shape and batch), min(t.ndim, 1), 0
-            with_steps |= {s: self._rows(of[s], k, batch, task.states) for s in f.seeds if s in of}
-            found = self.batches.states(f, with_steps, task.out, task.states, k)
+                given["t"] = self._whole(t, t.shape and batch), min(t.ndim, 1), 0
+            found = self.batches.states(f, given, task.out, task.states, k)
         else:
-            given |= {s: self._of_states(of[s], k, batch) for s in f.seeds if s in of}
             found = self._one_by_one(task, given)
         if found and task.failed is None:
             number = min(found)
@@ -279,45 +280,56 @@ class CTarget(Target):
             task.failed.update({number: self.singular(code) for number, code in found.items()})
             task.spoil(task.out, f.derived, found)
 
-    def _one_by_one(self, task: Task, given: Mapping[str, tuple[Any, int]]) -> Failed:
+    def _one_by_one(self, task: Task, given: Mapping[str, tuple[Any, int, int]]) -> Failed:
         """Compute the results of state after state, up to the first that fails or beyond it; what has failed.
 
-        `given` are pointers to arguments and seeds, and their steps from state to state.
+        `given` are pointers to arguments and seeds, and their steps from state to state and from direction to direction.
         """
-        f, k, count = task.f, task.seeds.k, task.states
+        f, k, count, first = task.f, task.seeds.k, task.states, SLOT["results"]
         if k % max(f.widths, default=1) in self._over_few.get(f.name, ()):
             self.prepare(f)
-        over, call = self._over(f), self.function(f)
-        t = filled(task.batch or (1,), task.arrays.get("t", 0.0))
-        times = self.ffi.from_buffer(self._doubles, t)
-        moves = [(SLOT[n], step) for n, (_, step) in given.items() if step]
-        bits, found = CHECKED | sum([1 << SLOT[n] for n in given]), []
-        for i, (r, shape, derived) in enumerate(zip(task.out, f.shapes, f.derived, strict=True), SLOT["results"]):
-            n = math.prod(shape) * (k if derived else 1)
-            # directions go first in results, states first in what the C writes one after the other
-            found.append(empty((count, n), self.dtype) if derived and r is not None and min(k, count) > 1 else r)
-            moves += [] if r is None else [(i, n)]
-        moving = self.ffi.new("long[][2]", moves)
+        over, call, null = self._over(f), self.function(f), self.ffi.NULL
+        times, steps = null, null
+        if "t" in f.arguments:
+            times = self.ffi.from_buffer(self._doubles, filled(task.batch or (1,), task.arrays["t"]))
+        sizes = [math.prod(shape) for shape in f.shapes]
+        if f.seeds:
+            steps = self.ffi.new(self._longs, [0] * first + [count * n for n in sizes])
+            for name, (_, _, direction) in given.items():
+                steps[SLOT[name]] = direction
+        x = {SLOT[n]: (at, state) for n, (at, state, _) in given.items()}
+        bits = CHECKED | sum([1 << i for i in x])
+        x |= {first + i: (self.pointer(r), n) for i, (r, n) in enumerate(zip(task.out, sizes, strict=True))}
+        moves = [(i, step) for i, (at, step) in x.items() if step and at]
+        moving = self.ffi.new(self._pairs, moves)
 
         def part(start: int, end: int) -> Failed:
             failed: Failed = {}
-            lanes = self.pointer(np.empty(f.per_direction * max(f.widths, default=0), self.dtype))
-            with self.work() as work:
-                x = self.pointers({SLOT[n]: at for n, (at, _) in given.items()}, work, lanes, found)
-                for i, step in moves if start else ():
-                    x[i] += start * step
-                ended = self.ffi.new(self._longs, [start])
-                while ended[0] < end and not (failed and task.failed is None):
-                    status = over(call, x, moving, len(moves), bits, times, k, ended, end)
-                    if status:
-                        failed[ended[0] - 1] = status
+            table = self._table(f)
+            for i, (at, step) in x.items():
+                table.x[i] = at + start * step if start and at else at
+            table.x[SLOT["steps"]] = self.ffi.cast(self._number, steps)
+            ended = self.ffi.new(self._longs, [start])
+            while ended[0] < end and not (failed and task.failed is None):
+                status = over(call, table.x, moving, len(moves), bits, times, k, ended, end)
+                if status:
+                    failed[ended[0] - 1] = status
+            self._tables.append(table)
             return failed
 
-        failed = self.batches.run(part, count, self.batches.threads(f, count, k, False))
-        for r, x in zip(task.out, found, strict=True):
-            if x is not r:
-                r[...] = x.reshape(count, k, x.shape[1] // k).swapaxes(0, 1).reshape(r.shape)
-        return failed
+        return self.batches.run(part, count, self.batches.threads(f, count, k, False))
+
+    def _table(self, f: Function) -> Table:
+        """A table of pointers with memory for a function, which no other call uses meanwhile."""
+        try:
+            table = self._tables.pop()
+        except IndexError:
+            work = self.pointer(np.empty(self.workspace, self.dtype))
+            table = Table(self.pointers({}, work, self.ffi.NULL, [None] * MOST_RESULTS), work)
+        if f.widths and table.lanes_size < (size := f.per_direction * max(f.widths)):
+            table.lanes, table.lanes_size = self.pointer(np.empty(size, self.dtype)), size
+            table.x[SLOT["lanes"]] = table.lanes
+        return table
 
     def _over(self, f: Function) -> Any:
         """The C function that goes over states by the call of a function."""
@@ -345,17 +357,10 @@ class CTarget(Target):
         """Where an array begins that has that shape, or is broadcast to it."""
         return self.pointer(self.plain(x if x.shape == shape else np.broadcast_to(x, shape)))
 
-    def _row(self, x: Array, batch: Shape) -> tuple[Any, int]:
-        """Where an argument begins, and its step from state to state."""
+    def _row(self, x: Array, batch: Shape) -> tuple[Any, int, int]:
+        """Where an argument begins, its step from state to state, and none from direction to direction."""
         n = x.shape[-1]
-        return (self._whole(x, x.shape), 0) if x.ndim == 1 else (self._whole(x, (*batch, n)), n)
-
-    def _of_states(self, seed: Array, k: int, batch: Shape) -> tuple[Any, int]:
-        """Where a seed begins, directions as rows of each state, and its step from state to state."""
-        n = seed.shape[-1]
-        if seed.size == len(seed) * n:  # the same for all states
-            return self._whole(seed.reshape(len(seed), n), (k, n)), 0
-        return self.pointer(self.plain(np.moveaxis(np.broadcast_to(seed, (k, *batch, n)), 0, -2))), k * n
+        return (self._whole(x, x.shape), 0, 0) if x.ndim == 1 else (self._whole(x, (*batch, n)), n, 0)
 
     def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
         """Where a seed begins, and its steps from state to state and from direction to direction."""

@@ -25,7 +25,7 @@ FEW, FEW_ALONG = 96, 32
 SLOT = {
     n: i
     for i, n in enumerate(
-        (*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "few", "points", "results")
+        (*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "few", "points", "steps", "results")
     )
 }
 """Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
