@@ -15,7 +15,9 @@ from .products import ONE, TWO, is_positive
 from .trees import parts
 
 
-def singular_functions(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
+def singular_functions(
+    tree: Tree, varies: Callable[[str], bool], known: Callable[[Tree, Tree], bool] = lambda part, of: False
+) -> list[Tree]:
     """The singular functions of a bound expression in which a varying name is, each once.
 
     Parameters
@@ -24,6 +26,8 @@ def singular_functions(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
         Of a bound expression.
     varies : callable (str) -> bool
         Whether a name changes during a motion.
+    known : callable (tuple, tuple) -> bool, optional
+        Whether a part of the expression, and what is zero where it is singular, are left out.
 
     Returns
     -------
@@ -40,6 +44,8 @@ def singular_functions(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
         seen.add(part)
         stack += parts(part)
         for of in singular_in(part):
+            if known(part, of):
+                continue
             while (
                 of[0] == "neg"
                 or of[:2] in (("call", "abs"), ("call", "sqrt"))

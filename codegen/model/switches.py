@@ -25,12 +25,14 @@ from .trees import nodes, parts
 MODE: Final = "mode."
 """Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
 
-KINDS: Final = ("sign", "power", "turn", "point")
+KINDS: Final = ("sign", "power", "root", "turn", "point")
 """What the mode of a switch is.
 
-``sign``: the sign of the switching function. ``power``: the same, of the base of a power such as ``max(0, x)**1.5``, whose higher
-derivatives are unbounded at zero. ``turn``: the angle near which the function, itself an angle, is measured. ``point``: nothing,
-of a singular function, which is zero where an expression may have no value.
+- ``sign``: the sign of the switching function.
+- ``power``: the same, of the base of a power such as ``max(0, x)**1.5``, whose higher derivatives are unbounded at zero.
+- ``root``: the same, where the first derivative may be unbounded, as that of ``sqrt(max(0, x))``.
+- ``turn``: the angle near which the function, itself an angle, is measured.
+- ``point``: nothing, of a singular function, which is zero where an expression may have no value.
 """
 
 BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
@@ -173,8 +175,8 @@ class Switches:
 
     def add(self, tree: Tree, place: str, output: int | None = None, moves: bool = False) -> None:
         """Find the switches of an expression of prescribed motion, which `moves`, of a force, or of an output."""
-        singular = [] if moves else [self._point(of).number for of in singular_functions(tree, self._varies)]
         held = self.hold(tree, moves)
+        singular = [] if moves else [self._point(of).number for of in self._singular(tree)]
         located = {n for part in _inner_first(tree) for n in self._located.get(part, ())} if self._located else set()
         for number in sorted(self._numbers(held) | located.union(singular)):
             switch = self.found[number]
@@ -226,11 +228,9 @@ class Switches:
 
     def _hold(self, tree: Tree, moves: bool) -> Tree:
         kind = tree[0]
-        if kind == "**" and not _is_whole(tree[2]) and _changes_at_bounds(tree, tree[1], self._varies):
-            self._locate(tree, tree[1])
+        if kind == "**" and not _is_whole(tree[2]) and self._locate(tree, tree[1]):
             return (kind, tree[1], self.hold(tree[2], moves))
-        if kind == "call" and tree[1] in PARTLY_DEFINED and _changes_at_bounds(tree, tree[2], self._varies):
-            self._locate(tree, tree[2])
+        if kind == "call" and tree[1] in PARTLY_DEFINED and self._locate(tree, tree[2]):
             return tree
         if _is_smooth_step(tree) and not moves:
             return tree
@@ -251,6 +251,12 @@ class Switches:
             self.found.append(switch)
         return switch
 
+    def _singular(self, tree: Tree) -> list[Tree]:
+        """Singular functions, but for bases of roots and powers at whose zeros a switch is."""
+        return singular_functions(
+            tree, self._varies, lambda part, of: part in self._located and _may_be_absolute(of)[:1] == ("call",)
+        )
+
     def _point(self, value: Tree) -> Switch:
         """The switch of a singular function."""
         switch = self._by_value.get(("point", value))
@@ -259,13 +265,20 @@ class Switches:
             self.found.append(switch)
         return switch
 
-    def _locate(self, tree: Tree, inner: Tree) -> None:
-        """Find switches in the argument of a function that is defined for some numbers only."""
+    def _locate(self, tree: Tree, inner: Tree) -> bool:
+        """Find switches in the argument of a function with a domain; whether there are any at its bounds."""
+        inner = _may_be_absolute(inner)
         if tree not in self._located:
-            found = [self._switch(call, call[2:]) for call in branching(inner, self._varies)]
+            if not _changes_at_bounds(tree, inner, self._varies):
+                return False
+            found = [
+                self._switch(call, tuple(self.hold(a) for a in call[2:])) for call in branching(inner, self._varies)
+            ]
+            is_power = tree[0] == "**" and tree[2][0] == "number" and tree[2][1] > 1
             for switch in found:
-                switch.kind = "power"
+                switch.kind = "power" if is_power and switch.kind != "root" else "root"
             self._located[tree] = [switch.number for switch in found]
+        return True
 
     def _numbers(self, tree: Tree) -> frozenset[int]:
         """The switches in a held tree."""
@@ -318,6 +331,11 @@ def _solve(e: Expression, values: dict[str, float]) -> bool:
             ends.append((x, found))
         values[name] = first
     return False
+
+
+def _may_be_absolute(tree: Tree) -> Tree:
+    """An argument as the absolute value of another, if it is an even power, such as ``x**2``."""
+    return ("call", "abs", tree[1]) if tree[0] == "**" and _is_whole(tree[2]) and tree[2][1] % 2 == 0 else tree
 
 
 def _is_whole(tree: Tree) -> bool:

@@ -1,4 +1,4 @@
-"""Contact forces as smooth as ``max(0, -x)**1.5``: derivatives of motions into contact and out of it are right to tolerance."""
+"""Contact forces such as ``max(0, -x)**1.5`` or ``sqrt(max(0, -x))``: derivatives across contacts are right to tolerance."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ LAWS = {
     "k*(abs(q.{0}) - q.{0})**1.5/8**0.5": 1.5,
     "k*max(-q.{0}, 0)**2.5": 2.5,
     "if(q.{0} < 0, k*abs(q.{0})**1.3, 0)": 1.3,
+    "k*sqrt(max(0, -q.{0}))": 0.5,
+    "if(q.{0} < 0, k*(q.{0}**2)**0.3, 0)": 0.6,
+    "k*max(0, -q.{0})*sqrt(max(0, -q.{0}))": 1.5,
 }
 """Forces on bodies that meet a wall at zero, and the exponents of the depth that they are proportional to."""
 
@@ -30,15 +33,16 @@ TEXT = (
     + "".join(
         f'  {n}: {{type: joint, joint: {n}, value: "{law.format(n)}"}}\n' for n, law in zip(NAMES, LAWS, strict=True)
     )
-    + f"initial: {{q: {{{', '.join(f'{n}: x0' for n in NAMES)}}}, u: {{{', '.join(f'{n}: -v0' for n in NAMES)}}}}}\n"
+    + f"initial: {{q: {{{', '.join(f'{n}: x0 + {i}*0.013' for i, n in enumerate(NAMES))}}}, "
+    + f"u: {{{', '.join(f'{n}: -v0' for n in NAMES)}}}}}\n"
     + f"outputs: {{{', '.join(f'{n}: {{value: q.{n}}}' for n in NAMES)}}}\n"
 )
 BY = ["k", "m", "x0", "v0"]
 
 
-def rebound(p: float, end: float = 1.5) -> np.ndarray:
+def rebound(p: float, ahead: float, end: float = 1.5) -> np.ndarray:
     """Derivatives of ``x(end) = v (end - T) - x0``, behind a contact of ``T = c (m v^2/k)^(1/(p + 1))/v``."""
-    k, m, x0, v = 40.3, 1.3, 0.31, 1.7
+    k, m, x0, v = 40.3, 1.3, 0.31 + ahead, 1.7
     of = 1 / (p + 1)
     depth = ((p + 1) * m * v**2 / (2 * k)) ** of
     T = 2 * depth / v * math.sqrt(math.pi) * math.gamma(1 + of) / math.gamma(0.5 + of)
@@ -49,7 +53,7 @@ def rebound(p: float, end: float = 1.5) -> np.ndarray:
 @pytest.mark.parametrize("way", ["forward", "adjoint"])
 @pytest.mark.parametrize(
     ("options", "allowed"),
-    [({}, 2e-7), ({"rtol": 1e-6, "atol": 1e-6}, 2e-5), ({"integrator": "radau"}, 2e-6)],
+    [({}, 2e-7), ({"rtol": 1e-6, "atol": 1e-6}, 5e-5), ({"integrator": "radau"}, 2e-6)],
     ids=["dop853", "dop853 loose", "radau"],
 )
 def test_rebound_from_contacts(made: Callable[..., Made], options: dict[str, Any], allowed: float, way: str) -> None:
@@ -57,12 +61,12 @@ def test_rebound_from_contacts(made: Callable[..., Made], options: dict[str, Any
         warnings.simplefilter("error")
         solver = made(parsed, TEXT).solver
         found = solver.judge(1.5, [Final(n) for n in NAMES], wrt=BY, method=way, **options).gradients
-    wanted = np.array([rebound(p) for p in LAWS.values()])
+    wanted = np.array([rebound(p, 0.013 * i) for i, p in enumerate(LAWS.values())])
     np.testing.assert_allclose(found, wanted, atol=allowed)
 
 
 def test_steps_are_graded_where_derivatives_are_taken_only(made: Callable[..., Made]) -> None:
     solver = made(parsed, TEXT).solver
     alone, along = solver.simulate(1.5), solver.simulate(1.5, sensitivities=BY)
-    assert alone.stats["steps"] < along.stats["steps"] < 4 * alone.stats["steps"]
+    assert alone.stats["steps"] < along.stats["steps"] < 6 * alone.stats["steps"]
     np.testing.assert_allclose(alone.q[-1], along.q[-1], atol=1e-7)

@@ -89,6 +89,7 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
 
 static int step_backwards(ordernm_adjoint *a, const scalar *step)
 {
+    if (step[5] != 0.0) return ordernm_root_transposed(a, (int)step[5] - 1, step[1]);
     return a->motion->radau ? ordernm_radau_backwards(a, step) : ordernm_explicit_backwards(a, step);
 }
 
@@ -174,6 +175,7 @@ int ordernm_replay(ordernm_motion *m, const scalar *known, scalar *steps, long c
         if (replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
         if (k + 1 == count) break;
+        if (step[5] != 0.0) m->root_end = step[size];
         const scalar end = step[size], knot = ordernm_next_knot(m, m->t);
         m->closed_known = 0;
         if (!m->method->gives_rate && ordernm_rates_at_end(m, end, m->rate[m->method->stages])) return ORDERNM_SINGULAR;

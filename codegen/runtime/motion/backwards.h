@@ -54,6 +54,7 @@ int ordernm_completion_transposed(ordernm_adjoint *a, int n, scalar *lambda);
 
 /* switches_backwards.c */
 int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, const scalar *row);
+int ordernm_root_transposed(ordernm_adjoint *a, int k, scalar h);
 
 /* explicit_backwards.c, radau_backwards.c, radau.c */
 int ordernm_explicit_backwards(ordernm_adjoint *a, const scalar *row);

@@ -111,6 +111,7 @@ static int attempt(ordernm_motion *m, trial *step)
     const scheme *const method = m->method;
     scalar *const rate = m->rate[method->stages];
     m->advice = 0.0;
+    m->root = -1;
     m->row_known = m->complete = m->closed_known = 0;
     for (int i = 1; i < MOST_STAGES; ++i) m->conditions[i] = 0.0;
     int status = method->step(m, step->h, &step->error);
@@ -143,7 +144,9 @@ static int attempt(ordernm_motion *m, trial *step)
     if (m->derived && m->adaptive) {
         const scalar larger = ordernm_error_beside_powers(m, step, step->event < 0 ? step->error : m->error_to_event);
         if (larger > 1.0 || (step->event < 0 && larger > step->error)) step->error = larger;
+        if (step->error == larger && m->advice > 1.0) m->advice = 0.0; /* an implicit method has not seen this error */
         if (larger > 1.0) return 0;
+        if (m->root >= 0 && m->ngroups && (status = ordernm_beside_root(m, step))) return status;
     }
     if (step->event < 0) return 0;
     step->to_wall = 0;

@@ -81,7 +81,7 @@ static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3]
 static int touches(const ordernm_motion *m, int e, const scalar *y, int i, int n)
 {
     const int k = e - m->problem->nevents;
-    if (k < 0 || m->system->switch_kind[m->held[k]] > ORDERNM_POWER || !(m->ngroups || m->results->steps)) return 0;
+    if (k < 0 || m->system->switch_kind[m->held[k]] > ORDERNM_ROOT || !(m->ngroups || m->results->steps)) return 0;
     scalar range = 0.0;
     for (int j = 0; j < n; ++j) range = fmax(range, fabs(y[j]));
     return y[i] >= 0.0 && y[i] <= TOUCHING*range && y[i - 1] > y[i] && y[i + 1] > y[i];

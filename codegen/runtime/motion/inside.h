@@ -174,6 +174,8 @@ struct ordernm_motion {
     scalar around_event[2];   /* times in the step between which the event is that ends it */
     scalar beside_event[2];   /* one of them, and the output there */
     scalar error_to_event;    /* of the step that has been made again to it */
+    int root;                 /* the switch at whose zero the step that is tried ends or begins, see powers.c; -1 for none, MANY_ROOTS */
+    scalar root_end;          /* when the last such step has ended; else -INFINITY */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
     scalar error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
@@ -353,7 +355,10 @@ int ordernm_rates_are_rough(const ordernm_motion *m, scalar h, const point *at);
 int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, int lane);
 
 /* powers.c */
+enum { MANY_ROOTS = -2 };
+int ordernm_beside_root(ordernm_motion *m, const trial *step);
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error);
+int ordernm_growing_power(ordernm_motion *m, const trial *step);
 
 /* lost.c */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z);

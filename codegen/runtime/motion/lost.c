@@ -69,7 +69,7 @@ static int resting(ordernm_motion *m, scalar end)
     int count = 0;
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
-        if (m->modes[k] == 0.0 && m->let_go[k] == 0.0 && m->system->switch_kind[k] <= ORDERNM_POWER) m->resting[count++] = k;
+        if (m->modes[k] == 0.0 && m->let_go[k] == 0.0 && m->system->switch_kind[k] <= ORDERNM_ROOT) m->resting[count++] = k;
     }
     for (int at = 0; at < 2 && count; ++at) {
         const int found = count;
@@ -258,12 +258,25 @@ static void look_at_points(ordernm_motion *m, const trial *step)
     }
 }
 
+/* Where derivatives of rates grow without bounds at a switch, those of the motion along directions that move the switch are not found. */
+static void look_at_powers(ordernm_motion *m, const trial *step)
+{
+    const int k = ordernm_growing_power(m, step);
+    int some = !m->ngroups && !m->results->lost_count;
+    if (k < 0 || ordernm_switch_along(m, step->end, m->next, k)) return;
+    for (int n = 0; n < m->ngroups; ++n)
+        for (int l = 0; l < m->groups[n].used; ++l)
+            if (m->lost[n*LANES + l] == 0.0 && m->switch_along[n*LANES + l] != 0.0) lose(m, n, l), some = 1;
+    if (some) note(m, ORDERNM_PASSES, k);
+}
+
 /* Loses directions that have no derivative behind the step that has been made. */
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step)
 {
     const scalar condition = m->results->condition_here;
     if (!m->ngroups && !m->results->lost) return;
     look_at_rest(m, step->end);
+    if (m->nheld) look_at_powers(m, step);
     if (m->npoints) look_at_points(m, step);
     if (m->rejected_before || m->jumps_at_end || !m->adaptive) m->suspects = SUSPECTS;
     if (m->suspects > 0 && step->event < 0) look_for_jump(m, step->h);

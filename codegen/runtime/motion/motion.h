@@ -55,9 +55,9 @@ typedef struct {
 } ordernm_precise;
 
 /* What the mode of a switch is: the sign of its function, of ORDERNM_POWER with rates beside its zero whose higher derivatives grow
- * without bounds, as those of max(0, x)^1.5; or the angle near which its function, an angle that jumps at half a turn, is measured. A
- * singular function has none: it is zero where rates may have no value. */
-enum { ORDERNM_SIGN, ORDERNM_POWER, ORDERNM_TURN, ORDERNM_POINT };
+ * without bounds, as those of max(0, x)^1.5, of ORDERNM_ROOT with first ones that may, as that of sqrt(max(0, x)); or the angle near which
+ * its function, an angle that jumps at half a turn, is measured. A singular function has none: it is zero where rates may have no value. */
+enum { ORDERNM_SIGN, ORDERNM_POWER, ORDERNM_ROOT, ORDERNM_TURN, ORDERNM_POINT };
 
 typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;
@@ -270,7 +270,7 @@ void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
 /* Makes steps again that were kept: from the first row of steps, whose state is there, from the heads of all rows, which are
  * ORDERNM_STEP_HEAD numbers and, of switches, modes and what has been crossed, and from what was known before the first. */
-enum { ORDERNM_STEP_HEAD = 5 };
+enum { ORDERNM_STEP_HEAD = 6 };
 int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_scalar *steps, long count);
 
 #ifdef __cplusplus

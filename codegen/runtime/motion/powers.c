@@ -1,15 +1,16 @@
-/* Steps beside switches of kind ORDERNM_POWER, where rates are as smooth as max(0, x)^1.5. Errors of the state hardly show there how large
+/* Steps beside switches of kind ORDERNM_POWER and ORDERNM_ROOT, where rates are as smooth as max(0, x)^1.5 and sqrt(max(0, x)). Errors of the state hardly show there how large
  * errors of its derivatives are: beside the zero these fall with a lower power of the step. With derivatives such steps are graded: they
  * become shorter and shorter towards the zero, and longer behind it. */
 #include "inside.h"
 
 #include <math.h>
 
-/* A zero is beside a step as many of its lengths away. */
-static const scalar BESIDE_STEP = 1.0;
+/* A zero is beside a step up to as many of its lengths away. */
+static const scalar FARTHEST = 5.0;
 
-/* Errors of derivatives over those of the state, in the time in which the state changes by its size over the step's. */
-static const scalar LARGER = 1000.0;
+/* Errors of derivatives over those of the state, in the time in which the state changes by its size over the step's: where the zero is
+ * within one length of the step. Farther away it is less, by the distance to its third power. */
+static const scalar LARGER = 300.0;
 
 /* Shorter steps, in parts of that time, are not made again. No longer one ends at the zero: rounding may put its last stage beyond, where
  * derivatives of max(0, x)^1.1 are no longer small. */
@@ -18,13 +19,11 @@ static const scalar LEAST = 1e-9;
 /* Steps that end at the zero and whose errors are too large are made again over this part. */
 static const scalar TOWARDS = 0.8;
 
-/* Whether the zero of a switch that is watched as number e is in the step or beside it. */
-static int is_beside(const ordernm_motion *m, int e)
+/* How many step lengths are between an end of the step and the zero of a switch that is watched as number e, by its change near there. */
+static scalar distance(const ordernm_motion *m, int e, int last)
 {
-    const scalar first = ordernm_event_point(1);
-    const scalar at_start = m->crossing[e], near_start = m->samples[e];
-    const scalar at_end = m->after[e], near_end = m->samples[(EVENT_SAMPLES - 1)*m->nwatched + e];
-    return at_start - (near_start - at_start)/first*BESIDE_STEP <= 0.0 || at_end + (at_end - near_end)/first*BESIDE_STEP <= 0.0;
+    const scalar at_end = last ? m->after[e] : m->crossing[e], inside = m->samples[(last ? EVENT_SAMPLES - 1 : 0)*m->nwatched + e];
+    return inside > at_end ? at_end/(inside - at_end)*ordernm_event_point(1) : INFINITY;
 }
 
 /* How long the state takes to change by its size, in units of what is allowed; at most all the motion. */
@@ -33,28 +32,111 @@ static scalar time_of_change(const ordernm_motion *m)
     const ordernm_problem *const p = m->problem;
     scalar size = 0.0, rate = 0.0;
     for (int i = 0; i < m->ny + m->nx; ++i) {
-        const scalar unit = p->atol[i] + p->rtol*fabs(m->z[i]);
-        size += m->z[i]/unit*(m->z[i]/unit);
+        const scalar largest = fmax(fabs(m->z[i]), fabs(m->next[i])), unit = p->atol[i] + p->rtol*largest;
+        size += largest/unit*(largest/unit);
         rate += m->rate[0][i]/unit*(m->rate[0][i]/unit);
     }
     return fmin(sqrt(size/rate), p->end - p->start);
 }
 
-/* The error of derivatives in a step beside such a zero; else 0. `error` is that of the step's state; the step may end at the zero. */
+/* Whether a switch has a power or a root. */
+static int has_power(const ordernm_motion *m, int k)
+{
+    const int kind = m->system->switch_kind[k];
+    return kind == ORDERNM_POWER || kind == ORDERNM_ROOT;
+}
+
+/* The error of derivatives in a step beside such a zero; else 0. `error` is that of the step's state; the step may end at the zero. One as
+ * short as LEAST that ends or begins at the zero of a root is noted. */
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error)
 {
     const int events = m->problem->nevents;
-    int beside = 0, ends = 0;
+    int ends = 0, begins = 0, roots = 0;
+    scalar nearest = INFINITY;
     for (int i = 0; i < m->nheld; ++i) {
-        if (m->system->switch_kind[m->held[i]] != ORDERNM_POWER) continue;
-        const int happens = step->event >= 0 && m->happened[events + i] > 0.0;
+        const int k = m->held[i], is_root = m->system->switch_kind[k] == ORDERNM_ROOT;
+        if (!has_power(m, k)) continue;
+        const int happens = step->event >= 0 && m->happened[events + i] > 0.0, begun = is_root && m->changed[k] == m->t;
         ends |= happens;
-        beside |= happens || is_beside(m, events + i);
+        begins |= begun;
+        nearest = happens || begun ? 0.0 : fmin(nearest, fmin(distance(m, events + i, 0), distance(m, events + i, 1)));
+        if (!(is_root && happens) && !begun) continue;
+        m->root = k;
+        ++roots;
     }
-    const scalar time = beside ? time_of_change(m) : 0.0;
-    if (!(step->h > LEAST*time)) return 0.0;
-    const scalar larger = LARGER*error*time/step->h;
-    if (!ends) return larger;
-    m->advice = larger > 1.0 ? TOWARDS : 1.0 - 0.5*LEAST*time/step->h;
-    return INFINITY;
+    if (!(nearest <= FARTHEST)) return 0.0;
+    const scalar time = time_of_change(m), larger = LARGER*error*time/step->h/pow(fmax(nearest, 1.0), 3.0);
+    if (step->h > LEAST*time) {
+        m->root = -1;
+        if (!ends && !begins) return larger;
+        if (begins) m->advice = 0.5*LEAST*time/step->h;
+        else m->advice = larger > 1.0 ? TOWARDS : 1.0 - 0.5*LEAST*time/step->h;
+        return INFINITY;
+    }
+    if (roots > 1) m->root = MANY_ROOTS;
+    if (roots) m->root_end = step->end;
+    return 0.0;
+}
+
+/* Derivatives behind a step that ends or begins at the zero of a root. Disturbed motions come to the zero at another time, by dt, and are
+ * the same otherwise: S+ = S + (f - f+) dt. Other changes of derivatives are as short as the step. Returns what a function returned. */
+int ordernm_beside_root(ordernm_motion *m, const trial *step)
+{
+    const scalar *const before = m->rate[0], *const after = m->rate[m->method->stages];
+    scalar speed;
+    int status = ordernm_switch_speed(m, m->t, m->z, before, m->root, &speed);
+    if (!status) status = ordernm_switch_along(m, m->t, m->z, m->root);
+    for (int n = 0; n < m->ngroups && !status; ++n) {
+        const group *const g = m->groups + n;
+        for (long i = 0; i < m->ny + m->nx; ++i)
+            for (int l = 0; l < g->width; ++l) {
+                const long at = g->at + i*g->width + l;
+                m->next[at] = m->z[at] - (before[i] - after[i])*m->switch_along[n*LANES + l]/speed;
+            }
+    }
+    return status ? status : ordernm_rates(m, step->end, m->next, m->rate[m->method->stages]);
+}
+
+/* ---- Where no step is as short. ---- */
+
+/* Rates change as a power of the distance to the zero. It is found from these distances, in parts of the step; of constant steps nearer. */
+static const scalar FAR = 1.0, FAR_IN_CONSTANT_STEPS = 0.01, NEARER = 0.01;
+
+/* A power as near to one is taken for one; a change that is less, in parts of the largest rate, is none. */
+static const scalar POWER_OF_ONE = 0.95, NO_CHANGE = 1e-8;
+
+/* How much rates change between one end of the step and a place in it, in units of what is allowed. Returns what a function returned. */
+static int changes(ordernm_motion *m, scalar h, int last, scalar away, scalar *rates)
+{
+    const ordernm_problem *const p = m->problem;
+    const scalar part = last ? 1.0 - away : away, *const here = m->rate[last ? m->method->stages : 0];
+    m->method->interpolate(m, h, part, m->trial);
+    const int status = ordernm_rates_of(m, m->t + part*h, m->trial, rates, 0, 0, RATES | INTEGRALS);
+    for (int i = 0; i < m->ny + m->nx; ++i) rates[i] = fabs(rates[i] - here[i])/(p->atol[i] + p->rtol*fabs(m->z[i]));
+    return status;
+}
+
+/* Whether derivatives of rates grow without bounds at one end of the step, as those of sqrt(max(0, x)) do. */
+static int grow(ordernm_motion *m, scalar h, int last)
+{
+    const ordernm_problem *const p = m->problem;
+    const scalar far = m->adaptive ? FAR : FAR_IN_CONSTANT_STEPS, *const here = m->rate[last ? m->method->stages : 0];
+    scalar *const one = m->error[0], *const other = m->error[1], largest = 0.0;
+    if (changes(m, h, last, far, one) || changes(m, h, last, NEARER*far, other)) return 0;
+    for (int i = 0; i < m->ny + m->nx; ++i) largest = fmax(largest, fabs(here[i])/(p->atol[i] + p->rtol*fabs(m->z[i])));
+    for (int i = 0; i < m->ny + m->nx; ++i)
+        if (one[i] > NO_CHANGE*largest && other[i] > pow(NEARER, POWER_OF_ONE)*one[i]) return 1;
+    return 0;
+}
+
+/* A switch at whose zero a step ends, or begins, of constant size or with other switches, and derivatives of rates grow without bounds; -1 if there is none. */
+int ordernm_growing_power(ordernm_motion *m, const trial *step)
+{
+    for (int i = 0; i < m->nheld && (!m->adaptive || m->root == MANY_ROOTS); ++i) {
+        const int k = m->held[i], ends = step->event >= 0 && m->happened[m->problem->nevents + i] > 0.0;
+        if (!has_power(m, k)) continue;
+        if (ends && grow(m, step->h, 1)) return k;
+        if (m->changed[k] == m->t && grow(m, step->h, 0)) return k;
+    }
+    return -1;
 }

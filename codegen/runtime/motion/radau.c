@@ -345,7 +345,7 @@ static int take_up(ordernm_motion *m, scalar h)
     if (r->tried && m->t != r->t_tried) { /* the step that was tried last has been accepted */
         go_on(r, r->h_tried);
         r->formed_here = r->formed && m->identity && m->segment == r->segment && !m->switched;
-        if (m->switched) begin_anew(r);
+        if (m->switched || m->t == m->root_end) begin_anew(r);
     }
     if (m->ngroups && (!r->tried || m->system->split || m->segment != r->segment || m->switched)) {
         /* By the function that gives them without directions, so that steps are the same to the last bit. */
@@ -472,7 +472,7 @@ int ordernm_radau_replay(ordernm_motion *m, const scalar *known, scalar *row)
         for (int i = 0; i < STAGES; ++i) memcpy(r->last[i], known + 4 + (1 + i)*m->values, m->values*sizeof(scalar));
     } else {
         go_on(r, r->h_tried);
-        if (m->switched) begin_anew(r);
+        if (m->switched || m->t == m->root_end) begin_anew(r);
     }
     r->h_tried = h;
     r->jacobian_here = 0;

@@ -85,6 +85,7 @@ void ordernm_keep_step(const ordernm_motion *m, scalar h)
     row[0] = m->t;
     row[1] = h;
     row[4] = m->best;
+    row[5] = m->root < 0 ? 0 : 1 + m->root;
     ordernm_keep_modes(m, row + ORDERNM_STEP_HEAD);
     memcpy(row + m->head, m->z, (m->ny + m->nx + m->nd)*sizeof(scalar));
     m->method->keep(m, row);

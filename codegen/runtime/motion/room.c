@@ -200,7 +200,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, scalar *room)
     m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
     /* speeds are off by rounding times the condition, and in long double by its square */
     m->hopeless = fmax(fmin(0.1*p->rtol/2.2e-16, sqrt(0.1*p->rtol/(5.4e-20*rounding))), LEAST_HOPELESS);
-    m->pose = m->refused_pose = -INFINITY;
+    m->pose = m->refused_pose = m->root_end = -INFINITY;
     m->mark = p->start;
     m->looked_at = p->looked_at;
     return m;

@@ -154,7 +154,7 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
         const scalar g = m->crossed[k];
-        if (m->system->switch_kind[k] > ORDERNM_POWER) {
+        if (m->system->switch_kind[k] > ORDERNM_ROOT) {
             m->switches[k] = g;
             m->modes[k] = mode_of(m, k);
             continue;
@@ -225,7 +225,7 @@ int ordernm_hold_again(ordernm_motion *m)
         const int free = m->modes[k] == 0.0;
         if (free || kind[k] == ORDERNM_TURN) m->modes[k] = mode_of(m, k); /* angles are those near where the step begins */
         m->switched |= free && m->modes[k] != 0.0;
-        if (kind[k] <= ORDERNM_POWER && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;
+        if (kind[k] <= ORDERNM_ROOT && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;
         m->let_go[k] = 0.0;
     }
     return 0;

@@ -38,3 +38,24 @@ int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, c
     memset(m->crossed, 0, count*sizeof(scalar));
     return status;
 }
+
+/* The adjoint before a step of size h that ends or begins at the zero of a root, see powers.c: the same, f+ at its end. */
+int ordernm_root_transposed(ordernm_adjoint *a, int k, scalar h)
+{
+    ordernm_motion *const m = a->motion;
+    const int n = m->ny + m->nx;
+    scalar *const end = m->next, *const jump = m->rate[0], *const after = m->rate[1], speed;
+    int status = ordernm_rates_of(m, m->t, m->z, jump, 0, 0, RATES | INTEGRALS);
+    if (status || (status = ordernm_switch_speed(m, m->t, m->z, jump, k, &speed))) return status;
+    for (long i = 0; i < m->values; ++i) end[i] = a->has_next && i < n + m->nd ? a->next[i] : m->z[i] + h*jump[i];
+    if ((status = ordernm_rates_of(m, m->t + h, end, after, 0, 0, RATES | INTEGRALS))) return status;
+    for (int i = 0; i < n; ++i) jump[i] -= after[i];
+    for (int g = 0; g < a->ngroups && !status; ++g) {
+        while (ordernm_samples_left(a, g) && !status) {
+            status = ordernm_sample_transposed(a, g, a->gradients->times[a->sampled[g] - 1], end, a->nu);
+            ordernm_accumulate(a->lambda + (long)g*a->n*a->width, 1.0, a->nu, (long)a->n*a->width);
+        }
+        if (!status) status = ordernm_switch_transposed(a, g, m->t, m->z, k, jump, speed, 0);
+    }
+    return status;
+}
