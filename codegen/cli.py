@@ -76,8 +76,8 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--functions",
         metavar="NAME,...",
-        help="the functions that the solver has, if not all: accelerations, sensitivities, gradients, outputs, ...; "
-        "dynamics, rates, mass, forces, states, statics, frames, simulate and motion (simulate and adjoints) stand for several",
+        help="the functions of the solver, if not all: accelerations, sensitivities, gradients, outputs, ...; "
+        "dynamics, rates, mass, forces, states, statics, frames, simulate and motion (simulate and adjoints) are groups",
     )
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     compiling = parser.add_mutually_exclusive_group()

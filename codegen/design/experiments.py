@@ -219,7 +219,7 @@ def _experiment(
         if array.shape != times.shape:
             raise ValueError(f"fit: {name} of {label} has samples of shape {array.shape}, expected {times.shape}")
         if np.isinf(array).any():
-            raise ValueError(f"fit: {name} of {label} has infinite samples; NaN stands for one that is missing")
+            raise ValueError(f"fit: {name} of {label} has infinite samples; NaN marks a missing sample")
         width = sigma[name] if isinstance(sigma, Mapping) else 1.0 if sigma is None else sigma
         try:
             deviation = np.broadcast_to(np.asarray(width, float), times.shape)

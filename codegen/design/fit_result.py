@@ -185,7 +185,9 @@ class Fit:
             lines.append(f"  {name:{width}s}  {x:14.8g}{' ' + unit if unit else ''}  {sure}")
         for direction in self.undetermined:
             told = ", ".join(f"{name} by {change:.4g}" for name, change in direction.items())
-            lines.append(f"  the samples do not tell {told} from no change; hold one of these fixed, or measure more")
+            lines.append(
+                f"  the samples do not distinguish {told} from no change; hold one of these fixed, or measure more"
+            )
         strong = [
             f"{self.names[i]} and {self.names[j]} {self.correlations[i, j]:.3f}"
             for i in range(n)

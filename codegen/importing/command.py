@@ -29,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="which model of a world of SDF, robot or robot::arm (default: the only one that moves)",
     )  # fmt: skip
     parser.add_argument("--key", metavar="NAME", help="keyframe of an MJCF to begin in (default: the first; '': none)")
-    parser.add_argument("--base", choices=BASES, help="how the root of a URDF stands on the ground (default: fixed)")
+    parser.add_argument(
+        "--base", choices=BASES, help="how the root of a URDF is attached to the ground (default: fixed)"
+    )
     parser.add_argument("--keep-fixed", action="store_true", help="keep links on fixed joints as bodies of their own")
     parser.add_argument(
         "--loops", metavar="FILE", help="YAML with a section loops in the model format, or Gepetto's robot.yaml"

@@ -217,7 +217,7 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
     if root.tag in ("mujoco", "mujocoinclude"):
         from .mjcf import read_mjcf
 
-        _refuse(root, "--base", options.base, "for URDF; MJCF says itself what stands on the ground")
+        _refuse(root, "--base", options.base, "for URDF; an MJCF defines what is attached to the ground")
         if options.exact_angles:
             raise ModelError(
                 [root.problem("--exact-angles is for URDF and SDF; MJCF has degrees, or quaternions: leave it out")]
@@ -227,7 +227,7 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
     if root.tag == "sdf":
         from .sdf import read_sdf
 
-        _refuse(root, "--base", options.base, "for URDF; SDF says itself what stands on the ground")
+        _refuse(root, "--base", options.base, "for URDF; an SDF defines what is attached to the ground")
         _refuse(root, "--key", options.key, "for MJCF, which has keyframes")
         return read_sdf(root, files, options.exact_angles, options.model)
     expected = ", ".join(f"<{tag}> ({name})" for tag, name in FORMATS.items())

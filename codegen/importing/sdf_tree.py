@@ -76,7 +76,7 @@ class TreeMaker:
             stand.start = () if is_static else (*at.at, *to_quaternion(at.rotation))
             robot.joints[f" {name}"] = stand
         if fixed and any(j.type != "fixed" and j.child in self.static for j in moving.values()):
-            message = "a static model does not move in SDF; here its base stands on the ground, and its joints move"
+            message = "a static model does not move in SDF; here its base is fixed to the ground, and its joints move"
             robot.warnings.append(robot.links[fixed[0]].place.problem(message, "warning"))
         for name, link in robot.links.items():
             link.moved_to(poses[name].inverse() @ used[name])

@@ -224,8 +224,8 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
     shape = _shape(geometry, closure) or f"moves in a plane, where its {fit}"
     missing = f"{largest:.1e} of them stays open at the initial configuration"
     return (
-        f"loop{'s' * (len(draft.loops) > 1)} {names} {shape}; dropped, since they follow from the other "
-        f"conditions but for that: {', '.join(dropped)} ({missing}; `closure` tells how much). They follow near the initial "
+        f"loop{'s' * (len(draft.loops) > 1)} {names} {shape}; dropped as redundant to that "
+        f"accuracy: {', '.join(dropped)} ({missing}; `closure` reports the residuals). They follow near the initial "
         f"configuration; a motion ends where one of them opens by more than {ALLOWED * geometry.tolerance:g}"
     )
 

@@ -342,9 +342,9 @@ class ModelBuilder:
         if is_sympy(name):
             problem = f"{name} is given twice; each name may be given once" if name in mapping else None
         elif not isinstance(name, str):
-            problem = f"{name!r} is no name; a str is needed"
+            problem = f"{name!r} is not a valid name; a str is needed"
         elif name.startswith("repeat ") or "(" in name:
-            problem = f"{name!r} is no name; in Python, repeat with a loop"
+            problem = f"{name!r} is not a valid name; in Python, repeat with a loop"
         elif name in mapping:
             problem = f"name {name!r} is given twice; each name may be given once"
         if problem is None:

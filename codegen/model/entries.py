@@ -99,7 +99,7 @@ def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
         tree = ("none",)
     if tree[0] not in ("name", "indexed") or ("." in tree[1] and not prefix):
         raise complaint(
-            f"{seen(value)} is no name; a name has letters, digits and _ and begins with no digit, "
+            f"{seen(value)} is not a valid name; a name has letters, digits and _, does not begin with a digit, "
             f"and may have repeat indices: link(k)"
         )
     return tree

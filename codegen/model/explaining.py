@@ -160,7 +160,7 @@ def _unknown_key(key: str, here: type[Entry]) -> str:
     if key in ("first", "last"):
         return f"{key!r} stands only directly inside an entry of a repeat block"
     if issubclass(here, LoopJointEntry) and key in PlacedEntry.model_fields:
-        return f"{key!r} does not stand in a loop's joint; from and to place it: from: {{body: arm, {key}: ...}}"
+        return f"{key!r} is not a key of a loop's joint; from and to place it: from: {{body: arm, {key}: ...}}"
     meant = here.misspelt.get(key)
     hint = f"; did you mean {meant!r}?" if meant else nearest(key, _fields(here))
     return f"unknown key {key!r}; keys here: {_keys(here)}{hint}"

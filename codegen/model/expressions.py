@@ -138,7 +138,7 @@ class Expression:
             If the expression has names.
         """
         if self.names:
-            raise ValueError(f"{self} is no number; evaluate it with values for {', '.join(sorted(self.names))}")
+            raise ValueError(f"{self} is not a number; evaluate it with values for {', '.join(sorted(self.names))}")
         return canonical(self.tree[1] if self.is_number else self.evaluate({}))
 
     def evaluate(self, values: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]] | None = None) -> Any:

@@ -297,7 +297,7 @@ class Files:
         start = os.path.dirname(own) if writer is not self.first else self.folder
         path = os.path.realpath(os.path.join(start, text))
         if os.path.commonpath((path, self.folder)) != self.folder:
-            return f"{text!r} leaves the model's folder; the files of a model stand in its folder or in folders there"
+            return f"{text!r} leaves the model's folder; the files of a model must be in its folder or below it"
         found = self.opened.get(path)
         if found is None:
             if not os.path.isfile(path):
@@ -332,7 +332,7 @@ def _there(path: str, text: str) -> str:
     """Which files there are instead."""
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
-        return "its folder does not exist; a path begins at the folder of the file that it stands in"
+        return "its folder does not exist; paths are relative to the folder of the file that contains them"
     names = sorted(n for n in os.listdir(folder) if n.endswith((".yaml", ".yml")))
     if not names:
         return "its folder holds no YAML files"

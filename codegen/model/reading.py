@@ -390,7 +390,7 @@ class Reader(Problems):
         ]
         for at in found[1:]:
             self.report(
-                at, (), f"{name} stands in {found[0].part.document.file} already; one file may have it", key=True
+                at, (), f"{name} stands in {found[0].part.document.file} already; only one file may have it", key=True
             )
         return found[0] if found else None
 
@@ -474,7 +474,7 @@ class Reader(Problems):
             self.report(at, sub, message)
         elif not 1e-100 < largest < 1e100:
             message = (
-                f"the axis has a length of about {largest:.2g}, whose square is no number of this machine; "
+                f"the axis has a length of about {largest:.2g}, whose square is not a finite double; "
                 f"only its direction counts: give it a length between 1e-100 and 1e100"
             )
             self.report(at, sub, message)

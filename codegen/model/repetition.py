@@ -130,7 +130,7 @@ class Repetition:
             return None
         if container[key] is None and self._is_cut(container, key, text):
             message = (
-                f"YAML ends this key at its comma, since it stands in {{ }}; quote the key: {{'repeat {index} in {text}, ...': "
+                f"YAML ends this key at its comma, because it is inside {{ }}; quote the key: {{'repeat {index} in {text}, ...': "
                 f"{{...}}}}, or write the block without {{ }}"
             )
             self._problem(container, (key,), path, message)

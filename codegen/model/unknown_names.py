@@ -76,7 +76,7 @@ def _not_measured(reader: Known, name: str, scope: str) -> str:
     if scope != "measured":
         return (
             f"{name!r}, which changes with the motion, is not allowed here; only {ALLOWED[scope]} are; positions and "
-            f"velocities of points may stand in forces in joints, and in those on bodies that have no potential energy"
+            f"velocities of points are allowed in forces in joints, and in forces on bodies without potential energy"
         )
     point, known = name.split(".")[1], [n for names in reader.points for n in names]
     return f"unknown point {point!r} in {name}; a point or a body is allowed: {some(known)}{nearest(point, known)}"

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compare",
         metavar="OLD",
-        help="tell what an earlier report, or gallery, says differently: its folder, or report.json",
+        help="list the differences from an earlier report or gallery: its folder, or report.json",
     )
     add_force(parser)
 

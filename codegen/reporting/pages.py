@@ -248,7 +248,7 @@ def _motions(data: dict[str, Any]) -> list[Section]:
     by = f", with derivatives by {', '.join(data['sensitivities'])}" if data["sensitivities"] else ""
     text = [
         f"{data['end']:g} s of motion{by}. Errors at the end are against {data['reference']}, itself right to about "
-        f"{number(data['reference_error'], 2)}; grey: errors that the reference cannot tell."
+        f"{number(data['reference_error'], 2)}; grey: errors below that of the reference."
     ]
     if data["choices"] > 1:
         text.append(f"The motion goes on past dead points with {data['choices']} choices of independent coordinates.")

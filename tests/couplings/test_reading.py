@@ -102,7 +102,7 @@ def test_the_builder_has_them() -> None:
         ("m: {joint: wheel}", "key 'follows' is missing; keys here: joint, follows, offset"),
         ("m: {joint: wheel, follows: pinion, ratio: 2}", "ratio"),
         ("m: {joint: wheel, follows: pinion, offset: nut}", "nut"),
-        ("m: {joint: 3 x, follows: pinion}", "'3 x' is no name"),
+        ("m: {joint: 3 x, follows: pinion}", "'3 x' is not a valid name"),
         (
             "m: {joint: wheel, follows: pinion}\nn: {joint: wheel, follows: nut.1}",
             "'wheel' follows others by coupling 'm' already; a coordinate is determined once",

@@ -130,7 +130,7 @@ def test_motions_that_fail_on_the_way_are_stepped_back_from(solver):
     [
         (([0, 1, 2], {"y": [0, 0, 0]}, ["mass"]), "samples of 'y', which the model has not; allowed are x, v"),
         (([0, 1, 2], {"x": [0, 0]}, ["mass"]), r"shape \(2,\), expected \(3,\)"),
-        (([0, 1, 2], {"x": [0, 0, np.inf]}, ["mass"]), "NaN stands for one that is missing"),
+        (([0, 1, 2], {"x": [0, 0, np.inf]}, ["mass"]), "NaN marks a missing sample"),
         (([0, 2, 1], {"x": [0, 0, 0]}, ["mass"]), "rise"),
         (([-1, 2, 3], {"x": [0, 0, 0]}, ["mass"]), "after its first sample at -1 s"),
         (([0, 1, 2], None, ["mass"]), "no times or no samples"),

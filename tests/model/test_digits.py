@@ -37,7 +37,7 @@ def test_angles_that_miss_digits_are_told_with_what_is_exact(number, exact):
         (told,) = warnings_of(turn)
         assert where in told
         assert told.startswith("m.yaml:6:")
-        assert f"{float(number)!r} is {exact} but for" in told and f"write {exact}," in told
+        assert f"{float(number)!r} is {exact} up to" in told and f"write {exact}," in told
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_numbers_that_orient_nothing_are_not():
 
 def test_constants_count_as_the_numbers_that_they_are():
     text = TEXT.format(turn="rpy: [right, 0, 0]", axis="y").replace("bodies:", "constants: {right: 1.5708}\nbodies:")
-    assert any("is pi/2 but for" in told for told in parse_model(text).warnings)
+    assert any("is pi/2 up to" in told for told in parse_model(text).warnings)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_constants_count_as_the_numbers_that_they_are():
 )  # fmt: skip
 def test_axes_that_miss_digits_are_told(axis, exact):
     (told,) = warnings_of(axis=axis)
-    assert "bodies.a.joint.axis" in told and f"the axis is {exact} but for" in told
+    assert "bodies.a.joint.axis" in told and f"the axis is {exact} up to" in told
 
 
 @pytest.mark.parametrize(
@@ -103,4 +103,4 @@ loops:
 
 def test_the_examples_have_all_digits(request):
     for file in sorted((request.config.rootpath / "examples").glob("*.yaml")):
-        assert not [one for one in load_model(file).warnings if "but for" in one], file
+        assert not [one for one in load_model(file).warnings if "rad; write" in one], file

@@ -193,7 +193,7 @@ def test_mistakes_in_named_expressions(old: str, new: str, expected: str) -> Non
 def test_names_of_names_do_not_grow_beyond_measure() -> None:
     lines = "\n".join(f"  e{k}: e{k - 1}*e{k - 1} + 1" for k in range(1, 40))
     text = MODEL.replace("expressions:\n", f"expressions:\n  e0: t\n{lines}\n")
-    with pytest.raises(ModelError, match=r"expressions.e1\d: with the expressions that it names written out"):
+    with pytest.raises(ModelError, match=r"expressions.e1\d: with the named expressions inserted"):
         parse_model(text)
 
 

@@ -96,7 +96,7 @@ def test_derivatives_by_name_and_number():
         (lambda x: x["tip0"], "did you mean 'tip_0'?"),
         (lambda x: x["zzz"], "there are t, q.crank, q.rod, u.crank, u.rod, tip_0, tip_1"),
         (lambda x: x[0], "trajectory.q[i] the coordinates at the i-th time"),
-        (lambda x: x[1:2], "is no name"),
+        (lambda x: x[1:2], "is not a name"),
         (lambda x: x.q_of("rd"), "did you mean 'q.rod'?"),
         (lambda x: x.u_of("x"), "no series 'u.x'"),
         (lambda x: x.derivative("tip", "length"), "no series 'tip'"),

@@ -23,7 +23,7 @@ ABOUT = {
     "kept_regions": "Scalars of a region that sweeps run backwards read again.",
     "lanes": "A link, for every direction.", "region_lanes": "A region of loops, for every direction.",
     "columns": "A link, for every column of a matrix.",
-    "slots": "What links tell their neighbours, for every direction: memory that every sweep uses anew.",
+    "slots": "Values that neighbouring links exchange, for every direction: scratch memory of each sweep.",
 }  # fmt: skip
 """What it is, for a comment."""
 

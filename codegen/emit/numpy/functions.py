@@ -109,7 +109,7 @@ class _Lines:
             case steps.Check():
                 return []
             case steps.Tolerate():
-                return ["a.solves = False  # how far loops are open can be told where they have lost rank, too"]
+                return ["a.solves = False  # residuals of loops are known even where they have lost rank"]
             case steps.Own():
                 return self.fresh(step.array)
             case steps.Hold():

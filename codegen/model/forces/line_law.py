@@ -93,7 +93,7 @@ class LineLaw:
 
     def __post_init__(self) -> None:
         if not _WORD.fullmatch(self.type):
-            raise LineLawError(f"type {self.type!r} is no word; small letters, digits and _ are allowed")
+            raise LineLawError(f"type {self.type!r} is not a valid type; lower-case letters, digits and _ are allowed")
         for key, coefficient in self.coefficients.items():
             self._check_coefficient(key, coefficient)
         for word, key in self.misspelt.items():
@@ -112,7 +112,9 @@ class LineLaw:
     def _check_coefficient(self, key: str, coefficient: Coefficient) -> None:
         if not _WORD.fullmatch(key) or key in _TAKEN:
             taken = f"has a meaning of its own; taken are {', '.join(sorted(_TAKEN))}"
-            why = taken if key in _TAKEN else "is no word of small letters, digits and _; choose another name"
+            why = (
+                taken if key in _TAKEN else "does not consist of lower-case letters, digits and _; choose another name"
+            )
             raise LineLawError(f"{self.type}: coefficient {key!r} {why}")
         if not isinstance(coefficient, Coefficient):
             raise LineLawError(

@@ -27,7 +27,9 @@ def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> 
     value = _number(angle)
     if value is not None and (count := cut_twelfths(value)):
         off = abs(value - count * _PART)
-        message = f"{value!r} is {_multiple(count)} but for {off:.1e} rad; write {_multiple(count)}, so that axes are parallel"
+        message = (
+            f"{value!r} is {_multiple(count)} up to {off:.1e} rad; write {_multiple(count)}, so that axes are parallel"
+        )
         reader.report(at, sub, message, severity="warning")
 
 
@@ -58,7 +60,7 @@ def check_axis(reader: Reader, axis: Vector, at: Instance, sub: Path_) -> None:
     if decimals >= 3 and abs(math.hypot(*numbers) - 1) < 2 * 10.0**-decimals and _EXACT < off < 2 * 10.0**-decimals:
         exact = ["0"] * 3
         exact[i], exact[j] = (f"{f}({_multiple(count)})" for f in ("cos", "sin"))
-        message = f"the axis is [{', '.join(exact)}] but for {off:.1e} rad; write that, so that axes are parallel"
+        message = f"the axis is [{', '.join(exact)}] up to {off:.1e} rad; write that, so that axes are parallel"
         reader.report(at, sub, message, severity="warning")
 
 

@@ -31,8 +31,8 @@ def read_named_expressions(reader: Reader) -> list[tuple[Instance, Expression]]:
             continue
         if _size(tree, MAX_SIZE) > MAX_SIZE:
             message = (
-                f"with the expressions that it names written out it has more than {MAX_SIZE} names and operations; "
-                f"a name stands for its whole expression each time, so let fewer be named several times"
+                f"with the named expressions inserted it has more than {MAX_SIZE} names and operations; "
+                f"each use of a name inserts its whole expression, so use fewer names repeatedly"
             )
             reader.report(at, (), message)
             continue

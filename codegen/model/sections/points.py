@@ -21,7 +21,7 @@ def read_points(reader: Reader, bodies: BodySection) -> dict[str, Point]:
     for at in reader.section("points"):
         name = reader.key_name(at, "point", "point")
         if name in bodies.index:
-            message = f"{name!r} is a body already; its name stands for the point in its origin, choose another name"
+            message = f"{name!r} is a body already, and its name denotes the point at its origin; choose another name"
             reader.report(at, (), message, key=True)
         spec = reader.spec(PointEntry, at)
         if spec is not None and name is not None:

@@ -336,9 +336,9 @@ class Assembly:
             for n in np.flatnonzero(((self.allowed > 0) & (gaps > self.allowed)).any(axis=1)):
                 worst = int(np.argmax(np.where(self.allowed > 0, gaps[n] - self.allowed, 0.0)))
                 warn(
-                    f"condition {self.names[worst]}, which was dropped since it follows from others but for the model's "
+                    f"condition {self.names[worst]}, which was dropped as redundant within the model's "
                     f"tolerance, is open by {gaps[n, worst]:.2g}{_named(called[int(n)])}; "
-                    f"the loop is not what it was taken for there"
+                    f"the mechanism differs there from the one that was generated"
                 )
         return q
 

@@ -70,7 +70,7 @@ class Redundancy(Room):
             place = f" (state {[int(i) for i in worst[:-1]]} of the batch)" if batch else ""
             warn(
                 f"condition {self.closure_names[int(worst[-1])]} is open by {abs(gaps[worst]):.2g}{place}, beyond "
-                f"{allowed.max():g}: it was dropped since it follows from others within loop_tolerance where the package was "
+                f"{allowed.max():g}: it was dropped as redundant within loop_tolerance when the package was "
                 f"generated, and {name} is of a mechanism without it"
             )
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-MARK = "ordernm wrote this file, and replaces it when told to write it again"
+MARK = "ordernm wrote this file and may replace it"
 """Stands in files that commands write, so that they are known from files of other people."""
 
 

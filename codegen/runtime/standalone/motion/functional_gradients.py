@@ -212,7 +212,7 @@ class FunctionalGradients(Simulation):
                     row = int(np.searchsorted(t, at))
                     if row == nt or t[row] != at:
                         raise SimulationError(
-                            f"{f.output} at t = {at:g} s is asked for, and an event has ended the motion at "
+                            f"{f.output} at t = {at:g} s is requested, but an event has ended the motion at "
                             f"{run.counts['t']:.9g} s; take AtEvent",
                             None,
                         )

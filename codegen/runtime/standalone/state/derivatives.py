@@ -90,7 +90,7 @@ def _in_order(names: list[str]) -> tuple[str, ...]:
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise ValueError(f"wrt: udot is not differentiated by {name!r}{hint}; it may be by {', '.join(JACOBIANS)}")
     if not names:
-        raise ValueError(f"wrt: nothing is asked for; it may be {', '.join(JACOBIANS)}, or be left out for all")
+        raise ValueError(f"wrt is empty; it may be {', '.join(JACOBIANS)}, or missing for all")
     return tuple(n for n in JACOBIANS if n in names)
 
 

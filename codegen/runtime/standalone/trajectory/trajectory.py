@@ -145,7 +145,7 @@ class Trajectory:
         """A series over time, (nt,): of a coordinate, a speed or an output, see `names`; ``t`` are the times."""
         if not isinstance(name, str):
             raise UnknownNameError(
-                f"{name!r} is no name; trajectory['q.NAME'] is a series, trajectory.q[i] the coordinates at the i-th time"
+                f"{name!r} is not a name; trajectory['q.NAME'] is a series, trajectory.q[i] the coordinates at the i-th time"
             )
         if name == "t":
             return self.t

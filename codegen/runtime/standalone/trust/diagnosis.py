@@ -195,7 +195,7 @@ class Diagnosis:
             yield "rounding errors are not known: the rounding of operations cannot be directed on this machine"
             return
         i = int(np.argmin(digits))
-        least = f"udot.{names[i]}, {self.udot[i]:.6g} but for {self.udot_error[i]:.1e}"
+        least = f"udot.{names[i]}, {self.udot[i]:.6g} +- {self.udot_error[i]:.1e}"
         yield f"udot: about {_whole(digits[i])} digits to trust; least of {least}"
         share = float(self.udot_error[i] / self.at_work[i]) if self.at_work[i] > 0.0 else 0.0
         if digits[i] < FEW_DIGITS and share < 10.0**-FEW_DIGITS:
@@ -208,7 +208,7 @@ class Diagnosis:
             j, i = (int(x) for x in np.unravel_index(int(np.argmin(of)), of.shape))
             yield (
                 f"derivatives: about {_whole(of[j, i])} digits to trust; least of udot.{names[i]} by {self.direction_names[j]}, "
-                f"{self.dudot[j, i]:.6g} but for {self.dudot_error[j, i]:.1e}"
+                f"{self.dudot[j, i]:.6g} +- {self.dudot_error[j, i]:.1e}"
             )
         by_arguments = trusted(
             self.udot[None], np.fmax(self.argument_error, self.udot_error)[None], self.at_work[None]
