@@ -52,6 +52,8 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
     """
     try:
         if not folder.exists():
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                folder.stat()  # raises for a link that leads to itself, which `resolve` does before Python 3.13 only
             _refuse_unwritable(folder)
             return []
         if not folder.is_dir():
