@@ -51,62 +51,69 @@ def generate(
     progress: Progress | None = None,
     force: bool = False,
 ) -> Report:
-    """Write the solver of a model.
+    """Generate the solver of a model: write the package, compile it, and check it on request.
 
     Parameters
     ----------
     model : Model or path
+        The model, or its file.
     folder : path, optional
-        The package to write, ``generated/<name>`` if left out. It may hold an earlier output, and nothing else without `force`.
-    target : {"c", "numpy", "both"}
-        What the package's `Solver` uses. Both are always written.
-    layout : {"auto", "kinds", "unrolled"}
-        One C function per kind of link called in loops, or one per link; "auto" takes the second for small models.
-    partitions : {1, 2, 3, 4}
-        With 2, and where another choice of independent coordinates closes the loops, the package holds both; see
+        The package to write. Left out: ``generated/NAME``. It may hold an earlier package; anything else needs `force`.
+    target : {"c", "numpy", "both"}, optional
+        The code that the package's `Solver` runs. Both are always written.
+    layout : {"auto", "kinds", "unrolled"}, optional
+        One C function for each kind of link, called in loops, or one for each link. "auto" chooses the latter for small
+        models.
+    partitions : {1, 2, 3, 4}, optional
+        Number of choices of independent coordinates that the package holds, as far as others close the loops. See
         `Solver.use_partition`.
-    reactions : bool
-        The solver has `Solver.reactions`: what joints and loops transmit, and `Solver.reaction_sensitivities` unless `functions`
-        are chosen, which name that.
-    frames : bool
-        The solver has `Solver.frames`, `Solver.points` and their derivatives: motions of all bodies and of points in them.
+    reactions : bool, optional
+        Include `Solver.reactions` and `Solver.reaction_sensitivities`. If `functions` are chosen, name the latter
+        there.
+    frames : bool, optional
+        Include `Solver.frames`, `Solver.points` and their derivatives.
     functions : sequence of str, or str with commas, optional
-        The functions that the solver has: names of its members, such as ``("accelerations", "gradients")``, or ``"dynamics"``,
-        ``"rates"``, ``"mass"``, ``"forces"``, ``"states"``, ``"frames"`` for several together. Left out: all, of reactions and
-        frames those that are requested. What makes states consistent is always there.
-    scalar : {"float64", "float32"}
-        The scalar type of the C, its arrays and results. In "float32" there are all functions and their derivatives, and batches
-        have twice the lanes; motions are integrated in double precision, so `Solver.simulate` and `Solver.judge` are left out.
-        Members that iterate, such as `Solver.assemble`, compute in double precision and round.
-    compile : bool or "all"
-        Compile now what most calls need, accelerations and sensitivities; other functions, and sensitivities along one or
-        two directions, are compiled when they are first called. With "all" everything is compiled now, for a machine that
-        has no compiler.
-    check : bool
-        Compare with `codegen.reference.RecursiveEngine` at three random states.
+        Functions that the solver has: names of its methods, such as ``("accelerations", "gradients")``, or of groups,
+        such as ``"dynamics"``, ``"rates"``, ``"mass"``, ``"forces"``, ``"states"``, ``"frames"``. Left out: all. The
+        methods that make states consistent are always included.
+    scalar : {"float64", "float32"}, optional
+        Scalar type of the C, its arrays and results. With "float32" `Solver.simulate` and `Solver.judge` are absent,
+        and methods that iterate, such as `Solver.assemble`, compute in double precision and round.
+    compile : bool or "all", optional
+        Compile accelerations and sensitivities now, and other functions at their first call. "all" compiles everything
+        now, for a machine without a compiler.
+    check : bool, optional
+        Compare the solver with `codegen.reference.RecursiveEngine` at three random states.
     progress : callable, optional
-        Called as ``progress(stage, step, steps)`` whenever something else is begun: the stage in words, such as
-        ``"expanding"``, and how far it has come, ``0, 0`` where that is not counted. What it raises ends the work; nothing is
-        half-written.
-    force : bool
-        Write into a folder that holds something else, too: files of the same names are replaced, and others stay.
+        Called as ``progress(stage, step, steps)`` at the beginning of each step; the stage is a word such as
+        ``"expanding"``, the steps are ``0, 0`` where they are not counted. An exception from it ends the work and
+        leaves nothing half-written.
+    force : bool, optional
+        Write also into a folder that holds other files: files of the same names are replaced, others stay.
 
     Returns
     -------
     Report
+        What was written, its cost, warnings and remarks. It prints as text.
 
     Raises
     ------
     ModelError
-        The model is wrong; nothing has been written.
+        If the model is wrong. Nothing is written.
     UnknownFunctionError
-        Of `functions`: a ValueError that lists what there is.
+        A ValueError, if `functions` has an unknown name. It lists the allowed ones.
     FolderError
-        The folder cannot be written, or holds something that `generate` did not write.
+        If the folder cannot be written, or holds files that `generate` did not write.
     CompileError
-        The C compiler failed; the package stays, with the compiler's log.
+        If the C compiler fails. The package stays, with the compiler's log.
     NoCompilerError
-        There is no C compiler, and `compile` is "all"; the package stays.
+        If there is no C compiler and `compile` is "all". The package stays.
+
+    Examples
+    --------
+    >>> report = ordernm.generate("examples/double_pendulum.yaml", "double_pendulum", compile=False)
+    >>> report.nq, report.nu, report.parameters
+    (2, 2, 6)
     """
     # long: what it takes is described
     from .emit.c import C

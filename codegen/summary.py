@@ -13,34 +13,36 @@ SHOWN = 20
 
 @dataclass(slots=True, repr=False)
 class Report:
-    """What `generate` did; ``print(report)`` shows it, `lines` with all operations.
+    """What `generate` wrote, and its cost. It prints as text.
 
     Attributes
     ----------
     folder : Path
+        The package.
     files : dict of str to int
         Bytes of every file.
     links, kinds : int
+        Number of links, and of different ones.
     operations : dict
-        By sweep; see `Solver.operations`.
+        Operations by sweep; see `Solver.operations`.
     sweeps : dict of str to list of str
-        By function, the sweeps that it runs; a sweep that runs twice is listed twice.
+        Sweeps that each function runs. A sweep that runs twice is listed twice.
     passes : list of (str, dict, float)
         Operations of all blocks after every pass, and seconds.
     sweep_seconds : dict of str to float
-        Expanding and simplifying, by sweep.
+        Time to expand and simplify each sweep.
     seconds : dict of str to float
-        By stage.
+        Time of each stage.
     errors : dict of str to float
-        Largest relative errors of the check: of ``udot``, and of its derivatives per direction (``dudot``) if there are any.
+        Largest relative errors found by the check: of ``udot``, and of its derivatives (``dudot``) if there are any.
     agreement : float
-        Errors up to which the numbers are right in the scalar type of the solver.
+        Largest relative error that counts as agreement in the scalar type of the solver.
     remarks : list of str
         What was left out, and why.
     loops : list of str
-        The choice made for closed loops, in words: ears, dependents, ranks, degrees of freedom.
+        The choice made for closed loops: closure groups, dependent speeds, ranks, degrees of freedom.
     written : bool
-        False: the folder held these very files already.
+        False if the folder already held the same files.
     """
 
     folder: Path
@@ -68,7 +70,26 @@ class Report:
     written: bool = True
 
     def flops(self, function: str, per: str = "per_call") -> int:
-        """Additions, multiplications and divisions of a function: once, or per direction (``per_direction``)."""
+        """Return the number of additions, multiplications and divisions of a function.
+
+        Parameters
+        ----------
+        function : str
+            Name of a function of the solver.
+        per : {"per_call", "per_direction"}, optional
+            Count the work that all directions share, or the work of one direction.
+
+        Returns
+        -------
+        int
+            Number of operations.
+
+        Examples
+        --------
+        >>> report = ordernm.generate("examples/double_pendulum.yaml", "counted", compile=False)
+        >>> report.flops("accelerations") < 150
+        True
+        """
         counts = [self.operations[s][per] for s in self.sweeps[function]]
         return sum(n for of in counts for name, n in of.items() if name != "functions")
 
@@ -84,14 +105,26 @@ class Report:
         return "\n".join(self.lines())
 
     def lines(self, verbose: bool = False, width: int | None = None) -> list[str]:
-        """The report for a reader: warnings, what was made, what it costs, how exact it is, what was left out.
+        """Return the report as lines of text.
 
         Parameters
         ----------
-        verbose : bool
-            With the operations of every sweep and after every pass, all files, all warnings and all that is said of loops.
+        verbose : bool, optional
+            Include the operations of every sweep and after every pass, all files, all warnings, and all lines about
+            loops.
         width : int, optional
-            Columns; tables that are wider become lists.
+            Columns. Wider tables become lists.
+
+        Returns
+        -------
+        list of str
+            Warnings, contents, cost, accuracy, and what was left out.
+
+        Examples
+        --------
+        >>> report = ordernm.generate("examples/double_pendulum.yaml", "listed", compile=False)
+        >>> report.lines()[0].split()[0]
+        'double_pendulum'
         """
         lines = (
             [str(w) for w in self.warnings] if verbose else first(self.warnings, SHOWN, "warning: {} more like these")

@@ -25,7 +25,24 @@ CHECKED = (
 """What numpydoc's validation has to find nothing of."""
 OF_PROPERTIES = ("GL03", "GL06", "GL07", "GL08", "SS01", "SS02", "SS03", "SS06")
 
-FUNCTIONS = ("codegen.runtime.standalone.solver.Solver", "codegen.runtime.standalone.calls.package.Package")
+FUNCTIONS = [
+    f"codegen.{module}.{name}"
+    for module, names in {
+        "generation": "generate", "summary": "Report", "reporting.measuring": "report",
+        "model.loading": "load_model parse_model", "model.builder": "ModelBuilder",
+        "importing.importer": "Imported import_model from_mujoco from_pinocchio",
+        "runtime.loading": "load load_trajectory",
+        "runtime.standalone.solver": "Solver", "runtime.standalone.calls.package": "Package",
+        "runtime.standalone.trajectory.trajectory": "Trajectory", "runtime.standalone.trajectory.events": "Event Crossing",
+        "runtime.standalone.motion.functionals": "Final At Integral AtEvent LeastSquares Judged",
+        "runtime.standalone.state.derivatives": "Jacobians Gradients",
+        "runtime.standalone.state.frame_motion": "FrameMotion PointMotion",
+        "runtime.standalone.statics.equilibrium": "Equilibrium",
+        "runtime.standalone.statics.linearization": "Linearization Matrices Modes",
+        "runtime.standalone.trust.diagnosis": "Diagnosis MassCondition ClosureCondition",
+    }.items()
+    for name in names.split()
+]  # fmt: skip
 """Functions, and classes with all their public members."""
 
 

@@ -54,28 +54,29 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What an import gives.
+    """An imported robot: the model, its text, and what differs from the file.
 
     Attributes
     ----------
     text : str
         The model file.
     model : Model
+        The model.
     left_out : tuple of str
-        What the file says and the model does not, with the lines where it stands and what its absence does to the motion.
+        Parts of the file that the model lacks, with their lines and the effect on the motion.
     differences : tuple of str
-        Those of them without which the model moves otherwise than the file says, though nothing drives it.
+        Those parts of `left_out` that change the motion even though nothing drives the robot.
     warnings : tuple of str
-        What is doubtful, and what was repaired.
+        Doubtful entries, and entries that were repaired.
     bodies : dict of str to str
-        For every link of the file the body of the model that it is part of, or ``ground``.
+        Body of the model (or ``ground``) that each link of the file is part of.
     frames : dict of str to (str, tuple of float, tuple of float)
-        For every link of the file that is no body: the body that it is part of, or ``ground``, the place there, m, and roll,
-        pitch and yaw, rad.
+        For each link that is not a body of its own: its body or ``ground``, its position there (m), and roll, pitch and
+        yaw (rad).
     joints : dict of str to str
-        For every joint of the file that moves the body that it carries, whose name its coordinates have.
+        Body that each moving joint of the file carries. Its coordinates have the body's name.
     renamed : dict of str to str
-        New names by those of the file.
+        New names by the names of the file.
     """
 
     text: str
@@ -89,7 +90,23 @@ class Imported:
     renamed: dict[str, str] = field(default_factory=dict)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the model file, as a whole or not at all; what stands there is replaced."""
+        """Write the model file, as a whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The file. An existing file is replaced.
+
+        Returns
+        -------
+        Path
+            The file that was written.
+
+        Examples
+        --------
+        >>> found = ordernm.import_model("robot.urdf")  # doctest: +SKIP
+        >>> found.save("robot.yaml")  # doctest: +SKIP
+        """
         target = Path(path)
         if not target.parent.is_dir():
             raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(target.parent))
@@ -112,47 +129,60 @@ class Imported:
 
 
 def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
-    """Read a robot's file: URDF, MJCF or SDF.
+    """Read a robot file in URDF, MJCF or SDF.
 
     Parameters
     ----------
     path : str or path
-    name : str, optional
-        Of the model; left out: from the file, or the file's own name.
-    model : str, optional
-        Which model of a world of SDF; left out: the only one that moves.
-    key : str, optional
-        Which keyframe of an MJCF the model begins in; left out: the first. ``""``: none, the reference pose.
-    base : {"fixed", "free"}, optional
-        How the root of a URDF stands on the ground; left out: fixed. SDF and MJCF say it themselves.
-    keep_fixed : bool
-        Keep links on fixed joints as bodies; otherwise they become part of the body that carries them.
-    repair : bool
-        Give inertias that no body has the nearest possible values, and fix joints that move nothing.
-    free_mimic : bool
-        Leave joints that mimic others independent.
-    motors : bool
-        Make an input of the force along every freedom of joints.
-    exact_angles : bool
-        Take angles of a URDF or SDF that are multiples of pi/12 but for missing digits for these: 1.5708 for pi/2.
-    parameterize : str, mapping or list of str, optional
-        Numbers that become parameters: ``"arm:length,forearm:mass"``, or ``{"arm": ["length"]}``.
-    loops : str or path, optional
-        A model file with a section ``loops`` that is added, or a ``robot.yaml`` of Gepetto's; one that stands beside a
-        URDF is read anyway.
-    package_paths : sequence of str or path
-        Where packages are that the file names by ``package://`` and ``model://``; beside the folder of the file these are
-        the only ones of which other files are read.
+        The robot file.
+    **options
+        Any of the following.
+
+        - ``name`` (str): Name of the model. Left out: from the file, or the file's own name.
+        - ``model`` (str): Model of an SDF world. Left out: the only one that moves.
+        - ``key`` (str): Keyframe of an MJCF that the model begins in. Left out: the first; ``""``: the reference
+          pose.
+        - ``base`` ({"fixed", "free"}): How the root of a URDF stands on the ground. Left out: fixed. SDF and MJCF
+          specify it.
+        - ``keep_fixed`` (bool): Keep links on fixed joints as bodies. Otherwise they are merged with the body that
+          carries them.
+        - ``repair`` (bool): Replace inertias that no body can have by the nearest possible ones, and fix joints that
+          move nothing.
+        - ``free_mimic`` (bool): Leave mimic joints independent.
+        - ``motors`` (bool): Make an input of the force along each degree of freedom of the joints.
+        - ``exact_angles`` (bool): Replace angles of a URDF or SDF that look like rounded multiples of pi/12 by these:
+          1.5708 by pi/2.
+        - ``parameterize`` (str, mapping or list of str): Numbers that become parameters:
+          ``"arm:length,forearm:mass"``, or ``{"arm": ["length"]}``.
+        - ``loops`` (str or path): A model file with a section ``loops`` to add, or a ``robot.yaml`` of Gepetto. One
+          that lies beside a URDF is read in any case.
+        - ``package_paths`` (sequence of str or path): Folders of the packages that the file names by ``package://``
+          and ``model://``. Other files are read only from these and from the folder of the robot file.
 
     Returns
     -------
     Imported
+        The model, its text, and the parts that were left out.
 
     Raises
     ------
     ModelError
-        With every problem of the file, each with its line.
+        If the file has errors. It lists all of them with their lines.
+
+    Examples
+    --------
+    >>> urdf = '''<robot name="swing"><link name="base"/><link name="arm"><inertial>
+    ...   <origin xyz="0 0 -0.5"/><mass value="2"/>
+    ...   <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    ... <joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/>
+    ...   <axis xyz="0 1 0"/></joint></robot>'''
+    >>> with open("swing.urdf", "w") as file:
+    ...     _ = file.write(urdf)
+    >>> found = ordernm.import_model("swing.urdf")
+    >>> found.model.coordinate_names, found.joints
+    (('arm',), {'hinge': 'arm'})
     """
+    # long: a dozen options, each with its meaning
     chosen = Options(**options)
     file = os.fspath(path)
     for folder in chosen.package_paths:
@@ -168,13 +198,24 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
 
 
 def from_pinocchio(model: Any, **options: Any) -> Imported:
-    """Make a model of an object of Pinocchio's.
+    """Make a model from a model of Pinocchio.
 
     Parameters
     ----------
     model : pinocchio.Model
+        The robot.
     **options
-        Those of `import_model` that are not about files.
+        Options of `import_model` that do not concern files.
+
+    Returns
+    -------
+    Imported
+        The model, its text, and the parts that were left out.
+
+    Examples
+    --------
+    >>> import pinocchio  # doctest: +SKIP
+    >>> found = ordernm.from_pinocchio(pinocchio.buildSampleModelManipulator())  # doctest: +SKIP
     """
     from .pinocchio import read_pinocchio
 
@@ -184,13 +225,24 @@ def from_pinocchio(model: Any, **options: Any) -> Imported:
 
 
 def from_mujoco(model: Any, **options: Any) -> Imported:
-    """Make a model of an object of MuJoCo's.
+    """Make a model from a model of MuJoCo.
 
     Parameters
     ----------
     model : mujoco.MjModel
+        The robot.
     **options
-        Those of `import_model` that are not about files.
+        Options of `import_model` that do not concern files.
+
+    Returns
+    -------
+    Imported
+        The model, its text, and the parts that were left out.
+
+    Examples
+    --------
+    >>> import mujoco  # doctest: +SKIP
+    >>> found = ordernm.from_mujoco(mujoco.MjModel.from_xml_path("robot.xml"))  # doctest: +SKIP
     """
     from .mjcf import read_mujoco
 

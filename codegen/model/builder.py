@@ -1,4 +1,5 @@
 """Models built in Python: the same structure as a file, through the same checks."""
+# long: a signature and a docstring for each of twenty methods
 
 from __future__ import annotations
 
@@ -21,20 +22,25 @@ Vector3 = str | Sequence[Scalar]
 
 
 class ModelBuilder:
-    """Builds a `Model` step by step; every argument means what the key of that name means in a model file.
+    """Build a `Model` step by step. Arguments have the meaning of the same keys in a model file.
 
-    Nothing is checked before `build`, which reports all problems at once.
+    Only `build` checks the model. It reports all problems at once.
 
     Parameters
     ----------
     name : str
-        Names the generated package.
+        Name of the model and of the generated package.
     gravity : sequence of three numbers, optional
-        m/s^2 in the ground frame.
+        Gravity in the ground frame, m/s^2.
     loop_tolerance : number, optional
-        See `Model.loop_tolerance`.
+        Tolerance within which loop conditions count as redundant; see `Model.loop_tolerance`.
     folder : str or path, optional
-        Where the files of submodels, and included ones, are.
+        Folder of included files and submodels.
+
+    Raises
+    ------
+    ModelError
+        From `build`, if the model has errors.
 
     Examples
     --------
@@ -90,7 +96,7 @@ class ModelBuilder:
         >>> arm = b.body("arm", joint="revolute", axis="y", mass=m, com=[0, 0, sympy.Rational(-1, 2)], inertia={"yy": m / 12})
         >>> b.symbols({theta: f"q.{arm}"})
         >>> b.joint_force("spring", arm, -3 * sympy.tanh(theta) - theta.diff() / 10)
-        >>> print(b.build().forces[0].value[0])
+        >>> print(b.build().forces[0].values[0])
         -(3*tanh(q.arm)) - u.arm/10
         """
         from .sympy_names import checked_names
@@ -98,7 +104,26 @@ class ModelBuilder:
         self._symbols.update(checked_names(names))
 
     def constant(self, name: str, value: Scalar | Sequence[Scalar]) -> Name:
-        """A number known at generation time."""
+        """Add a number that is known when the solver is generated.
+
+        Parameters
+        ----------
+        name : str
+            Name of the constant.
+        value : number, expression, or sequence of these
+            Value, SI units.
+
+        Returns
+        -------
+        Name
+            The name, for use in expressions.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("chain")
+        >>> rho = b.constant("rho", 7850)
+        >>> arm = b.body("arm", axis="y", mass=2 * rho * 0.001, com=[0, 0, -0.5])
+        """
         self._put("constants", name, _plain(value))
         return Name(name)
 
@@ -110,17 +135,78 @@ class ModelBuilder:
         min: Scalar | Sequence[Scalar] | None = None,
         max: Scalar | Sequence[Scalar] | None = None,
     ) -> Name:
-        """A design parameter, or a vector of three; the result may be used in expressions as it is or by its name."""
+        """Add a design parameter, or a vector of three.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter. The entries of a vector are ``NAME.x``, ``NAME.y`` and ``NAME.z``.
+        value : number, expression, or sequence of three
+            Default value, SI units.
+        unit : str, optional
+            Unit, such as ``"kg"``.
+        min, max : number, expression, or sequence of three, optional
+            Range of sensible values.
+
+        Returns
+        -------
+        Name
+            The name, for use in expressions.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> L = b.parameter("L", 1.0, unit="m", min=0.1, max=3.0)
+        >>> arm = b.body("arm", axis="y", mass=2, com=[0, 0, -L / 2])
+        """
         self._put("parameters", name, _given(value=value, unit=unit, min=min, max=max))
         return Name(name)
 
     def input(self, name: str) -> Name:
-        """A run-time input."""
+        """Add a run-time input.
+
+        Parameters
+        ----------
+        name : str
+            Name of the input.
+
+        Returns
+        -------
+        Name
+            The name, for use in expressions.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("motor")
+        >>> torque = b.input("torque")
+        >>> wheel = b.body("wheel", axis="z", inertia={"zz": 0.1})
+        >>> b.joint_force("drive", wheel, torque)
+        """
         self._root.setdefault("inputs", []).append(_plain(name))
         return Name(name)
 
     def expression(self, name: str, value: Scalar) -> Name:
-        """A name for an expression that several entries have in common."""
+        """Add a name for an expression that several entries share.
+
+        Parameters
+        ----------
+        name : str
+            Name of the expression.
+        value : number or expression
+            Expression of coordinates, speeds, parameters, inputs and time.
+
+        Returns
+        -------
+        Name
+            The name, for use in expressions.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> bend = b.expression("bend", "sin(q.arm)")
+        >>> b.joint_force("spring", arm, f"-3*{bend}")
+        """
         self._put("expressions", name, _plain(value))
         return Name(name)
 
@@ -133,7 +219,32 @@ class ModelBuilder:
         kind: str = "linear",
         period: Scalar | None = None,
     ) -> None:
-        """A function of one number by its points, called in expressions by its name: ``torque(u.wheel)``."""
+        """Add a function of one number that is given by points.
+
+        Expressions call it by its name: ``torque(u.wheel)``.
+
+        Parameters
+        ----------
+        name : str
+            Name of the function.
+        x, y : sequence of numbers or expressions
+            Arguments, increasing, and values.
+        outside : {"constant", "linear", "error", "periodic"}
+            Continuation beyond the points.
+        kind : {"linear", "cubic"}, optional
+            Straight lines, or a cubic spline.
+        period : number or expression, optional
+            Period of a periodic table whose first point is not repeated.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("motor")
+        >>> wheel = b.body("wheel", axis="z", inertia={"zz": 0.1})
+        >>> b.table("torque", [0, 10, 20], [3, 2.5, 0], outside="constant")
+        >>> b.joint_force("drive", wheel, "torque(u.wheel)")
+        >>> b.build().nu
+        1
+        """
         self._put("tables", name, _given(x=x, y=y, outside=outside, kind=kind, period=period))
 
     def body(
@@ -155,17 +266,55 @@ class ModelBuilder:
         inertia: Mapping[str, Scalar] | None = None,
         shape: Mapping[str, Any] | None = None,
     ) -> str:
-        """A body and its joint; the result is its name, for use as a parent.
+        """Add a body and the joint that connects it to its parent.
 
         Parameters
         ----------
-        name, parent : str
-        joint : str or mapping
-            Type of the joint, with `axis`, `axes`, `normal`, `pitch`, `armature`, `at`, `rotate` and `rpy` beside it; or
-            everything in a mapping.
-        mass, com, inertia, shape
-            As in a model file; left out: 0, or from `shape`.
+        name : str
+            Name of the body, and of its coordinates.
+        parent : str, optional
+            Name of a body, or ``"ground"``.
+        joint : str or mapping, optional
+            Type of the joint, with the following arguments beside it, or a mapping with everything.
+        axis : str or sequence of three, optional
+            Axis of a joint with one axis: ``"x"``, ``"-y"``, or components in the parent.
+        axes : sequence of two axes, optional
+            Axes of a universal joint.
+        normal : str or sequence of three, optional
+            Normal of a planar joint.
+        pitch : number or expression, optional
+            Advance of a screw joint, m/rad.
+        armature : number, expression, or sequence of these, optional
+            Reflected inertia of the rotor of each degree of freedom, kg m^2 or kg.
+        at : sequence of three, optional
+            Position of the joint in the parent, m.
+        rotate : sequence of mappings, optional
+            Rotations of the joint frame in the parent, one after the other.
+        rpy : sequence of three, optional
+            Roll, pitch and yaw of the joint frame, rad.
+        mass : number or expression, optional
+            Mass, kg. Left out: 0, or from `shape`.
+        com : sequence of three, optional
+            Centre of mass in the body, m.
+        inertia : mapping of str to number or expression, optional
+            Moments ``xx``, ``yy``, ``zz`` and products ``xy``, ``xz``, ``yz`` about the centre of mass, kg m^2.
+        shape : mapping, optional
+            Shape with density or mass, instead of the three above.
+
+        Returns
+        -------
+        str
+            The name, for use as a parent.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("double_arm")
+        >>> upper = b.body("upper", axis="y", shape={"type": "rod", "axis": "x", "length": 1, "mass": 2})
+        >>> lower = b.body("lower", upper, axis="y", at=[1, 0, 0], mass=1, com=[0.5, 0, 0])
+        >>> b.build().coordinate_names
+        ('upper', 'lower')
         """
+        # long: sixteen arguments, each with its meaning
         placed = _given(
             axis=axis, axes=axes, normal=normal, pitch=pitch, armature=armature, at=at, rotate=rotate, rpy=rpy
         )
@@ -185,17 +334,37 @@ class ModelBuilder:
         rpy: Vector3 | None = None,
         given: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
     ) -> str:
-        """A model file that is read once more, its names behind ``NAME_``; the result is the body that its ground is.
+        """Add a model file once more, with its names behind ``NAME_``.
 
         Parameters
         ----------
         name : str
+            Prefix of the names.
         use : str
-            The file, by its path from the folder of the builder.
-        on : str
-            The body that its ground is fixed to, `at` and turned by `rotate` or `rpy` there.
-        given : mapping
-            Numbers that stand in the place of the file's own constants, parameters and inputs: ``with`` in a file.
+            The file, relative to the folder of the builder.
+        on : str, optional
+            Body to which the ground of the file is fixed.
+        at : sequence of three, optional
+            Position of that ground in the body, m.
+        rotate : sequence of mappings, optional
+            Rotations of that ground in the body, one after the other.
+        rpy : sequence of three, optional
+            Roll, pitch and yaw of that ground in the body, rad.
+        given : mapping of str to number or expression, optional
+            Values for constants, parameters and inputs of the file; ``with`` in a model file.
+
+        Returns
+        -------
+        str
+            The body that the ground of the file becomes.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("two", folder="examples")
+        >>> left = b.submodel("left", "pendulum.yaml", at=[0, 1, 0])
+        >>> right = b.submodel("right", "pendulum.yaml", at=[0, -1, 0])
+        >>> b.build().nq
+        2
         """
         entry = _given(use=use, on=on, at=at, rotate=rotate, rpy=rpy)
         if given:
@@ -204,11 +373,46 @@ class ModelBuilder:
         return name
 
     def include(self, file: str) -> None:
-        """Read the sections of another file too, as if they stood here."""
+        """Read the sections of another model file as if they stood here.
+
+        Parameters
+        ----------
+        file : str
+            The file, relative to the folder of the builder.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("copied", folder="examples")
+        >>> b.include("pendulum.yaml")
+        >>> b.build().nq
+        1
+        """
         self._root.setdefault("include", []).append(_plain(file))
 
     def point(self, name: str, body: str, at: Vector3 = (0, 0, 0)) -> str:
-        """A named point fixed in a body."""
+        """Add a named point that is fixed in a body.
+
+        Parameters
+        ----------
+        name : str
+            Name of the point.
+        body : str
+            Name of a body, or ``"ground"``.
+        at : sequence of three, optional
+            Position in the body, m.
+
+        Returns
+        -------
+        str
+            The name of the point.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> tip = b.point("tip", arm, [0, 0, -1])
+        >>> b.output("height", position=tip, axis="z")
+        """
         self._put("points", name, {"body": body, "at": _plain(at)})
         return name
 
@@ -226,16 +430,38 @@ class ModelBuilder:
         equation: Scalar | None = None,
         equations: Sequence[Scalar] | None = None,
     ) -> None:
-        """A joint, or a condition on a point, that closes a loop.
+        """Add a joint, or a condition on a point, that closes a loop.
 
         Parameters
         ----------
         name : str
+            Name of the loop.
         joint : str or mapping
-            Type of the joint, with `axis`, `axes` or `normal` beside it, or of the condition, with `length`, `equation` or
-            `equations`; or everything in a mapping.
+            Type of the joint or condition, with the following arguments beside it, or a mapping with everything.
         start, end : str or mapping
-            ``from`` and ``to`` of a model file: a body with ``at`` and ``rotate`` or ``rpy``, or the name of a point.
+            ``from`` and ``to`` of a model file: a mapping with ``body``, ``at``, and ``rotate`` or ``rpy``; or the name
+            of a point.
+        axis : str or sequence of three, optional
+            Axis of the joint.
+        axes : sequence of two axes, optional
+            Axes of a universal joint.
+        normal : str or sequence of three, optional
+            Normal of a planar joint.
+        length : number or expression, optional
+            Length of a distance, m.
+        equation : expression, optional
+            Surface on which the point stays: an expression of x, y and z that is zero there.
+        equations : sequence of two expressions, optional
+            Curve on which the point stays.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("two_rods")
+        >>> a = b.body("a", axis="y", mass=1, com=[0, 0, -1])
+        >>> c = b.body("c", axis="y", at=[1, 0, 0], mass=1, com=[0, 0, -1])
+        >>> b.loop("rod", "distance", {"body": a, "at": [0, 0, -1]}, {"body": c, "at": [0, 0, -1]}, length=1)
+        >>> len(b.build().loops)
+        1
         """
         placed = _given(axis=axis, axes=axes, normal=normal, length=length, equation=equation, equations=equations)
         whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
@@ -244,35 +470,114 @@ class ModelBuilder:
     def coupling(
         self, name: str, joint: str, follows: str | Mapping[str, Scalar], *, offset: Scalar | None = None
     ) -> None:
-        """A coordinate that follows others: ``joint = sum of ratio * other + offset``.
+        """Add a coordinate that follows others: ``joint = sum of ratio * other + offset``.
 
         Parameters
         ----------
         name : str
+            Name of the coupling.
         joint : str
-            The coordinate, or a joint that has one only.
-        follows : str or mapping
-            Others with their ratios, expressions of parameters; a name alone is followed one to one.
-        offset : number or str, optional
-            rad or m.
+            The coordinate that follows, or a joint with one coordinate.
+        follows : str or mapping of str to number or expression
+            The other coordinates and their ratios, which may depend on parameters. A name alone has the ratio 1.
+        offset : number or expression, optional
+            Offset, rad or m.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("gears")
+        >>> pinion = b.body("pinion", axis="z", inertia={"zz": 0.1})
+        >>> wheel = b.body("wheel", axis="z", at=[1, 0, 0], inertia={"zz": 0.5})
+        >>> b.coupling("gear", wheel, {pinion: -0.25})
+        >>> b.build().nu
+        2
         """
         whole = {"joint": joint, "follows": _plain(follows), **_given(offset=offset)}
         self._put("couplings", name, whole)
 
     def independent(self, *names: str) -> None:
-        """Coordinates that shall be independent, or joints for all of theirs; may be called several times."""
+        """Ask for coordinates to be independent in models with loops.
+
+        May be called several times.
+
+        Parameters
+        ----------
+        *names : str
+            Coordinates, or joints for all of their coordinates.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("arms")
+        >>> left = b.body("left", axis="y", mass=1, com=[0, 0, -1])
+        >>> right = b.body("right", axis="y", at=[1, 0, 0], mass=1, com=[0, 0, -1])
+        >>> b.loop("rod", "distance", {"body": left, "at": [0, 0, -1]}, {"body": right, "at": [0, 0, -1]}, length=1)
+        >>> b.independent(right)
+        >>> b.build().independent
+        ('right',)
+        """
         self._root.setdefault("independent", []).extend(_plain(names))
 
     def motion(self, name: str, value: Scalar | Sequence[Scalar]) -> None:
-        """Prescribe a coordinate, or all of a joint, as a function of ``t``, parameters and inputs."""
+        """Prescribe the motion of a coordinate, or of all coordinates of a joint.
+
+        Parameters
+        ----------
+        name : str
+            The coordinate, or the joint.
+        value : expression, or sequence of these
+            Function of ``t``, parameters and inputs, rad or m.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("shaker")
+        >>> table = b.body("table", joint="prismatic", axis="z", mass=2)
+        >>> b.motion(table, "0.01*sin(20*t)")
+        >>> b.build().prescribed_names
+        ('table',)
+        """
         self._put("motion", name, value)
 
     def joint_force(self, name: str, joint: str, value: Scalar | Sequence[Scalar]) -> None:
-        """A generalised force on the freedoms of a joint, positive where it raises u."""
+        """Add a generalised force along the degrees of freedom of a joint.
+
+        Parameters
+        ----------
+        name : str
+            Name of the force.
+        joint : str
+            The joint, by the name of its body.
+        value : number or expression, or sequence of these
+            Force, N m or N, positive where it increases u. An expression of coordinates, speeds, parameters, inputs and
+            time.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> b.joint_force("spring", arm, "-3*q.arm - 0.1*u.arm")
+        """
         self._put("forces", name, {"type": "joint", "joint": joint, "value": _plain(value)})
 
     def force(self, name: str, type: str, **keys: Any) -> None:
-        """A force element of any type, with the keys of a model file; ``start`` and ``end`` stand for ``from`` and ``to``."""
+        """Add a force element of any type.
+
+        Parameters
+        ----------
+        name : str
+            Name of the element.
+        type : str
+            Type, such as ``"actuator"``, ``"bushing"`` or ``"friction"``.
+        **keys
+            Keys of the type in a model file. ``start`` and ``end`` stand for ``from`` and ``to``.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> b.force("push", "force", on={"body": arm, "at": [0, 0, -1]}, value=[1, 0, 0])
+        >>> b.build().loads[0].name
+        'push'
+        """
         renamed = {"start": "from", "end": "to"}
         self._put("forces", name, {"type": type, **{renamed.get(k, k): _plain(v) for k, v in keys.items()}})
 
@@ -285,7 +590,29 @@ class ModelBuilder:
         damping: Scalar | None = None,
         free_length: Scalar | None = None,
     ) -> None:
-        """A spring and damper between two points, ``from`` and ``to`` of a model file; left out: 0."""
+        """Add a spring and damper between two points.
+
+        Parameters
+        ----------
+        name : str
+            Name of the element.
+        start, end : str or mapping
+            ``from`` and ``to`` of a model file: a mapping with ``body`` and ``at``, or the name of a point.
+        stiffness : number or expression
+            Stiffness, N/m.
+        damping : number or expression, optional
+            Damping, N s/m. Left out: 0.
+        free_length : number or expression, optional
+            Length without force, m. Left out: 0.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> b.spring("cord", {"body": "ground", "at": [2, 0, 0]}, {"body": arm, "at": [0, 0, -1]}, 100, free_length=1)
+        >>> b.build().loads[0].name
+        'cord'
+        """
         given = _given(stiffness=stiffness, damping=damping, free_length=free_length)
         self._put("forces", name, {"type": "spring", "from": _plain(start), "to": _plain(end), **given})
 
@@ -295,7 +622,26 @@ class ModelBuilder:
         measure: str | None = None,
         **keys: Any,
     ) -> None:
-        """A named scalar: ``"kinetic_energy"``, ``"potential_energy"``, or keys as in a file: ``position=tip, axis="z"``."""
+        """Add a named scalar output.
+
+        Parameters
+        ----------
+        name : str
+            Name of the output.
+        measure : str, optional
+            ``"kinetic_energy"`` or ``"potential_energy"``.
+        **keys
+            Otherwise the keys of the output in a model file: ``position=tip, axis="z"``.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> b.output("kinetic", "kinetic_energy")
+        >>> b.output("height", position={"body": arm, "at": [0, 0, -1]}, axis="z")
+        >>> [output.name for output in b.build().outputs]
+        ['kinetic', 'height']
+        """
         given = _given(**keys)
         self._put("outputs", name, {**given, **_given(measure=measure)} if given else measure)
 
@@ -305,7 +651,25 @@ class ModelBuilder:
         u: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
         equilibrium: bool | None = None,
     ) -> None:
-        """Initial coordinates and speeds, and whether to begin at rest near them; may be called several times."""
+        """Set initial coordinates and speeds.
+
+        May be called several times. Values of dependent coordinates are guesses.
+
+        Parameters
+        ----------
+        q, u : mapping of str to number or expression, optional
+            Values by the names of coordinates, speeds or joints, SI units and radians.
+        equilibrium : bool, optional
+            Begin at rest in the equilibrium that the coordinates lead to.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> b.initial(q={arm: 0.5})
+        >>> b.build().initial_q
+        {'arm': Expression('0.5')}
+        """
         initial = self._root.setdefault("initial", {})
         if equilibrium is not None:
             initial["equilibrium"] = equilibrium
@@ -318,12 +682,25 @@ class ModelBuilder:
                 self._put_into(initial.setdefault(key, {}), f"initial.{key}", name, _plain(value))
 
     def build(self) -> Model:
-        """The model.
+        """Return the checked model.
+
+        Returns
+        -------
+        Model
+            The model. `Model.warnings` lists doubtful entries.
 
         Raises
         ------
         ModelError
-            With every problem; the place is ``builder`` and the path of the key.
+            If the model has errors. It lists all of them; their place is ``builder`` and the path of the key.
+
+        Examples
+        --------
+        >>> b = ModelBuilder("pendulum")
+        >>> arm = b.body("arm", axis="y", mass=1, com=[0, 0, -1])
+        >>> model = b.build()
+        >>> model.name, model.nu
+        ('pendulum', 1)
         """
         root, problems = self._root, list(self._problems)
         if "sympy" in sys.modules:

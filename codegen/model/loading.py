@@ -18,31 +18,62 @@ def load_model(path: str | PathLike[str]) -> Model:
     Parameters
     ----------
     path : str or path
+        The YAML file. Files that it includes are read too.
 
     Returns
     -------
     Model
-        Checked; doubts are in `Model.warnings`.
+        The checked model. `Model.warnings` lists doubtful entries.
 
     Raises
     ------
     ModelError
-        With every problem of the file, each with its place.
+        If the file has errors. It lists all of them with line and column.
+
+    Examples
+    --------
+    >>> import ordernm
+    >>> model = ordernm.load_model("examples/four_bar.yaml")
+    >>> model.name, model.coordinate_names
+    ('four_bar', ('crank', 'coupler', 'rocker'))
     """
     name = fspath(path)
     return parse_model(read_file(name), name, os.path.dirname(name) or ".")
 
 
 def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[str] | None = None) -> Model:
-    """Read a model from YAML text; like `load_model`.
+    """Read a model from YAML text.
 
     Parameters
     ----------
     text : str
-    filename : str
-        Name for messages.
+        The text of a model file.
+    filename : str, optional
+        Name of the text in messages.
     folder : str or path, optional
-        Where the files are that the text includes or uses; it may name none where this is left out.
+        Folder of the files that the text includes or uses. Left out: it may name none.
+
+    Returns
+    -------
+    Model
+        The checked model. `Model.warnings` lists doubtful entries.
+
+    Raises
+    ------
+    ModelError
+        If the text has errors. It lists all of them with line and column.
+
+    Examples
+    --------
+    >>> import ordernm
+    >>> model = ordernm.parse_model('''
+    ... model: pendulum
+    ... gravity: [0, 0, -9.81]
+    ... bodies:
+    ...   bob: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, -1]}
+    ... ''')
+    >>> model.speed_names
+    ('bob',)
     """
     if not text.strip():
         message = "the file is empty; a model has at least the keys model and bodies"

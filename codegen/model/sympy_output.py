@@ -42,7 +42,7 @@ def to_sympy(expression: Expression | str | float, symbols: Symbols | None = Non
     Examples
     --------
     >>> to_sympy("if(x > 1/3, sin(x)**2, abs(x))")
-    Piecewise((sin(x)**2, x > 1/3), (Abs(x), True))
+    Piecewise((sin(x)**2, 1/3 < x), (Abs(x), True))
     """
     import sympy
 

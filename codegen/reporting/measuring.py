@@ -54,29 +54,45 @@ def report(
     model: Model | str | Path, folder: str | Path = "report", *, request: Request | None = None,
     progress: Progress = lambda stage, done, of: None, force: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Measure a model and write ``index.html``, ``report.md``, ``report.json`` and ``figures/`` into a folder.
+    """Measure a model and write a report of its cost and accuracy.
+
+    The folder gets ``index.html``, ``report.md``, ``report.json`` and ``figures/``.
 
     Parameters
     ----------
     model : Model or path
-    folder : path
-        Made if need be; what a report wrote there before is replaced, anything else is refused.
+        The model, or its file.
+    folder : path, optional
+        The folder of the report. An earlier report in it is replaced; other files are refused.
     request : Request, optional
+        What to measure. Left out: everything, with a motion of 5 s.
     progress : callable, optional
-        Called with the stage, how much of it is done, and of how much.
-    force : bool
-        Also replace files of those names that no report wrote; others in the folder stay.
+        Called as ``progress(stage, done, of)``.
+    force : bool, optional
+        Also replace files of these names that no report wrote. Others in the folder stay.
 
     Returns
     -------
     dict
-        What ``report.json`` holds.
+        The contents of ``report.json``.
 
     Raises
     ------
-    ModelError, FolderError, CompileError, NoCompilerError
+    ModelError
+        If the model is wrong.
+    FolderError
+        If the folder cannot be written, or holds other files.
+    CompileError
+        If the compiler fails.
+    NoCompilerError
+        If there is no C compiler.
     ImportError
-        Without matplotlib, which the extra ``plot`` installs.
+        If matplotlib is not installed (extra ``plot``).
+
+    Examples
+    --------
+    >>> import ordernm
+    >>> found = ordernm.report("examples/pendulum.yaml", "report")  # doctest: +SKIP
     """
     pages.need()
     target = Path(folder)

@@ -16,27 +16,39 @@ from .standalone.trajectory.trajectory import Trajectory
 
 
 def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
-    """Open a generated package; its C is compiled on first use and cached.
+    """Open a generated package.
 
-    A package of this version is run by `codegen.runtime.Solver`, so its errors are the classes above; one of another
-    version by the run time that it brings along.
+    Its C is compiled at the first call and cached. A package of this version is run by `codegen.runtime.Solver`. A
+    package of another version is run by the code that it carries; its errors and functionals are then those of the
+    package.
 
     Parameters
     ----------
     folder : path
-        What `generate` wrote.
+        The folder that `generate` wrote.
     target : {"c", "numpy", "both"}, optional
-        Left out: what it was generated for.
+        The code that computes. Left out: the target that the package was generated for.
 
     Returns
     -------
     Solver
+        The solver of the package.
 
     Raises
     ------
     PackageError
-        The folder holds no generated package, or a damaged one.
+        If the folder holds no generated package, or a damaged one.
     CompileError
+        If the compiler fails.
+    TargetsDifferError
+        If `target` is "both" and the two targets disagree.
+
+    Examples
+    --------
+    >>> report = ordernm.generate("examples/pendulum.yaml", "pendulum", compile=False)
+    >>> pendulum = ordernm.load("pendulum", target="numpy")
+    >>> pendulum.nq, pendulum.target
+    (1, 'numpy')
     """
     path = Path(folder).absolute()
     brought = _brought(path)
@@ -50,21 +62,28 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
 
 
 def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
-    """Read a trajectory that was saved; the same as `Trajectory.load`.
+    """Read a saved trajectory; the same as `Trajectory.load`.
 
     Parameters
     ----------
     path : path
-        What `Trajectory.save` wrote: ``.npz``, or ``.parquet``, which needs pyarrow.
+        A file that `Trajectory.save` wrote: ``.npz``, or ``.parquet``, which needs pyarrow.
 
     Returns
     -------
     Trajectory
+        The motion, equal to the saved one in every bit.
 
     Raises
     ------
-    ValueError
-        Another kind of file, or a damaged one.
+    TrajectoryFileError
+        A ValueError, if the file is of another kind or damaged.
+
+    Examples
+    --------
+    >>> solver.simulate(1.0).save("swing.npz")
+    >>> ordernm.load_trajectory("swing.npz").model
+    'double_pendulum'
     """
     return Trajectory.load(path)
 

@@ -16,14 +16,40 @@ from ..trajectory.events import Event, take_events
 
 @dataclass(frozen=True)
 class Final:
-    """An output at the end of the motion."""
+    """An output at the end of the motion.
+
+    Attributes
+    ----------
+    output : str
+        Name of the output.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import Final
+    >>> solver.judge(1.0, Final("tip_x")).values.round(4)
+    array([1.4231])
+    """
 
     output: str
 
 
 @dataclass(frozen=True)
 class At:
-    """An output at a time, s."""
+    """An output at a time.
+
+    Attributes
+    ----------
+    output : str
+        Name of the output.
+    t : float
+        The time, s.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import At
+    >>> solver.judge(1.0, At("tip_x", 0.5)).values.round(4)
+    array([-0.5115])
+    """
 
     output: str
     t: float
@@ -31,14 +57,40 @@ class At:
 
 @dataclass(frozen=True)
 class Integral:
-    """The integral of an output over the motion; in the output's unit times s."""
+    """The integral of an output over the motion, in the output's unit times s.
+
+    Attributes
+    ----------
+    output : str
+        Name of the output.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import Integral
+    >>> solver.judge(1.0, Integral("kinetic"), wrt="mass_1").gradients.round(4)
+    array([[1.5369]])
+    """
 
     output: str
 
 
 @dataclass(frozen=True)
 class AtEvent:
-    """An output where an event happens first; the output ``"t"`` is the event's time, s."""
+    """An output at the first occurrence of an event.
+
+    Attributes
+    ----------
+    output : str
+        Name of the output, or ``"t"`` for the time of the event, s.
+    event : Event
+        The event.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import AtEvent, Event
+    >>> solver.judge(2.0, AtEvent("t", Event("upper", direction="down"))).values.round(4)
+    array([0.6169])
+    """
 
     output: str
     event: Event
@@ -46,16 +98,23 @@ class AtEvent:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """Half the sum of squares of what outputs differ from samples by, in units of their standard deviations.
+    """Half the sum of squared differences between outputs and samples, in units of their standard deviations.
 
     Attributes
     ----------
-    times : (n,)
-        Of the samples, s, rising.
-    samples : mapping of str to (n,)
-        By names of outputs; NaN where there is no sample.
-    sigma : float, or mapping of str to float or (n,)
-        Standard deviations of the samples; 1 if left out.
+    times : array_like (n,)
+        Times of the samples, s, increasing.
+    samples : mapping of str to array_like (n,)
+        Samples by the names of outputs. NaN where there is no sample.
+    sigma : float, or mapping of str to float or array_like (n,)
+        Standard deviations of the samples. Left out: 1.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import LeastSquares
+    >>> squares = LeastSquares([0.5, 1.0], {"upper": [0.9, -0.2]}, sigma=0.1)
+    >>> solver.judge(1.0, squares, wrt="length_1").values.shape
+    (1,)
     """
 
     times: ArrayLike
@@ -63,7 +122,29 @@ class LeastSquares:
     sigma: float | Mapping[str, ArrayLike] = field(default=1.0)
 
     def residuals(self, outputs: Array, names: Sequence[str]) -> tuple[Array, Array]:
-        """What outputs (n, noutputs) differ from samples by, and 1/sigma, (n, noutputs) both; zero where there are none."""
+        """Return the scaled differences between outputs and samples, and the scales.
+
+        Parameters
+        ----------
+        outputs : ndarray (n, noutputs)
+            Outputs at the times of the samples.
+        names : sequence of str
+            Names of the outputs.
+
+        Returns
+        -------
+        error : ndarray (n, noutputs)
+            (output - sample)/sigma; zero where there is no sample.
+        weight : ndarray (n, noutputs)
+            1/sigma; zero where there is no sample.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import LeastSquares
+        >>> squares = LeastSquares([0.5], {"x": [1.0]}, sigma=0.5)
+        >>> squares.residuals(np.array([[1.5]]), ["x"])
+        (array([[1.]]), array([[2.]]))
+        """
         error, weight = np.zeros_like(outputs), np.zeros_like(outputs)
         for name, values in self.samples.items():
             i = names.index(name)
@@ -124,14 +205,16 @@ class Judged:
 
     Attributes
     ----------
-    values : array (m,)
-    gradients : array (m, k)
+    values : ndarray (m,)
+        Values of the functionals.
+    gradients : ndarray (m, k)
+        Their derivatives.
     names : tuple of str
-        What gradients are with respect to.
+        The k variables of the gradients.
     method : str
-        "forward", "adjoint", or "none" where no gradient was asked for.
+        "forward" or "adjoint"; "none" if no gradient was requested.
     counts : dict
-        Of the motion, and of the way back.
+        Steps and evaluations of the motion, and of the adjoint.
     """
 
     values: Array

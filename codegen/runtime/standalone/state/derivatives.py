@@ -16,15 +16,20 @@ from ..calls.functions import Wanted
 
 @dataclass(slots=True, eq=False, repr=False)
 class Jacobians:
-    """Partial derivatives of udot; None in the place of those that were not asked for.
+    """Partial derivatives of udot. Those that were not requested are None.
 
     Attributes
     ----------
-    q : (..., nu, nq)
-    u : (..., nu, nu)
-    p : (..., nu, np)
-    inputs : (..., nu, ninputs)
-    t : (..., nu)
+    q : ndarray (..., nu, nq)
+        By the coordinates.
+    u : ndarray (..., nu, nu)
+        By the speeds.
+    p : ndarray (..., nu, np)
+        By the design parameters.
+    inputs : ndarray (..., nu, ninputs)
+        By the inputs.
+    t : ndarray (..., nu)
+        By time.
     """
 
     q: Array
@@ -95,15 +100,20 @@ def _in_order(names: list[str]) -> tuple[str, ...]:
 
 
 class Gradients(NamedTuple):
-    """Gradients of k weighted sums with respect to every argument; entries of dependent coordinates and speeds are zero.
+    """Gradients of k weighted sums by every argument. Entries of dependent coordinates and speeds are zero.
 
     Attributes
     ----------
-    q : (k, ..., nq)
-    u : (k, ..., nu)
-    p : (k, ..., np)
-    inputs : (k, ..., ninputs)
-    t : (k, ...)
+    q : ndarray (k, ..., nq)
+        By the coordinates.
+    u : ndarray (k, ..., nu)
+        By the speeds.
+    p : ndarray (k, ..., np)
+        By the design parameters.
+    inputs : ndarray (k, ..., ninputs)
+        By the inputs.
+    t : ndarray (k, ...)
+        By time.
     """
 
     q: Array

@@ -12,24 +12,24 @@ from ..arrays import Array, Indices
 
 @dataclass(init=False, eq=False)
 class FrameMotion:
-    """Frames of bodies against the ground, along the ground's axes; or the derivatives of all that, directions first.
+    """Motion of body frames relative to the ground, along its axes; or its derivatives, directions first.
 
     Attributes
     ----------
     names : tuple of str
-        Bodies, n of them; asked for one by its name alone, arrays are without the axis n.
-    rotation : (..., n, 3, 3)
-        Ground components from body components.
-    position : (..., n, 3)
-        Of the origin, m.
-    angular_velocity : (..., n, 3)
-        rad/s.
-    velocity : (..., n, 3)
-        Of the origin, m/s.
-    angular_acceleration : (..., n, 3) or None
-        rad/s^2; None unless asked for.
-    acceleration : (..., n, 3) or None
-        Of the origin, without gravity, m/s^2; None unless asked for.
+        The n bodies. If a single body was requested by its name, arrays lack the axis n.
+    rotation : ndarray (..., n, 3, 3)
+        Matrix that turns body components into ground components.
+    position : ndarray (..., n, 3)
+        Position of the origin, m.
+    angular_velocity : ndarray (..., n, 3)
+        Angular velocity, rad/s.
+    velocity : ndarray (..., n, 3)
+        Velocity of the origin, m/s.
+    angular_acceleration : ndarray (..., n, 3) or None
+        Angular acceleration, rad/s^2. None unless requested.
+    acceleration : ndarray (..., n, 3) or None
+        Acceleration of the origin without gravity, m/s^2. None unless requested.
     """
 
     names: tuple[str, ...]
@@ -56,7 +56,29 @@ class FrameMotion:
         return found
 
     def of(self, places: Indices, ground: bool, tangents: bool) -> FrameMotion:
-        """Frames by their places among these; with the ground's behind the last one, which does not move, nor do its tangents."""
+        """Return the frames of some bodies.
+
+        Parameters
+        ----------
+        places : ndarray of int
+            Indices of the bodies. One more than the last is the ground.
+        ground : bool
+            Whether `places` may contain the ground, which does not move.
+        tangents : bool
+            Whether these are derivatives; those of the ground are zero.
+
+        Returns
+        -------
+        FrameMotion
+            The motions of these bodies.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> motion = solver.frames(q)
+        >>> motion.of(np.array([1]), ground=False, tangents=False).position.round(3)
+        array([[-0.932,  0.   , -0.362]])
+        """
         frames, accelerations = self._frames, self._accelerations
         if ground:
             frames = _with_one(frames, 0.0 if tangents else AT_REST)
@@ -88,18 +110,18 @@ def _with_one(x: Array, last: Array | float) -> Array:
 
 @dataclass(slots=True, eq=False)
 class PointMotion:
-    """Points fixed in bodies, along the ground's axes; or the derivatives of all that, directions first.
+    """Motion of points fixed in bodies relative to the ground, along its axes; or its derivatives, directions first.
 
     Attributes
     ----------
     names : tuple of str
-        Points, n of them, those without a name by their body and place; asked for one alone, arrays are without the axis n.
-    position : (..., n, 3)
-        m.
-    velocity : (..., n, 3)
-        m/s.
-    acceleration : (..., n, 3) or None
-        Without gravity, m/s^2; None unless asked for.
+        The n points; those without a name by body and place. If a single one was requested, arrays lack the axis n.
+    position : ndarray (..., n, 3)
+        Position, m.
+    velocity : ndarray (..., n, 3)
+        Velocity, m/s.
+    acceleration : ndarray (..., n, 3) or None
+        Acceleration without gravity, m/s^2. None unless requested.
     """
 
     names: tuple[str, ...]

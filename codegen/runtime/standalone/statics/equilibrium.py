@@ -47,25 +47,27 @@ class Equilibrium:
 
     Attributes
     ----------
-    q, u : (nq,) and (nu,)
+    q, u : ndarray (nq,), (nu,)
         The state, assembled; u is zero.
     residual : float
-        The largest of the accelerations of the independent speeds that is left, rad/s^2 or m/s^2.
+        Largest remaining acceleration of an independent speed, rad/s^2 or m/s^2.
     iterations : int
         Steps of Newton's method and of relaxation.
     relaxed : bool
-        Whether the mechanism was let sink to rest: Newton's method led nowhere from the guess, or it was asked for.
+        Whether the mechanism sank to rest, on request or because Newton's method failed.
     names : tuple of str
-        The parameters and inputs that were asked for.
-    dq : (k, nq)
-        The derivative of q with respect to each of them, exact to rounding; NaN along those with which there is no
-        equilibrium nearby (a neutral direction that they push along).
+        Parameters and inputs of the derivatives.
+    dq : ndarray (k, nq)
+        Derivatives of q by these, exact to rounding. NaN where no equilibrium exists nearby along a direction, because
+        it pushes along a neutral direction.
     stable : bool or None
-        Whether small motions stay small by the linearised equations: no eigenvalue has a positive real part, to rounding.
-        None where these do not decide, as with a neutral direction, or near a loss of rank of a loop.
-    neutral : (m, nq)
-        Directions, of length one in the tangent space, along which the mechanism may be moved and is at rest still. With any,
-        q is the state that the least steps lead to, and dq the least change.
+        Whether no eigenvalue of the linearised equations has a positive real part, to rounding. None where that is
+        undecided: with a neutral direction, or near a loss of rank of a loop.
+    neutral : ndarray (m, nq)
+        Directions of unit length along which the mechanism stays at rest. With any, q is the nearest state, and dq the
+        smallest change.
+    coordinate_names : tuple of str
+        Names of the coordinates.
     """
 
     q: Array

@@ -31,7 +31,19 @@ UNDECIDED = 1e-5
 
 
 class Matrices(NamedTuple):
-    """A (2n, 2n), B (2n, ninputs), C (m, 2n) and D (m, ninputs) of a linearisation; their derivatives with k in front."""
+    """The matrices of a linearisation, or their derivatives with k directions first.
+
+    Attributes
+    ----------
+    A : ndarray (2n, 2n)
+        States by states.
+    B : ndarray (2n, ninputs)
+        States by inputs.
+    C : ndarray (m, 2n)
+        Outputs by states.
+    D : ndarray (m, ninputs)
+        Outputs by inputs.
+    """
 
     A: Array
     B: Array
@@ -44,19 +56,19 @@ MODES_SHOWN = 20
 
 
 class Modes(NamedTuple):
-    """Natural motions, one for each real eigenvalue and one for each pair of complex ones, slow ones first.
+    """Natural motions: one for each real eigenvalue and each complex pair, slow ones first.
 
     Attributes
     ----------
-    eigenvalues : (k,) complex
-        1/s; of a pair the one with positive imaginary part.
-    frequencies : (k,)
+    eigenvalues : ndarray of complex (k,)
+        Eigenvalues, 1/s; of a pair the one with positive imaginary part.
+    frequencies : ndarray (k,)
         Undamped natural frequencies, rad/s: absolute values of the eigenvalues.
-    damping : (k,)
-        Damping ratios, minus the real part over the absolute value; 1 of a decay, -1 of a growth without oscillation, NaN of
-        a zero eigenvalue.
-    shapes : (k, 2n) complex
-        Motions of the states, of length one.
+    damping : ndarray (k,)
+        Damping ratios: minus the real part over the absolute value. 1 for a decay and -1 for a growth without
+        oscillation, NaN for a zero eigenvalue.
+    shapes : ndarray of complex (k, 2n)
+        Motions of the states, of unit length.
     """
 
     eigenvalues: Complex
@@ -75,23 +87,28 @@ class Modes(NamedTuple):
 
 
 class Linearization:
-    """The linearised equations ``x' = A x + B du``, ``dy = C x + D du`` about a state; see `Solver.linearize`.
+    """The linearised equations ``x' = A x + B du``, ``dy = C x + D du`` about a state.
+
+    `Solver.linearize` returns it.
 
     Attributes
     ----------
-    A : (2n, 2n)
-        n is the number of independent speeds; the states are n small motions, then n changes of independent speeds.
-    B : (2n, ninputs)
-    C : (m, 2n)
-        m is the number of outputs that were asked for.
-    D : (m, ninputs)
+    A : ndarray (2n, 2n)
+        States by states. The states are n small motions along the independent speeds, then n changes of these speeds.
+    B : ndarray (2n, ninputs)
+        States by inputs.
+    C : ndarray (m, 2n)
+        The m requested outputs by states.
+    D : ndarray (m, ninputs)
+        Outputs by inputs.
     state_names, input_names, output_names : tuple of str
+        Names of rows and columns.
     parameter_names : tuple of str
-        What `sensitivities` and `eigenvalue_sensitivities` may be asked for: parameters, and inputs as ``inputs.motor``.
-    q, u : (nq,) and (nu,)
+        Names that `sensitivities` and `eigenvalue_sensitivities` take: parameters, and inputs as ``inputs.motor``.
+    q, u : ndarray (nq,), (nu,)
         The state, assembled.
-    tangents : (n, nq)
-        How the coordinates change with each small motion.
+    tangents : ndarray (n, nq)
+        Change of the coordinates with each small motion.
     at_rest : bool
         Whether the state is an equilibrium.
     """
@@ -118,11 +135,33 @@ class Linearization:
         )
 
     def eigenvalues(self) -> Complex:
-        """Eigenvalues of A, (2n,), 1/s, by absolute value; of a pair the one with negative imaginary part first."""
+        """Return the eigenvalues of A by increasing absolute value.
+
+        Returns
+        -------
+        ndarray of complex (2n,)
+            Eigenvalues, 1/s. Of a pair the one with negative imaginary part comes first.
+
+        Examples
+        --------
+        >>> solver.linearize([0.0, 0.0]).eigenvalues().round(3)
+        array([-0.001-2.875j, -0.001+2.875j, -0.392-9.086j, -0.392+9.086j])
+        """
         return self._solved()[0]
 
     def modes(self) -> Modes:
-        """Natural frequencies, damping ratios and shapes."""
+        """Return natural frequencies, damping ratios and shapes.
+
+        Returns
+        -------
+        Modes
+            One entry for each real eigenvalue and each complex pair. It prints as a table.
+
+        Examples
+        --------
+        >>> solver.linearize([0.0, 0.0]).modes().frequencies.round(3)
+        array([2.875, 9.095])
+        """
         values, right = self._solved()
         kept = values.imag >= 0.0
         values, right = values[kept], right[:, kept]
@@ -132,21 +171,33 @@ class Linearization:
         return Modes(values, size, damping, right.T.copy())
 
     def sensitivities(self, parameters: str | Sequence[str] | None = None, *, moving: bool | None = None) -> Matrices:
-        """Derivatives of A, B, C and D, exact to rounding: (k, 2n, 2n), (k, 2n, ninputs), (k, m, 2n), (k, m, ninputs).
+        """Return the derivatives of A, B, C and D, exact to rounding.
 
         Parameters
         ----------
-        parameters : names, optional
-            Of parameters, or of inputs as ``inputs.motor``; all parameters if left out.
+        parameters : str or sequence of str, optional
+            Names of parameters, or of inputs as ``inputs.motor``. Left out: all parameters.
         moving : bool, optional
-            Whether the state moves as the equilibrium does when parameters change. Left out: yes at an equilibrium. If not,
-            its independent coordinates and speeds are held.
+            Let the state move with the equilibrium when parameters change, instead of holding its independent
+            coordinates and speeds. Left out: True at an equilibrium.
+
+        Returns
+        -------
+        Matrices
+            Derivatives with the k directions first: A is (k, 2n, 2n).
 
         Notes
         -----
-        The matrices hold first derivatives of the dynamics, so these are second ones. They are computed by the statements of
-        the package's NumPy module, which are elementwise, on dual numbers: each number carries its derivatives along the k
-        parameters through the code that computes derivatives along the 2n states. No step is chosen, and no digit is lost.
+        The matrices hold first derivatives of the dynamics, so these are second derivatives. The statements of the
+        package's NumPy module compute them on dual numbers, which carry derivatives along the k parameters through the
+        code for derivatives along the 2n states. There is no step size.
+
+        Examples
+        --------
+        >>> about_rest = solver.linearize([0.0, 0.0])
+        >>> about_rest.sensitivities("stiffness").A[0, 2:, :2].round(3)
+        array([[  0.   ,   3.828],
+               [  0.   , -15.687]])
         """
         asked = self.parameter_names[: self._parameters] if parameters is None else parameters
         return self._derivatives(
@@ -156,13 +207,38 @@ class Linearization:
     def eigenvalue_sensitivities(
         self, parameters: str | Sequence[str] | None = None, *, moving: bool | None = None
     ) -> Complex:
-        """Derivatives of `eigenvalues`, (k, 2n), with respect to k parameters; arguments are those of `sensitivities`.
+        """Return the derivatives of the eigenvalues by parameters.
 
-        With left and right eigenvectors y and x they are ``y^H dA x / (y^H x)``. A repeated eigenvalue with as many
-        eigenvectors, in the columns of X and the rows of Y, splits: along each parameter alone its branches have the
-        derivatives that are the eigenvalues of ``(Y X)^-1 Y dA X``, in the order of their real, then imaginary parts. Where
-        they differ, a warning says so. With fewer eigenvectors there is no derivative: it is NaN in both parts, with a warning.
+        Parameters
+        ----------
+        parameters : str or sequence of str, optional
+            Names of parameters, or of inputs as ``inputs.motor``. Left out: all parameters.
+        moving : bool, optional
+            See `sensitivities`.
+
+        Returns
+        -------
+        ndarray of complex (k, 2n)
+            Derivatives in the order of `eigenvalues`.
+
+        Warns
+        -----
+        RuntimeWarning
+            If a repeated eigenvalue splits into branches with different derivatives, or has too few eigenvectors. In
+            the latter case the derivative is NaN in both parts.
+
+        Notes
+        -----
+        With left and right eigenvectors y and x the derivative is ``y^H dA x / (y^H x)``. A repeated eigenvalue with as
+        many eigenvectors, in the columns of X and the rows of Y, splits along each parameter alone. The derivatives of
+        its branches are the eigenvalues of ``(Y X)^-1 Y dA X``, in the order of their real, then imaginary parts.
+
+        Examples
+        --------
+        >>> solver.linearize([0.0, 0.0]).eigenvalue_sensitivities("length_1").round(3)
+        array([[0.001+0.974j, 0.001-0.974j, 0.19 +1.783j, 0.19 -1.783j]])
         """
+        # long: its formula is derived in the docstring
         dA = self.sensitivities(parameters, moving=moving).A
         values, right = self._solved()
         repeated = _repeated(self.A, values, right)

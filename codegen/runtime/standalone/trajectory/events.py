@@ -25,12 +25,22 @@ class Event:
     Attributes
     ----------
     output : str
+        Name of the output.
     level : float
-        In the output's unit.
+        The level, in the output's unit.
     direction : {"both", "up", "down"}
         Crossings that count.
     stop : bool
-        The motion ends there; else the event is recorded, and the motion goes on.
+        End the motion at the event. Otherwise the event is recorded and the motion continues.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import Event
+    >>> run = solver.simulate(5.0, events=[Event("upper", direction="down")], sensitivities="length_1")
+    >>> run.events
+    (<upper = 0 at t = 0.61694715 s>,)
+    >>> run.events[0].dt.round(4)
+    array([0.2088])
     """
 
     output: str
@@ -41,24 +51,25 @@ class Event:
 
 @dataclass(slots=True, eq=False)
 class Crossing:
-    """An event that happened.
+    """An event that occurred.
 
     Attributes
     ----------
     event : Event
+        The event.
     t : float
-    q, u, outputs : array (nq,), (nu,), (noutputs,)
-        The state there, one of the integrator's own.
-    rates : array (noutputs,)
-        Time derivatives of the outputs there.
+        Its time, s.
+    q, u, outputs : ndarray (nq,), (nu,), (noutputs,)
+        State and outputs at that time.
+    rates : ndarray (noutputs,)
+        Time derivatives of the outputs.
     pace : float
-        How fast the event's own output changes on the whole in the step that the event was in: its range over the step's size.
-        Where the output jumps over its level, -1 with an input, whose time depends on nothing, and -2 at a switch; the state and
-        its rates are those behind the jump.
-    dt : array (k,)
-        Derivatives of the time; NaN where the output only touches its level.
-    dq, du, doutputs : array (k, nq), (k, nu), (k, noutputs)
-        Total derivatives of the state there: the time moves along.
+        Range of the event's output in its integration step, per second. -1 where the output jumps with an input, -2
+        where it jumps at a switch; the state is then the one after the jump.
+    dt : ndarray (k,)
+        Derivatives of the time. NaN where the output only touches its level.
+    dq, du, doutputs : ndarray (k, nq), (k, nu), (k, noutputs)
+        Total derivatives of the state and outputs, which include the change of the time.
     """
 
     event: Event

@@ -1,4 +1,5 @@
 """What a simulation returns: a motion over time with its outputs and their derivatives, under the names of the model."""
+# long: a docstring with an example for each of twenty methods
 
 from __future__ import annotations
 
@@ -32,58 +33,60 @@ class UnknownNameError(KeyError):
 
 
 class Trajectory:
-    """A motion: ``trajectory["q.crank"]``, ``trajectory["tip_x"]`` and ``trajectory.derivative("tip_x", "length")`` over time.
+    """A motion over time, with outputs and derivatives under the names of the model.
 
-    It is made of plain data, and knows neither solver nor model file::
-
-        Trajectory(model, t, q, u, dq, du, outputs, doutputs, coordinate_names=..., speed_names=..., output_names=...,
-                   parameter_names=..., input_names=..., sensitivity_names=..., coordinate_units=..., speed_units=...,
-                   output_units=..., parameter_units=..., p=..., inputs=..., energy=..., closure=..., stats=...)
+    ``trajectory["q.crank"]`` and ``trajectory["tip_x"]`` are series over time, ``trajectory.derivative("tip_x",
+    "length")`` is a derivative. A trajectory is plain data: it needs neither solver nor model file.
 
     Parameters
     ----------
     model : str
-        Its name.
-    t : (nt,)
-        Times, s, as they were asked for, or those that were reached.
-    q, u : (nt, nq) and (nt, nu)
-        Coordinates and speeds; m, rad and their rates.
-    dq, du : (k, nt, nq) and (k, nt, nu), optional
-        Their derivatives, directions first; left out: k = 0.
-    outputs, doutputs : (nt, noutputs) and (k, nt, noutputs), optional
-        Outputs and their total derivatives. Left out only where there are no names of outputs.
-    coordinate_names, speed_names, output_names, parameter_names, input_names : sequences of str
-        In the order of the arrays.
-    sensitivity_names : sequence of str
-        What each of the k directions is a derivative with respect to: a parameter, ``q.NAME`` or ``u.NAME`` for an initial
-        value, or any other word for a direction.
-    coordinate_units, speed_units, output_units, parameter_units : sequences of str, optional
-        As many as names, ``""`` where one is not known; left out: none is known.
-    p : (np,), optional
+        Name of the model.
+    t : array_like (nt,)
+        Times, s: the requested ones, as far as they were reached.
+    q, u : array_like (nt, nq), (nt, nu)
+        Coordinates and speeds, SI units and radians.
+    dq, du : array_like (k, nt, nq), (k, nt, nu), optional
+        Their derivatives, directions first. Left out: k = 0.
+    outputs, doutputs : array_like (nt, noutputs), (k, nt, noutputs), optional
+        Outputs and their total derivatives. They may be left out only if there are no names of outputs.
+    coordinate_names, speed_names, output_names, parameter_names, input_names : sequence of str
+        Names in the order of the arrays.
+    sensitivity_names : sequence of str, optional
+        Names of the k directions: a parameter, ``q.NAME`` or ``u.NAME`` for an initial value, or any other word.
+    coordinate_units, speed_units, output_units, parameter_units : sequence of str, optional
+        A unit for each name, ``""`` if unknown. Left out: all unknown.
+    p : array_like (np,), optional
         Design parameters of the motion.
-    inputs : (ninputs,), optional
-        Inputs, where they were constant.
-    energy : (nt, 2), or a function that gives it, optional
-        Kinetic and potential energy, J. A function is called when it is first asked for.
-    closure : (nt,), or a function that gives it, optional
-        The largest scaled position residual of closed loops.
+    inputs : array_like (ninputs,), optional
+        Inputs, if they were constant.
+    energy : array_like (nt, 2) or callable, optional
+        Kinetic and potential energy, J, or a function that is called when they are first read.
+    closure : array_like (nt,) or callable, optional
+        Largest scaled position residual of closed loops, or a function that is called when it is first read.
     stats : mapping, optional
-        How it was computed: ``method``, ``steps``, ``evaluations``, ``seconds``, ``reason`` (`FINISHED`, `INTERRUPTED` or a
-        sentence), and whatever else JSON can hold; arrays and tuples become lists.
+        Facts about the computation: ``method``, ``steps``, ``evaluations``, ``seconds``, ``reason`` and others. Arrays
+        and tuples become lists.
 
     Attributes
     ----------
     t, q, u, dq, du, outputs, doutputs, p, inputs, energy, closure, stats
-        As above; what was left out of dq, du, outputs and doutputs has no entries, other things are None.
+        As above. Missing dq, du, outputs and doutputs have no entries; other missing values are None.
     events : tuple of Crossing
-        What happened on the way; see `codegen.runtime.standalone.trajectory.events`.
+        Events of the motion, in order.
     model, coordinate_names, speed_names, output_names, parameter_names, input_names, sensitivity_names
-        As above, tuples.
+        As above, as tuples.
 
     Raises
     ------
     ValueError
-        Shapes, or numbers of names, that do not fit together.
+        If shapes or numbers of names do not fit together.
+
+    Examples
+    --------
+    >>> run = solver.simulate(np.linspace(0.0, 1.0, 11), sensitivities="length_1")
+    >>> run["tip_x"].shape, run.derivative("tip_x", "length_1").shape
+    ((11,), (11,))
     """
 
     def __init__(
@@ -129,7 +132,30 @@ class Trajectory:
     def like_this(
         self, arrays: Mapping[str, Array | None], later: Mapping[str, Later], stats: dict[str, Any]
     ) -> Trajectory:
-        """Another motion with the same names and units; its arrays are taken as they are."""
+        """Return another motion with the same names and units.
+
+        Parameters
+        ----------
+        arrays : mapping of str to ndarray or None
+            Arrays by attribute. They are not copied.
+        later : mapping of str to array_like or callable
+            ``energy`` and ``closure``.
+        stats : dict
+            Facts about the computation.
+
+        Returns
+        -------
+        Trajectory
+            The other motion.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> half = {"t": run.t[:6], "q": run.q[:6], "u": run.u[:6], "dq": run.dq[:, :6], "du": run.du[:, :6],
+        ...         "outputs": run.outputs[:6], "doutputs": run.doutputs[:, :6]}
+        >>> len(run.like_this(half, {"energy": None, "closure": None}, run.stats))
+        6
+        """
         found = Trajectory.__new__(Trajectory)
         found.__dict__ = {**self.__dict__, **arrays, "_later": later, "stats": stats}
         return found
@@ -138,7 +164,7 @@ class Trajectory:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What `trajectory[name]` takes beside ``t``: ``q.NAME`` of coordinates, ``u.NAME`` of speeds, names of outputs."""
+        """Names of the series: ``q.NAME`` of coordinates, ``u.NAME`` of speeds, names of outputs."""
         return tuple(self._index)
 
     def __getitem__(self, name: str) -> Array:
@@ -163,22 +189,72 @@ class Trajectory:
         return len(self.t)
 
     def q_of(self, name: str) -> Array:
-        """A coordinate over time, (nt,)."""
-        return self[f"q.{name}"]
-
-    def u_of(self, name: str) -> Array:
-        """A speed over time, (nt,)."""
-        return self[f"u.{name}"]
-
-    def derivative(self, name: str, by: str | int) -> Array:
-        """The total derivative of a series, (nt,): of a coordinate, a speed or an output, in its unit per that of `by`.
+        """Return a coordinate over time.
 
         Parameters
         ----------
         name : str
-            As of `trajectory[name]`.
+            Name of the coordinate.
+
+        Returns
+        -------
+        ndarray (nt,)
+            Its values, rad or m.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> run.q_of("upper")[:3].round(3)
+        array([1.2  , 1.124, 0.91 ])
+        """
+        return self[f"q.{name}"]
+
+    def u_of(self, name: str) -> Array:
+        """Return a speed over time.
+
+        Parameters
+        ----------
+        name : str
+            Name of the speed.
+
+        Returns
+        -------
+        ndarray (nt,)
+            Its values, rad/s or m/s.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> run.u_of("upper")[:3].round(3)
+        array([ 0.   , -1.515, -2.6  ])
+        """
+        return self[f"u.{name}"]
+
+    def derivative(self, name: str, by: str | int) -> Array:
+        """Return the total derivative of a series.
+
+        Parameters
+        ----------
+        name : str
+            Name of a coordinate (``q.NAME``), a speed (``u.NAME``) or an output.
         by : str or int
-            One of `sensitivity_names`, or its number.
+            One of `sensitivity_names`, or its index.
+
+        Returns
+        -------
+        ndarray (nt,)
+            The derivative, in the unit of the series per unit of `by`.
+
+        Raises
+        ------
+        UnknownNameError
+            A KeyError, if there is no such series or direction.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11), sensitivities="length_1")
+        >>> run.derivative("tip_x", "length_1")[-1].round(3)
+        np.float64(0.352)
         """
         if name not in self._index:
             raise UnknownNameError(self._unknown(name))
@@ -195,14 +271,50 @@ class Trajectory:
         return outputs[:, i]
 
     def unit(self, name: str) -> str:
-        """The unit of a series, a parameter or a sensitivity; ``""`` where it is not known."""
+        """Return the unit of a series, a parameter or a sensitivity.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        str
+            The unit, ``""`` if unknown.
+
+        Examples
+        --------
+        >>> run = solver.simulate(1.0)
+        >>> run.unit("tip_x"), run.unit("u.upper")
+        ('m', 'rad/s')
+        """
         if name == "t":
             return "s"
         units = (*self.coordinate_units, *self.speed_units, *self.output_units)
         return units[self._index[name]] if name in self._index else self._unit_of_sensitivity(name)
 
     def derivative_unit(self, name: str, by: str | int) -> str:
-        """The unit of a derivative, such as ``m/kg``; ``""`` where one of the two is not known."""
+        """Return the unit of a derivative.
+
+        Parameters
+        ----------
+        name : str
+            Name of a series.
+        by : str or int
+            One of `sensitivity_names`, or its index.
+
+        Returns
+        -------
+        str
+            The unit, such as ``m/kg``; ``""`` if one of the two is unknown.
+
+        Examples
+        --------
+        >>> run = solver.simulate(1.0, sensitivities="mass_1")
+        >>> run.derivative_unit("tip_x", "mass_1")
+        'm/kg'
+        """
         above, below = self.unit(name), self._unit_of_sensitivity(self.sensitivity_names[self._direction(by)])
         if not above or not below:
             return ""
@@ -245,10 +357,12 @@ class Trajectory:
 
     @property
     def energy(self) -> Array | None:
+        """Kinetic and potential energy over time, (nt, 2), J; computed when first read."""
         return self._now("energy")
 
     @property
     def closure(self) -> Array | None:
+        """Largest scaled position residual of closed loops over time, (nt,); None without loops."""
         return self._now("closure")
 
     def _now(self, name: str) -> Array | None:
@@ -265,9 +379,9 @@ class Trajectory:
 
     @property
     def final(self) -> tuple[Array, Array]:
-        """The last state (q, u), (nq,) and (nu,): where another simulation may go on.
+        """The last state (q, u), (nq,) and (nu,), from which another simulation may continue.
 
-        After an event that has ended the motion it is the event's, at ``events[-1].t``.
+        If an event ended the motion, it is the state of the event at ``events[-1].t``.
         """
         stopped = (
             [c for c in self.events if c.event.stop and c.t >= self.t[-1]]
@@ -282,15 +396,15 @@ class Trajectory:
 
     @property
     def ended(self) -> str:
-        """Why it ended: `FINISHED`, `INTERRUPTED`, or a sentence."""
+        """Reason for the end: ``finished``, ``interrupted``, ``event``, or a sentence."""
         return str(self.stats.get("reason", "unknown"))
 
     @property
     def energy_drift(self) -> float | None:
-        """The largest change of total energy, relative to the energy that moves; None where energies are not there.
+        """Largest relative change of total energy, or None without energies.
 
-        That is ``max |E - E[0]|`` over the larger of the greatest kinetic energy and the range of the potential energy, which
-        do not change with where potential energy is zero. It tells of integration errors where nothing drives or damps.
+        It is ``max |E - E[0]|`` over the larger of the greatest kinetic energy and the range of the potential energy.
+        Where nothing drives or damps the model it measures integration errors.
         """
         if self.energy is None:
             return None
@@ -305,11 +419,23 @@ class Trajectory:
 
     @property
     def closure_drift(self) -> float | None:
-        """How far loops were open at most, in parts of their characteristic lengths, or rad; None without loops."""
+        """Largest residual of closed loops, relative to characteristic lengths, or rad; None without loops."""
         return None if self.closure is None else float(np.max(self.closure, initial=0.0))
 
     def lines(self) -> list[str]:
-        """What `repr` says, line by line."""
+        """Return the summary that `repr` shows.
+
+        Returns
+        -------
+        list of str
+            Its lines.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> print(run.lines()[0])
+        Trajectory of double_pendulum: 11 times from 0 to 1 s
+        """
         interval = f" from {self.t[0]:.6g} to {self.t[-1]:.6g} s" if len(self) else ""
         holds = [
             _counted(len(names), noun)
@@ -345,22 +471,68 @@ class Trajectory:
     # -- elsewhere ---------------------------------------------------------------------------------------------------------
 
     def columns(self) -> dict[str, Array]:
-        """All series by the names that they have in a table: q.NAME, u.NAME, outputs, then d(NAME)/d(SENSITIVITY)."""
+        """Return all series under their column names in a table.
+
+        Returns
+        -------
+        dict of str to ndarray (nt,)
+            ``q.NAME``, ``u.NAME``, outputs, then ``d(NAME)/d(SENSITIVITY)``.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> list(run.columns())[:3]
+        ['q.upper', 'q.lower', 'u.upper']
+        """
         found = {name: self[name] for name in self.names}
         for by in self.sensitivity_names:
             found |= {f"d({name})/d({by})": self.derivative(name, by) for name in self.names}
         return found
 
     def to_dataframe(self) -> Any:
-        """A table of pandas's: the index t, s, and a column for each of `columns`."""
+        """Return a pandas table with the index t (s) and the columns of `columns`.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each time.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> run.to_dataframe().shape
+        (11, 10)
+        """
         from .table import dataframe
 
         return dataframe(self.t, self.columns())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write everything into a file, as a whole or not at all: ``.npz`` (NumPy's), or ``.parquet`` (needs pyarrow).
+        """Write the trajectory into a file, as a whole or not at all.
 
-        `load` gives the same trajectory, bit for bit.
+        `load` returns the same trajectory, equal in every bit.
+
+        Parameters
+        ----------
+        path : path
+            A name that ends in ``.npz`` (NumPy), or ``.parquet``, which needs pyarrow.
+
+        Raises
+        ------
+        TrajectoryFileError
+            A ValueError, if the name has another ending.
+        ImportError
+            If pyarrow is needed and not installed.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> run.save("run.npz")
         """
         from .events import rows_of
         from .files import write
@@ -374,12 +546,29 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
-        """Read what `save` wrote.
+        """Read a file that `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Returns
+        -------
+        Trajectory
+            The saved motion.
 
         Raises
         ------
         TrajectoryFileError
-            A ValueError: another kind of file, or a damaged one.
+            A ValueError, if the file is of another kind or damaged.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> run.save("run.npz")
+        >>> bool((type(run).load("run.npz").q == run.q).all())
+        True
         """
         from .events import crossings_of
         from .files import TrajectoryFileError, damaged, read
@@ -402,16 +591,31 @@ class Trajectory:
         path: str | os.PathLike[str] | None = None,
         sensitivities: str | Sequence[str] | None = None,
     ) -> Any:
-        """Curves over time, a panel for each series, with its derivatives beside it; matplotlib's figure is returned.
+        """Draw curves over time: a panel for each series, and its derivatives beside it.
 
         Parameters
         ----------
         what : str or sequence of str, optional
-            Names of series; left out: the outputs, or the coordinates where there are none.
+            Names of series. Left out: the outputs, or the coordinates if there are no outputs.
         path : path, optional
-            Where to write it: ``.svg``, ``.png`` or ``.pdf``. The same trajectory gives the same bytes.
+            File to write: ``.svg``, ``.png`` or ``.pdf``. The same trajectory gives the same bytes.
         sensitivities : str or sequence of str, optional
-            Whose derivatives are shown; left out: all, ``()``: none.
+            Directions whose derivatives are drawn. Left out: all; ``()``: none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 1.0, 11))
+        >>> figure = run.plot("tip_x", "tip.svg")
         """
         from .plot import draw
 

@@ -37,10 +37,10 @@ class MassCondition(NamedTuple):
     condition : float
         Its largest eigenvalue over the smallest, in SI units.
     left : float
-        What a speed feels of its inertia where all other joints are free, in parts of that where they are held, so a number
-        without unit; the least of all speeds. The sweeps lose at most about as many digits as it has zeros, and mostly far fewer.
+        Inertia that a speed feels where all other joints are free, relative to its inertia where they are held; the
+        least of all speeds. The sweeps lose at most about as many digits as this number has zeros.
     weakest : str
-        The speed that has it.
+        The speed with the least value.
     """
 
     condition: float
@@ -49,22 +49,22 @@ class MassCondition(NamedTuple):
 
 
 class ClosureCondition(NamedTuple):
-    """The condition of a closure matrix: conditions of loops by the speeds that they make dependent.
+    """The condition of a closure matrix: loop conditions by the speeds that they make dependent.
 
-    Linear conditions, and displacements, are in parts of the loops' characteristic length.
+    Linear conditions and displacements are relative to the loops' characteristic length.
 
     Attributes
     ----------
     loops : tuple of str
-        The loops, and couplings, that are closed together.
+        Loops and couplings that are closed together.
     dependents : tuple of str
         Speeds that they make dependent.
     condition : float
-        As `Solver.condition` gives it: how far dependent speeds move per unit of what opens the loops, 1 at best.
+        The value of `Solver.condition`: change of dependent speeds per unit of a residual, 1 at best.
     distance : float
-        How far the nearest matrix is that has lost rank, in parts of the largest singular value, or of 1 where that is larger.
+        Distance of the nearest matrix that has lost rank, relative to the larger of 1 and the largest singular value.
     weakest : str
-        The dependent speed that the motion which is nearly free has most of.
+        Dependent speed with the largest part in the motion that is nearly free.
     couplings : tuple of str
         Those of the loops that are couplings.
     """
@@ -79,33 +79,35 @@ class ClosureCondition(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis:
-    """How far the accelerations of a state, and their derivatives, are to be trusted; see `Solver.diagnose`.
+    """Rounding errors of a state's accelerations and derivatives, and conditions. It prints as text.
+
+    `Solver.diagnose` returns it.
 
     Attributes
     ----------
-    udot, udot_error : (nu,)
-        The accelerations, and estimates of their rounding errors, at least one unit of rounding.
-    argument_error : (nu,)
-        What they change by if every argument changes by a unit in its last place: what is lost before the computation begins.
-    dudot, dudot_error : (k, nu)
+    udot, udot_error : ndarray (nu,)
+        Accelerations, and estimates of their rounding errors, at least one unit of rounding.
+    argument_error : ndarray (nu,)
+        Their change if every argument changes by a unit in its last place.
+    dudot, dudot_error : ndarray (k, nu)
         Derivatives, and estimates of their rounding errors.
     speed_names, direction_names : tuple of str
-        Of the nu columns and of the k rows: ``q.crank``, or ``direction 1`` of given seeds.
+        Names of the nu columns and of the k rows: ``q.crank``, or ``direction 1`` of given seeds.
     mass : MassCondition or None
-        None where the package has no function that gives the mass matrix, or where it is very large.
+        Condition of the mass matrix. None if the package has no function for it, or it is very large.
     closures : tuple of ClosureCondition
         One for each set of loops that are closed together.
     all_loops : ClosureCondition or None
-        All loops at once: small loops that lean on each other may be worse together.
+        All loops at once; it may be worse than each set alone.
     distance : float
-        Of the conditions of all loops from a loss of rank whatever coordinates are independent, as in `ClosureCondition`; 1
-        without loops. Where it is much larger than that of a closure, other independent coordinates would do.
+        Distance of all loop conditions from a loss of rank for any choice of independents, as in `ClosureCondition`; 1
+        without loops. If it is much larger than that of a closure, other independent coordinates would do.
     gap : float
-        How far loops are open, in the units of `closure`.
+        Largest residual of the loops, in the units of `closure`.
     failure : str
-        Why there are no accelerations, or no derivatives; empty as a rule.
+        Reason why accelerations or derivatives are missing; usually empty.
     unit : float
-        Of rounding, of the package's scalar type.
+        Unit of rounding of the package's scalar type.
     """
 
     udot: Array
@@ -125,28 +127,40 @@ class Diagnosis:
 
     @property
     def at_work(self) -> Array:
-        """Accelerations, (nu,), that the forces at work would give if they did not cancel: what `argument_error` is a unit of
-        rounding of, at least those that are left."""
+        """Accelerations that the forces would give if they did not cancel, (nu,)."""
         return np.fmax(np.abs(self.udot), self.argument_error / self.unit)
 
     @property
     def digits(self) -> Array:
-        """Decimal digits of each acceleration to trust, (nu,), up to 15.95; of one that is zero but for rounding, those of the
-        largest, or of what the forces at work would give."""
+        """Trustworthy decimal digits of each acceleration, (nu,), up to 15.95.
+
+        An acceleration that is zero but for rounding is compared with the largest one, or with `at_work`.
+        """
         return trusted(self.udot[None], self.udot_error[None], self.at_work[None])[0]
 
     @property
     def derivative_digits(self) -> Array:
-        """The same of the derivatives, (k, nu); along each direction."""
+        """Trustworthy decimal digits of the derivatives along each direction, (k, nu)."""
         return trusted(self.dudot, self.dudot_error)
 
     @property
     def nearest(self) -> ClosureCondition | None:
-        """The closure that is nearest to a loss of rank."""
+        """The closure nearest to a loss of rank, or None without loops."""
         return min(self.closures, key=lambda c: c.distance, default=None)
 
     def lines(self) -> list[str]:
-        """The diagnosis in words."""
+        """Return the diagnosis as lines of text.
+
+        Returns
+        -------
+        list of str
+            One statement a line.
+
+        Examples
+        --------
+        >>> solver.diagnose(*solver.initial).lines()[0][:21]
+        'udot: about 15 digits'
+        """
         return list(self._lines())
 
     def __repr__(self) -> str:
