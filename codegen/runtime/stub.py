@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .sections import carried_text, sections_of, solver_text
-from .standalone.calls.package import lacks
+from .standalone.calls.functions import lacks
 
 WIDTH = 110
 """Columns of a signature."""

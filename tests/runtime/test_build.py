@@ -15,6 +15,7 @@ import pytest
 
 from codegen.runtime import CompileError, NoCompilerError, SingularJointError, TargetsDifferError, load
 from codegen.runtime.standalone.files import build, user_cache
+from codegen.runtime.standalone.files.compiler import find_compiler, searches
 
 EXPECTED = -9.81 / 0.5 * np.sin(0.3)
 
@@ -162,11 +163,23 @@ def test_what_fails_for_another_reason_is_not_tried_without_march_native(pendulu
     assert "-march=native" in command
 
 
-def test_a_compiler_without_march_native_is_served(pendulum, monkeypatch, tmp_path):
+@pytest.mark.parametrize("flags", [["march=native"], ["--param"], ["march=native", "--param"]])
+def test_a_compiler_without_some_flags_is_served(pendulum, monkeypatch, tmp_path, flags):
     real = shutil.which("cc") or shutil.which("gcc")
-    refuse = 'case "$*" in *march=native*) echo "error: unknown -march=native" >&2; exit 1;; esac'
-    monkeypatch.setenv("CC", str(script(tmp_path / "cc", f'{refuse}\nexec {real} "$@"')))
+    refuse = [f'case "$*" in *{flag}*) echo "error: unknown {flag}" >&2; exit 1;; esac' for flag in flags]
+    note = f'case "$*" in *--version*) ;; *) echo "$*" >> {tmp_path / "commands"};; esac'
+    monkeypatch.setenv("CC", str(script(tmp_path / "cc", "\n".join([note, *refuse, f'exec {real} "$@"']))))
+    monkeypatch.delenv("ORDERNM_CFLAGS", raising=False)
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+    first, *_, last = (tmp_path / "commands").read_text().splitlines()
+    assert all(flag in first and flag not in last for flag in flags)
+
+
+def test_flags_of_the_environment_have_none_beside_them(monkeypatch):
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-O1")
+    assert searches(find_compiler()) == ()
+    monkeypatch.delenv("ORDERNM_CFLAGS")
+    assert searches(["clang, which is not there"]) == ()
 
 
 @pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-fassociative-math", "-fsingle-precision-constant"])

@@ -12,7 +12,7 @@ from codegen.reference import RecursiveEngine
 from codegen.runtime import Solver
 from codegen.runtime.sections import SECTIONS, solver_text
 from codegen.runtime.standalone import solver as whole
-from codegen.runtime.standalone.calls.package import SOMETIMES
+from codegen.runtime.standalone.calls.functions import SOMETIMES
 
 
 def state(solver, rng, *batch):

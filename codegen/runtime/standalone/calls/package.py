@@ -21,14 +21,18 @@ from .arguments import NO_SEEDS, Arguments, Seeds
 from .bad_states import BAD_STATES, spread, tell_bad, without_bad
 from .c_target import CTarget
 from .functions import (
+    MADE_OF,
     MEMBERS,
     SELECTIVE,
+    SOMETIMES,
     WEIGHTED,
     WEIGHTS,
     WITHOUT_ENTRIES,
     Function,
     Wanted,
     function,
+    lacks,
+    made_of,
     shapes_of,
 )
 from .non_finite import tell_infinite
@@ -416,64 +420,6 @@ _ON_INDEPENDENTS = dict.fromkeys(
     ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),
     "; mass_matrix is there, on the independent speeds",
 )
-CLOSING = ("closure", "closing_step", "newton_step", "completion")
-"""Functions that close loops."""
-
-COMPOSED = ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities")
-OF_COMPOSED = ("energy_sensitivities", "accelerations", "sensitivities")
-"""Functions that mass matrix and inverse dynamics of mechanisms with loops are made of."""
-
-TREES = ("assemble_gradients",)
-"""Members of `SOMETIMES` that call no function of their own in models without loops."""
-
-MADE_OF = {
-    **dict.fromkeys(("equilibrium", "linearize"), (
-        "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
-    )),
-    **dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step")),
-    **dict.fromkeys(("assemble", "initial_state", "assemble_sensitivities", "assemble_gradients"), CLOSING),
-    **dict.fromkeys(("frame_jacobians", "point_sensitivities", "point_jacobians"), ("frame_sensitivities",)),
-    "points": ("frames",), "diagnose": ("accelerations",), "condition": ("conditions",),
-    "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
-    "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
-}  # fmt: skip
-"""Members that are made of functions of other names, and what these are called."""
-
-SOMETIMES = (
-    "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
-    "solve_mass_sensitivities",
-    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
-    "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
-    "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
-    "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
-)  # fmt: skip
-"""Members that packages may lack."""
-
-
-def made_of(manifest: Mapping[str, Any], member: str) -> set[str]:
-    """A member, and functions and members that it is made of."""
-    names = {member, *MADE_OF.get(member, ())}
-    return names | {*OF_COMPOSED} if manifest["closure_names"] and not names.isdisjoint(COMPOSED) else names
-
-
-def lacks(manifest: Mapping[str, Any], member: str) -> bool:
-    """Whether a member of a solver cannot be called."""
-    names = made_of(manifest, member)
-    left_out, functions = manifest.get("left_out", ()), manifest["functions"]
-    # assembly takes what there is of the functions that close loops
-    if member in left_out or any(MEMBERS.get(n, n) in left_out for n in names.difference(functions, CLOSING)):
-        return True
-    nothing = {
-        *WITHOUT_ENTRIES,
-        *(MEMBERS.get(n) for n in WITHOUT_ENTRIES),
-        *([] if manifest["closure_names"] else TREES),
-    }
-    return (
-        member in SOMETIMES
-        and member not in nothing
-        and names.isdisjoint({name for f in functions for name in (f, MEMBERS.get(f))})
-    )
 
 
 def state(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> dict[str, Any]:

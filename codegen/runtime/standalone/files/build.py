@@ -13,7 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import CompileError, NoCompilerError
-from .compiler import CFLAGS, COMMAND, STANDARD, Stop, compiler_version, find_compiler, optimization, processor, run_all
+from .compiler import (
+    CFLAGS,
+    COMMAND,
+    STANDARD,
+    Stop,
+    compiler_version,
+    find_compiler,
+    optimization,
+    processor,
+    run_all,
+    searches,
+)
 from .compiling import waiting
 from .manifest import refuse_another
 from .user_cache import PRIVATE, in_cache, make_private, trusted, user_cache
@@ -145,10 +156,14 @@ class Build:
         raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
 
     def _compile(self, output: Path, log_file: Path) -> None:
-        refused, log = self._run(self.flags, output)
-        complaints = [line for line in log.splitlines() if not line.startswith(COMMAND)]
-        if refused and "-march=native" in self.flags and any("march" in line for line in complaints):
-            refused, log = self._run([f for f in self.flags if f != "-march=native"], output)
+        flags = [*searches(self.compiler), *self.flags]
+        refused, log = self._run(flags, output)
+        for unknown, called in (("-march=native", "march"), ("--param", "--param")):
+            complaints = [line for line in log.splitlines() if not line.startswith(COMMAND)]
+            named = refused and any(called in line for line in complaints)
+            if named and any(f.startswith(unknown) for f in flags):
+                flags = [f for f in flags if not f.startswith(unknown)]
+                refused, log = self._run(flags, output)
         if not refused and output.exists():
             with contextlib.suppress(OSError):
                 log_file.unlink()

@@ -13,9 +13,9 @@ from ..arrays import Array, Numbers, Times
 from ..assembly.partitions import conditions
 from ..assembly.states import States
 from ..calls.arguments import unknown
-from ..calls.functions import ALONG, STATE
+from ..calls.functions import ALONG, MADE_OF, STATE
 from ..calls.named_entries import Named, seeds_by_name
-from ..calls.package import MADE_OF, Package, state
+from ..calls.package import Package, state
 from ..calls.room import Room, alone
 from ..warning import warn
 from .equilibrium import Equilibrium, Motions, Search, followed, neutral_directions, rests
