@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .design.sweep import Sweep, sweep
     from .design.variables import Variable
     from .generation import generate
-    from .importing import Imported, from_mujoco, from_pinocchio, import_model
+    from .importing import Imported, from_mujoco, from_pinocchio, from_sympy, import_model
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
     from .reporting import report
     from .runtime import Solver, Trajectory, load, load_trajectory
@@ -31,14 +31,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Fit", "Imported", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver",
-    "Sweep", "Trajectory", "Variable", "__version__", "fit", "from_mujoco", "from_pinocchio", "generate", "import_model",
-    "load", "load_cases", "load_model", "load_trajectory", "objective", "optimize", "parse_model", "report",
+    "Sweep", "Trajectory", "Variable", "__version__", "fit", "from_mujoco", "from_pinocchio", "from_sympy", "generate",
+    "import_model", "load", "load_cases", "load_model", "load_trajectory", "objective", "optimize", "parse_model", "report",
     "simulate_many", "sweep",
 ]  # fmt: skip
 
 _PLACES = {
     "generate": "generation", "Report": "summary",
-    "Imported": "importing", "from_mujoco": "importing", "from_pinocchio": "importing", "import_model": "importing",
+    "Imported": "importing", "from_mujoco": "importing", "from_pinocchio": "importing", "from_sympy": "importing",
+    "import_model": "importing",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
     "Solver": "runtime", "Trajectory": "runtime", "load": "runtime", "load_trajectory": "runtime",
     "Fit": "design.fitting", "fit": "design.fitting", "LoadCases": "design.load_cases", "load_cases": "design.load_cases",

@@ -229,7 +229,10 @@ def test_statements_are_of_one_algebra():
         ]
         if any(name.split(".")[0] == "sympy" for name in names):
             found[path.relative_to(PACKAGE).as_posix()] = len(names)
-    formulas = {"model/sympy_names.py", "model/sympy_output.py", "model/sympy_trees.py"}
+    formulas = {
+        *(f"model/sympy_{name}.py" for name in ("names", "output", "trees")),
+        *(f"importing/sympy_{name}.py" for name in ("conditions", "loads", "model", "rotations", "system")),
+    }
     assert {name for name in found if not name.startswith("symbolic/")} == {
         "mechanics/elements/along_line.py",
         *formulas,

@@ -1,5 +1,6 @@
-"""Robots of other formats as models: URDF, MJCF, SDF, and objects of Pinocchio and MuJoCo."""
+"""Robots of other formats as models: URDF, MJCF, SDF, and objects of Pinocchio, MuJoCo and sympy."""
 
 from .importer import Imported, Options, from_mujoco, from_pinocchio, import_model
+from .sympy_model import from_sympy
 
-__all__ = ["Imported", "Options", "from_mujoco", "from_pinocchio", "import_model"]
+__all__ = ["Imported", "Options", "from_mujoco", "from_pinocchio", "from_sympy", "import_model"]

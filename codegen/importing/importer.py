@@ -77,6 +77,8 @@ class Imported:
         Body that each moving joint of the file carries. Its coordinates have the body's name.
     renamed : dict of str to str
         New names by the names of the file.
+    symbols : dict of sympy.Basic to str
+        Names of the model by symbols and functions of sympy, of a system of sympy's; else empty.
     """
 
     text: str
@@ -88,6 +90,7 @@ class Imported:
     frames: dict[str, tuple[str, Three, Three]] = field(default_factory=dict)
     joints: dict[str, str] = field(default_factory=dict)
     renamed: dict[str, str] = field(default_factory=dict)
+    symbols: dict[Any, str] = field(default_factory=dict)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the model file, as a whole or not at all.

@@ -91,13 +91,12 @@ class ModelBuilder:
         >>> from sympy.physics.mechanics import dynamicsymbols
         >>> theta, m = dynamicsymbols("theta"), sympy.Symbol("m")
         >>> b = ModelBuilder("pendulum", gravity=[0, 0, -9.81])
-        >>> b.parameter("m", 2)
-        'm'
+        >>> mass = b.parameter("m", 2)
         >>> arm = b.body("arm", joint="revolute", axis="y", mass=m, com=[0, 0, sympy.Rational(-1, 2)], inertia={"yy": m / 12})
         >>> b.symbols({theta: f"q.{arm}"})
-        >>> b.joint_force("spring", arm, -3 * sympy.tanh(theta) - theta.diff() / 10)
+        >>> b.joint_force("spring", arm, -sympy.tanh(theta) - theta.diff() / 10)
         >>> print(b.build().forces[0].values[0])
-        -(3*tanh(q.arm)) - u.arm/10
+        -tanh(q.arm) - u.arm/10
         """
         from .sympy_names import checked_names
 

@@ -197,8 +197,7 @@ class _Trees:
             return ("+", self.sum(terms[:middle]), self.sum(terms[middle:]))
         minus = [t.could_extract_minus_sign() if not t.is_Add else False for t in terms]
         order = sorted(range(len(terms)), key=lambda k: minus[k])
-        first = order[0]
-        total = ("neg", self.tree(-terms[first])) if minus[first] else self.tree(terms[first])
+        total = self.tree(terms[order[0]])
         for k in order[1:]:
             total = ("-", total, self.tree(-terms[k])) if minus[k] else ("+", total, self.tree(terms[k]))
         return total

@@ -16,7 +16,7 @@ def blocks(language):
 def test_the_robot_of_the_page_becomes_its_model(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
-    (robot,), (model, side), (code,) = blocks("xml"), blocks("yaml"), blocks("python")
+    (robot,), (model, side), (code, _) = blocks("xml"), blocks("yaml"), blocks("python")
     Path("arm.urdf").write_text(robot)
     assert codegen.import_model("arm.urdf").text == model
     exec(compile(code, "import.md", "exec"), {})
@@ -33,6 +33,12 @@ def test_the_robot_of_the_page_becomes_its_model(tmp_path, monkeypatch):
         codegen.import_model("arm.urdf")
     except codegen.ModelError as error:
         assert str(error).partition(": ")[2] == said.partition(": ")[2]
+
+
+def test_the_system_of_sympy_on_the_page_becomes_a_model():
+    names = {}
+    exec(compile(blocks("python")[1], "import.md", "exec"), names)
+    assert names["found"].model.speed_names == ("cart", "rod") and names["found"].warnings == ()
 
 
 def test_every_word_and_option_is_on_the_page():

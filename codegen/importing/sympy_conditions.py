@@ -1,0 +1,171 @@
+"""Holonomic constraints of `sympy.physics.mechanics` as couplings and loops of a model.
+
+A linear constraint is a coupling. Any other one is an equation of a surface on which a point lies whose coordinates are those of
+the constraint: bodies without mass on sliding joints carry it, coupled to the coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+from .naming import free_name
+from .sympy_system import GROUND, SympySystem, Trouble, moves
+
+_LETTERS: Final = "xyz"
+
+
+def read_conditions(found: SympySystem, constraints: Iterable[Any], dependent: Iterable[Any]) -> None:
+    """Fill the sections ``couplings`` and ``loops``.
+
+    Parameters
+    ----------
+    found : SympySystem
+    constraints : iterable of sympy.Expr
+        Zero where the constraints hold.
+    dependent : iterable of sympy.Function
+        Coordinates that the system calls dependent.
+    """
+    reader = _Conditions(found, list(dependent))
+    for number, constraint in enumerate(constraints, 1):
+        try:
+            reader.read(f"constraint_{number}", constraint)
+        except Trouble as error:
+            found.report(f"holonomic_constraints[{number - 1}]", str(error))
+
+
+class _Conditions:
+    def __init__(self, found: SympySystem, dependent: list[Any]) -> None:
+        self.found = found
+        self.dependent = dependent
+        self.following: list[Any] = []
+        self.points: dict[tuple[Any, ...], str] = {}
+
+    def read(self, name: str, constraint: Any) -> None:
+        """One constraint."""
+        from sympy.core.function import AppliedUndef
+
+        used = [q for q in self.found.scalars if constraint.has(q)]
+        others = constraint.atoms(AppliedUndef) - set(used)
+        if others or moves(constraint.subs(dict.fromkeys(used, 1))):
+            raise Trouble(
+                f"{constraint} depends on time or on what is no coordinate; coordinates and parameters are allowed"
+            )
+        if not used:
+            raise Trouble(f"{constraint} has no coordinate of a joint")
+        if (line := self.line(constraint, used)) is not None:
+            return self.linear(name, *line)
+        if len(used) <= len(_LETTERS):
+            return self.surface(name, constraint, used)
+        return self.sum(name, constraint, used)
+
+    def line(self, e: Any, used: Sequence[Any]) -> tuple[dict[Any, Any], Any] | None:
+        """Factors of coordinates, and what is added; None where the expression is not linear in them."""
+        factors = {q: e.diff(q).expand() for q in used}
+        if any(map(moves, factors.values())):
+            factors = {q: c.simplify() for q, c in factors.items()}
+        if any(map(moves, factors.values())):
+            return None
+        return factors, e.subs(dict.fromkeys(used, 0))
+
+    def linear(self, name: str, factors: dict[Any, Any], rest: Any) -> None:
+        """A coupling; of one coordinate alone, a constant."""
+        free = [q for q in factors if factors[q] != 0 and q not in self.following]
+        chosen = [q for q in free if q in self.dependent] or free
+        if not chosen:
+            raise Trouble("every coordinate of this constraint follows others already; a coordinate can follow once")
+        last = chosen[-1]
+        self.following.append(last)
+        text = self.found.text
+        ratios = {self.name(q): text(-c / factors[last]) for q, c in factors.items() if q != last and c != 0}
+        if not ratios:
+            self.found.sections.setdefault("motion", {})[self.name(last)] = text(-rest / factors[last])
+            return
+        entry = {"joint": self.name(last), "follows": ratios}
+        if rest != 0:
+            entry["offset"] = text(-rest / factors[last])
+        self.found.sections.setdefault("couplings", {})[name] = entry
+
+    def name(self, q: Any) -> str:
+        """The coordinate of the model."""
+        return self.found.scalars[q][0]
+
+    def surface(self, name: str, e: Any, variables: Sequence[Any]) -> None:
+        """The expression of up to three variables, linear in coordinates, is zero."""
+        import sympy
+
+        letters = sympy.symbols(" ".join(_LETTERS), cls=sympy.Dummy)
+        self.found.symbols |= dict(zip(letters, _LETTERS, strict=True))
+        equation = self.found.text(
+            e.subs(dict(zip(variables, letters[: len(variables)], strict=True)), simultaneous=True)
+        )
+        for letter in letters:
+            del self.found.symbols[letter]
+        joint = {"type": "surface", "equation": equation}
+        self.found.sections.setdefault("loops", {})[name] = {
+            "joint": joint,
+            "from": GROUND,
+            "to": self.point(variables),
+        }
+
+    def point(self, variables: Sequence[Any]) -> str:
+        """A body whose place is given by variables."""
+        key = tuple(variables)
+        if key not in self.points:
+            bodies = self.found.sections["bodies"]
+            above = GROUND
+            for letter, variable in zip(_LETTERS, variables, strict=False):
+                own = free_name(f"condition_{len(self.points) + 1}_{letter}", bodies)
+                bodies[own] = {"parent": above, "joint": {"type": "prismatic", "axis": letter}}
+                self.follow(own, variable)
+                above = own
+            self.points[key] = above
+        return self.points[key]
+
+    def follow(self, own: str, variable: Any) -> None:
+        """Let a coordinate be a linear function of coordinates."""
+        line = self.line(variable, [q for q in self.found.scalars if variable.has(q)])
+        if line is None or not line[0]:
+            return
+        entry = {"joint": own, "follows": {self.name(q): self.found.text(c) for q, c in line[0].items()}}
+        if line[1] != 0:
+            entry["offset"] = self.found.text(line[1])
+        self.found.sections.setdefault("couplings", {})[f"{own}_follows"] = entry
+
+    def sum(self, name: str, e: Any, used: Sequence[Any]) -> None:
+        """A sum of terms of up to two variables each: each term is a coordinate of its own, and these follow each other."""
+        import sympy
+        from sympy.simplify.fu import TR8
+
+        parts: dict[tuple[Any, ...], Any] = {}
+        for term in sympy.Add.make_args(sympy.expand(TR8(sympy.expand(e)))):
+            variables = self.variables(term)
+            if len(variables) >= len(_LETTERS):
+                allowed = (
+                    f"constraints of more than {len(_LETTERS)} coordinates are sums of terms of two angles or lengths"
+                )
+                raise Trouble(f"{term} has {len(variables)} variables; {allowed}")
+            parts[variables] = parts.get(variables, 0) + term
+        linear = sum((p for v, p in parts.items() if not v or self.line(p, list(used)) is not None), sympy.Integer(0))
+        factors, rest = self.line(linear, list(used)) or ({}, linear)
+        factors = {q: c for q, c in factors.items() if c != 0}
+        for number, (variables, part) in enumerate(parts.items(), 1):
+            if not variables or self.line(part, list(used)) is not None:
+                continue
+            term = sympy.Function(f"{name}_{number}")(sympy.Symbol("t"))
+            self.surface(f"{name}_{number}", part - term, (*variables, term))
+            self.found.scalars[term] = self.points[(*variables, term)], None
+            factors[term] = sympy.Integer(1)
+        self.linear(name, factors, rest)
+
+    def variables(self, term: Any) -> tuple[Any, ...]:
+        """The angles of a term, and its coordinates beside them."""
+        import sympy
+
+        angles = [f for f in term.atoms(sympy.sin, sympy.cos) if moves(f) and self._is_linear(f.args[0])]
+        names = {f.args[0]: None for f in sorted(angles, key=sympy.default_sort_key)}
+        bare = term.subs(dict.fromkeys(angles, 1))
+        return (*names, *(q for q in self.found.scalars if bare.has(q)))
+
+    def _is_linear(self, e: Any) -> bool:
+        return self.line(e, [q for q in self.found.scalars if e.has(q)]) is not None
