@@ -234,7 +234,7 @@ kept: list[Any] = []
 def of_contributing() -> LineLaw:
     """What CONTRIBUTING.md writes as an example, in one file."""
     page = (DOCS.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"^  ```python\n(.*?)^  ```$", page[page.index("`cube.py`") :], re.DOTALL | re.MULTILINE)
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page[page.index("`cube.py`") :], re.DOTALL | re.MULTILINE)
     names: dict[str, Any] = {"__package__": line_laws.__name__}
     exec(compile(textwrap.dedent(code), "cube.py", "exec"), names)
     law: LineLaw = names["LAW"]
