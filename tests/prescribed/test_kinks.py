@@ -120,7 +120,7 @@ def test_a_model_with_a_kink_is_refused_with_its_place(motion: str, says: str) -
 
 
 def test_a_cubic_table_that_goes_on_as_it_ends_is_allowed(tmp_path: Path) -> None:
-    codegen.generate(parse_model(CART.replace("MOTION", "smooth(t)")), tmp_path / "smooth", compile="all")
+    codegen.generate(parse_model(CART.replace("MOTION", "smooth(t)")), tmp_path / "smooth", functions="motion", compile="all")
     run = codegen.load(tmp_path / "smooth").simulate(np.linspace(0, 2.5, 26), rtol=1e-11, atol=1e-11)
     from scipy.interpolate import CubicSpline
 
@@ -142,7 +142,7 @@ def test_a_parameter_that_makes_a_kink_ends_the_motion(tmp_path: Path, motion: s
     text = CART.replace("MOTION", motion)
     for name, value in first.items():
         text = text.replace(f"{name}: {'5.0' if name == 't0' else '0.3'}", f"{name}: {value}")
-    codegen.generate(parse_model(text), tmp_path / "moved", compile="all")
+    codegen.generate(parse_model(text), tmp_path / "moved", functions="motion", compile="all")
     solver = codegen.load(tmp_path / "moved")
     assert solver.simulate(4.0).ended == "finished"
     if t is None:
@@ -166,7 +166,7 @@ def test_a_parameter_that_makes_a_kink_ends_the_motion(tmp_path: Path, motion: s
 
 def test_an_input_that_reaches_a_kink_ends_the_motion(tmp_path: Path) -> None:
     """The branch of a square is none; that of a linear one at a threshold beyond what is looked at when the file is read is."""
-    codegen.generate(parse_model(CART.replace("MOTION", "max(0, x - 1e4)")), tmp_path / "far", compile="all")
+    codegen.generate(parse_model(CART.replace("MOTION", "max(0, x - 1e4)")), tmp_path / "far", functions="motion", compile="all")
     solver = codegen.load(tmp_path / "far")
     assert solver.simulate(1.0, inputs={"x": np.sin}).ended == "finished"
     with pytest.raises(SimulationError, match=r"ends at t = 0\.5.* 'cart' jumps from 0 to 20000"):
@@ -188,7 +188,7 @@ JUMPS = [
 def test_derivatives_know_when_accelerations_jump(tmp_path: Path, motion: str) -> None:
     """The time of the jump moves with a parameter; the motion is integrated in one smooth piece after the other."""
     text = CART.replace("MOTION", motion).replace("t0: 5.0", "t0: 0.7")
-    codegen.generate(parse_model(text), tmp_path / "jumps", compile="all")
+    codegen.generate(parse_model(text), tmp_path / "jumps", functions="motion", compile="all")
     solver = codegen.load(tmp_path / "jumps")
     tight = {"rtol": 1e-12, "atol": 1e-12}
     names = [n for n in solver.parameter_names if n in text.split("motion:")[1] or n == "l"]
