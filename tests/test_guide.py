@@ -23,7 +23,6 @@ def run(tmp_path_factory) -> tuple[Path, list[dict[str, Any]]]:
     place = tmp_path_factory.mktemp("guide")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
-        patch.setenv("ORDERNM_CFLAGS", "-O1")  # compiles quicker
         for text in blocks("yaml"):
             Path(f"{re.findall('model: (.*)', text)[0]}.yaml").write_text(text)
         names: dict[str, Any] = {}

@@ -7,6 +7,7 @@ longer when the rule came. Nothing is added to it; what is no longer long is tak
 import ast
 import os
 import re
+from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "codegen"
@@ -37,6 +38,7 @@ def long_parts(source: str) -> list[str]:
     return found
 
 
+@cache
 def everything_long() -> set[str]:
     return {
         f"{path.relative_to(PACKAGE).as_posix()} {part}".strip()
