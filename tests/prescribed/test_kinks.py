@@ -120,7 +120,9 @@ def test_a_model_with_a_kink_is_refused_with_its_place(motion: str, says: str) -
 
 
 def test_a_cubic_table_that_goes_on_as_it_ends_is_allowed(tmp_path: Path) -> None:
-    codegen.generate(parse_model(CART.replace("MOTION", "smooth(t)")), tmp_path / "smooth", functions="motion", compile="all")
+    codegen.generate(
+        parse_model(CART.replace("MOTION", "smooth(t)")), tmp_path / "smooth", functions="motion", compile="all"
+    )
     run = codegen.load(tmp_path / "smooth").simulate(np.linspace(0, 2.5, 26), rtol=1e-11, atol=1e-11)
     from scipy.interpolate import CubicSpline
 
@@ -166,7 +168,9 @@ def test_a_parameter_that_makes_a_kink_ends_the_motion(tmp_path: Path, motion: s
 
 def test_an_input_that_reaches_a_kink_ends_the_motion(tmp_path: Path) -> None:
     """The branch of a square is none; that of a linear one at a threshold beyond what is looked at when the file is read is."""
-    codegen.generate(parse_model(CART.replace("MOTION", "max(0, x - 1e4)")), tmp_path / "far", functions="motion", compile="all")
+    codegen.generate(
+        parse_model(CART.replace("MOTION", "max(0, x - 1e4)")), tmp_path / "far", functions="motion", compile="all"
+    )
     solver = codegen.load(tmp_path / "far")
     assert solver.simulate(1.0, inputs={"x": np.sin}).ended == "finished"
     with pytest.raises(SimulationError, match=r"ends at t = 0\.5.* 'cart' jumps from 0 to 20000"):
