@@ -25,7 +25,7 @@ LARGE = 100 * WORTH_A_THREAD
 def folder(tmp_path_factory):
     """A package with a function over several states at once and one without."""
     path = tmp_path_factory.mktemp("threads") / "model"
-    codegen.generate(MODEL, path, functions=["sensitivities", "energy_sensitivities"], check=False)
+    codegen.generate(MODEL, path, functions=["accelerations", "sensitivities", "energy_sensitivities"], check=False)
     return path
 
 
@@ -225,3 +225,35 @@ def test_directions_of_all_states_and_of_each_state(framed, number, k, moving):
             for found, expected in zip(flat(whole), flat(alone), strict=True):
                 at = found[:, i] if found.shape[:2] == (k, count) else found[i]
                 np.testing.assert_allclose(at, expected, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("number", [1, 3])
+@pytest.mark.parametrize("name", ["q", "u", "p", "dq", "dp"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_numbers_of_large_batches_that_are_not_finite_are_refused(solver, number, name, bad):
+    """The C looks at these while it reads them, whichever state, direction and part of a vector they are in."""
+    solver.batch_threads = number
+    rng = np.random.default_rng(0)
+    (q, u), seeds = arguments()
+    p = solver.parameters * rng.uniform(1.0, 1.1, size=(1000, solver.np))
+    given = {"q": q, "u": u, "p": p, **seeds, "dp": rng.normal(size=(3, 1000, solver.np))}
+    udot, dudot = solver.sensitivities(**given)
+    assert np.isfinite(udot).all() and np.isfinite(dudot).all()
+    for state in (0, 511, 998, 999):
+        spoilt = {**given, name: given[name].copy()}
+        place = (2, state, 1) if name[0] == "d" else (state, 1)
+        spoilt[name][place] = bad
+        with pytest.raises(ValueError, match=rf"{name}\[{', '.join(map(str, place))}\].* is {bad}, expected finite"):
+            solver.sensitivities(**spoilt)
+
+
+def test_results_of_large_batches_that_are_not_finite_are_reported(solver):
+    """Arguments are finite, and accelerations are beyond the largest number."""
+    (q, u), _ = arguments()
+    u[700] = 1e200
+    with pytest.warns(RuntimeWarning, match=r"udot of accelerations is not finite in state \[700\] of the batch"):
+        assert np.argwhere(~np.isfinite(solver.accelerations(q, u)).all(axis=1)).ravel().tolist() == [700]
+    u[701] = np.nan
+    solver.bad_states = "nan"
+    with pytest.warns(RuntimeWarning, match=r"1 of 1000 states are NaN: state \[701\]"):
+        solver.accelerations(q, u)

@@ -105,6 +105,7 @@ def states_context(
                     "states *const room = (states *)(((uintptr_t)b->work + 63) & ~(uintptr_t)63);",
                     *(f"states *const {a.name} = room + {a.at};" for of in placed.values() for a in of),
                     f"states *const work = room + {at};",
+                    "states sum = (states){0};",
                     "b->failed = -1;",
                     "b->code = 0;",
                 ],

@@ -91,10 +91,11 @@ typedef struct {
 } pendulum_filled;
 
 /* A batch of count states. Where something is singular, results are NaN; the first such state goes to failed (-1: none), what was
- * singular there to code, which is returned, and that of every state to codes, if they are there. */
+ * singular there to code, which is returned, and that of every state to codes, if they are there. infinite is set to 1 if an
+ * argument, a seed or a result is not finite, else to 0. */
 typedef struct {
     long count, directions, failed;
-    int code, *codes;
+    int code, infinite, *codes;
     pendulum_seen
         q, u, p, dq, du, dp;
     pendulum_filled

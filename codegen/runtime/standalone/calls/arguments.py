@@ -20,6 +20,9 @@ SMALLEST_QUATERNION = 1e-6
 MOST_AXES = 29
 """Of batches: NumPy's functions take 32, and results have up to three more."""
 
+LARGE = 1024
+"""Numbers; the C looks at those of larger arrays while it reads them."""
+
 LeftOut = Callable[[str, Mapping[str, Any]], Array | float]
 """What a mapping leaves out of an argument, from its name and all arguments."""
 
@@ -62,8 +65,13 @@ class Arguments:
         found.is_finite, found.finite, found.quaternions = lambda x: True, lambda x: np.ones((), bool), ()
         return found
 
-    def take(self, given: Mapping[str, Any], left_out: LeftOut) -> tuple[dict[str, Any], Shape]:
-        """Checked arguments, and the shape of the batch they make together."""
+    def take(
+        self, given: Mapping[str, Any], left_out: LeftOut, unseen: list[Unseen] | None = None
+    ) -> tuple[dict[str, Any], Shape]:
+        """Checked arguments, and the shape of the batch they make together.
+
+        Large ones go to `unseen`, if it is there, without a look at their numbers.
+        """
         arrays: dict[str, Any] = {}
         batch: Shape = ()
         for name, value in given.items():
@@ -79,7 +87,7 @@ class Arguments:
                 lead = value.shape
             else:
                 rest = left_out(name, given) if isinstance(value, Mapping) else 0.0
-                arrays[name] = value = self.array(name, value, name, rest)
+                arrays[name] = value = self.array(name, value, name, rest, unseen)
                 lead = value.shape[:-1]
             if lead and lead != batch:
                 batch = broadcast(batch, lead, arrays) if batch else lead
@@ -87,10 +95,12 @@ class Arguments:
             self._check_quaternions(arrays["q"])
         return arrays, batch
 
-    def array(self, name: str, value: Any, of: str, rest: Array | float = 0.0) -> Array:
+    def array(
+        self, name: str, value: Any, of: str, rest: Array | float = 0.0, unseen: list[Unseen] | None = None
+    ) -> Array:
         """An array of finite numbers whose last axis is that of the names of `of`; anything else is an error.
 
-        `rest` is what a mapping leaves out.
+        `rest` is what a mapping leaves out. See `take` about `unseen`.
         """
         n = self.shapes[of]
         if type(value) is not np.ndarray or value.dtype != self.dtype:
@@ -113,13 +123,20 @@ class Arguments:
                     value = np.ascontiguousarray(value)
                 if self.is_finite(value):
                     return value
+        if unseen is not None and value.size >= LARGE and n:
+            unseen.append(Unseen(self, name, value, of))
+        else:
+            self.look(name, value, of)
+        return value
+
+    def look(self, name: str, value: Array, of: str) -> None:
+        """Refuse numbers that are not finite."""
         finite = self.finite(once(value))
         if not finite.all():
             place = tuple(int(i) for i in np.argwhere(~np.broadcast_to(finite, value.shape))[0])
             where = f"[{', '.join(map(str, place))}]" if place else ""
-            which = f" ({self.names[of][place[-1]]})" if n else ""
+            which = f" ({self.names[of][place[-1]]})" if self.shapes[of] else ""
             raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
-        return value
 
     def _named(self, name: str, given: Mapping[str, Any], of: str, rest: Array | float) -> Array:
         """An array from some of its entries; the others are those of `rest`."""
@@ -185,6 +202,29 @@ class Arguments:
                 )
 
 
+class Unseen(NamedTuple):
+    """An argument or seed whose numbers have not been checked.
+
+    Attributes
+    ----------
+    arguments : Arguments
+    name : str
+        For messages.
+    value : array
+    of : str
+        The argument, or the one that a seed belongs to.
+    """
+
+    arguments: Arguments
+    name: str
+    value: Array
+    of: str
+
+    def look(self) -> None:
+        """Refuse numbers that are not finite."""
+        self.arguments.look(self.name, self.value, self.of)
+
+
 class Seeds(NamedTuple):
     """Directions of derivatives.
 
@@ -207,6 +247,7 @@ class Seeds(NamedTuple):
         arrays: Mapping[str, Any],
         batch: Shape,
         called: Mapping[str, str] = MappingProxyType({}),
+        unseen: list[Unseen] | None = None,
     ) -> tuple[Seeds, Shape]:
         """Checked seeds with as many batch axes as the batch, and the batch with theirs.
 
@@ -220,13 +261,15 @@ class Seeds(NamedTuple):
             The shape that these make.
         called : mapping of str to str
             Names of seeds that callers know by others.
+        unseen : list of Unseen, optional
+            See `Arguments.take`.
         """
         seeds: dict[str, Array] = {}
         for name, value in given.items():
             if value is None:
                 continue
             of = name[1:]
-            seed = arguments.array(called.get(name, name), value, of)
+            seed = arguments.array(called.get(name, name), value, of, unseen=unseen)
             if of == "t":
                 seed = seed[..., None]
             seeds[name] = seed[None] if seed.ndim == 1 else seed

@@ -21,7 +21,7 @@ from .threads import batch_threads, processors
 
 STRIDED = """
 typedef struct {{ {0} *at; long state, direction, entry; }} strided;
-typedef struct {{ long count, directions, failed; int code, *codes; strided {1}; {0} *work; }} states;
+typedef struct {{ long count, directions, failed; int code, infinite, *codes; strided {1}; {0} *work; }} states;
 """
 """The struct that functions over several states at once work on."""
 
@@ -50,6 +50,9 @@ are beyond the caches of a core, where those of one state still are within."""
 
 MOST_IN_LANES = 8_000_000
 """Doubles of memory of several states at once; with more they gain nothing over one after the other."""
+
+MOST_KEPT = 1_000_000
+"""Numbers of memory that is kept from one batch to the next."""
 
 Failed = dict[int, int]
 """Numbers of states of a batch, and what was singular there, as the C says it."""
@@ -99,6 +102,8 @@ class Batches:
         self._libraries: dict[str, Any] = {}
         self._errors: dict[str, Exception] = {}
         self._seen = 0
+        self._work: list[Array] = []
+        """Workspaces of several states at once that no call uses."""
         self._lock = threading.RLock()
 
     # -- parts of a batch ----------------------------------------------------------------------------------------------
@@ -192,9 +197,17 @@ class Batches:
         results: Sequence[Array],
         count: int,
         k: int,
-    ) -> Failed:
+        all_codes: bool,
+    ) -> tuple[Failed, bool]:
         """Run a function for several states at once; given are pointers and their steps from state to state and from direction
         to direction. Results are NaN where something was singular.
+
+        Returns
+        -------
+        failed : dict of int to int
+            All states that fail, or only the first of them.
+        finite : bool
+            Whether all numbers were, those given and results.
         """
         ffi, target = self._ffi, self._target
         symbol = f"{self._model}_{f.name}_states"
@@ -210,14 +223,26 @@ class Batches:
 
         threads = self.threads(f, count, k, True)
         shared: Any = self._shared() if threads > 1 else False
-        codes = np.zeros(count, np.intc)
-        work = np.empty(self._over_states["workspace"] * (threads if shared else 1), target.dtype)
+        size = self._over_states["workspace"] * (threads if shared else 1)
+        try:
+            work = self._work.pop()
+        except IndexError:
+            work = np.empty(0, target.dtype)
+        if work.size < size:
+            work = np.empty(size, target.dtype)
         b = ffi.new("states *", {"count": count, "directions": k, "work": target.pointer(work)})
-        b.codes = ffi.from_buffer("int[]", codes)
+        if all_codes:
+            codes = np.empty(count, np.intc)
+            b.codes = ffi.from_buffer("int[]", codes)
         for name, (at, state, direction) in arrays.items():
             setattr(b, name, (at, state, direction, 1))
         code = shared(call, b, threads) if shared else call(b)
-        return {int(i): int(codes[i]) for i in np.flatnonzero(codes)} if code else {}
+        if work.size <= MOST_KEPT:
+            self._work.append(work)
+        failed: Failed = {}
+        if code:
+            failed = {int(i): int(codes[i]) for i in np.flatnonzero(codes)} if all_codes else {b.failed: code}
+        return failed, not b.infinite
 
 
 __all__ = ["Batches", "Failed"]

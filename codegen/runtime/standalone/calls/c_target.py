@@ -262,7 +262,7 @@ class CTarget(Target):
 
     # -- any number of states ------------------------------------------------------------------------------------------
 
-    def run(self, task: Task) -> None:
+    def run(self, task: Task) -> bool:
         f, of, k, batch = task.f, task.seeds.of, task.seeds.k, task.batch
         given = {a: self._row(task.arrays[a], batch) for a in f.arguments if a != "t"}
         given |= {s: self._rows(of[s], k, batch, task.states) for s in f.seeds if s in of}
@@ -270,15 +270,20 @@ class CTarget(Target):
             if "t" in f.arguments:
                 t = np.asarray(task.arrays["t"], self.dtype)
                 given["t"] = self._whole(t, t.shape and batch), min(t.ndim, 1), 0
-            found = self.batches.states(f, given, task.out, task.states, k)
+            task.look(but=given)
+            found, finite = self.batches.states(f, given, task.out, task.states, k, task.failed is not None)
+            if not finite:
+                task.look()
         else:
-            found = self._one_by_one(task, given)
+            task.look()
+            found, finite = self._one_by_one(task, given), False
         if found and task.failed is None:
             number = min(found)
             raise self.singular(found[number], f" (state {list(task.place(number))} of the batch)" if batch else "")
         if found and task.failed is not None:
             task.failed.update({number: self.singular(code) for number, code in found.items()})
             task.spoil(task.out, f.derived, found)
+        return finite
 
     def _one_by_one(self, task: Task, given: Mapping[str, tuple[Any, int, int]]) -> Failed:
         """Compute the results of state after state, up to the first that fails or beyond it; what has failed.

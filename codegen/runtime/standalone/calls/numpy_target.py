@@ -35,7 +35,8 @@ class NumpyTarget(Target):
         spec.loader.exec_module(module)
         return module
 
-    def run(self, task: Task) -> None:
+    def run(self, task: Task) -> bool:
+        task.look()
         f, of, k = task.f, task.seeds.of, task.seeds.k
         axes = (1,) * len(task.batch)
         along = [of[s] if s in of else np.zeros((k, *axes, n)) for s, n in f.seeds.items()]
@@ -46,10 +47,11 @@ class NumpyTarget(Target):
             if task.failed is None:
                 raise
             self._one_by_one(task, task.failed)
-            return
+            return False
         for place, x, shape in zip(task.out, found, f.shapes, strict=True):
             if place is not None:
                 place[...] = in_rows(x, shape, place.ndim)
+        return False
 
     def _one_by_one(self, task: Task, failed: dict[int, SingularJointError]) -> None:
         """Each state of a batch alone: some of them cannot be computed."""

@@ -39,7 +39,7 @@ static int wanted;
 static struct {
     alignas(128) atomic_long untaken;
     long end, failed;
-    int code;
+    int code, infinite;
 } shares[MOST_THREADS];
 
 static atomic_uint open_batch;    /* its number, 0 if none is open */
@@ -73,7 +73,9 @@ static void take_chunk(int thread, long begin, long end)
     if (b.codes) b.codes += begin;
 #define MOVE_ON(array) if (b.array.at) b.array.at += begin*b.array.state;
     EACH_ARRAY(MOVE_ON)
-    if (called(&b) && (shares[thread].failed < 0 || begin + b.failed < shares[thread].failed)) {
+    const int code = called(&b);
+    shares[thread].infinite |= b.infinite;
+    if (code && (shares[thread].failed < 0 || begin + b.failed < shares[thread].failed)) {
         shares[thread].failed = begin + b.failed;
         shares[thread].code = b.code;
     }
@@ -166,7 +168,7 @@ int ON_THREADS(int (*function)(BATCH *), BATCH *b, int count)
         atomic_store(&shares[i].untaken, i*share);
         shares[i].end = (i + 1)*share < b->count ? (i + 1)*share : b->count;
         shares[i].failed = -1;
-        shares[i].code = 0;
+        shares[i].code = shares[i].infinite = 0;
     }
     if (!++batches) ++batches; /* 0 is none */
     atomic_store(&open_batch, batches);
@@ -182,12 +184,14 @@ int ON_THREADS(int (*function)(BATCH *), BATCH *b, int count)
         if (looks % 64 == 0) sched_yield();
     }
     b->failed = -1;
-    b->code = 0;
-    for (int i = 0; i < count; ++i)
+    b->code = b->infinite = 0;
+    for (int i = 0; i < count; ++i) {
+        b->infinite |= shares[i].infinite;
         if (shares[i].failed >= 0 && (b->failed < 0 || shares[i].failed < b->failed)) {
             b->failed = shares[i].failed;
             b->code = shares[i].code;
         }
+    }
     atomic_store(&busy, 0);
     return b->code;
 }

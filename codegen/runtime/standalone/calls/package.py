@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import Array, Shape
 from ..errors import SingularJointError
 from ..files.manifest import read_manifest, refuse_another
-from .arguments import NO_SEEDS, Arguments, Seeds
+from .arguments import NO_SEEDS, Arguments, Seeds, Unseen
 from .bad_states import BAD_STATES, spread, tell_bad, without_bad
 from .c_target import CTarget
 from .functions import (
@@ -302,17 +302,17 @@ class Package:
         if name in self._composed and name not in opened.functions:
             return self._composed[name](given, seeds, out)
         f = self._find(opened, name)
-        arrays, batch, bad = self._taken(f, given)
+        unseen: list[Unseen] = []
+        arrays, batch, bad = self._taken(f, given, unseen)
         along = NO_SEEDS
         if seeds is not None:
             of, called = batch, WEIGHTS if name in WEIGHTED else {}
-            along, batch = Seeds.take(
-                self._arguments, dict(zip(f.directions, seeds, strict=True)), arrays, batch, called
-            )
+            named = dict(zip(f.directions, seeds, strict=True))
+            along, batch = Seeds.take(self._arguments, named, arrays, batch, called, unseen)
             bad = bad if batch == of else spread(bad, of, batch)
         returned = f.results if isinstance(wanted, str) else wanted.returned
         out = [out] if out is not None and seeds is None and len(returned) == 1 else out
-        return self._computed(opened, Task(f, arrays, batch, along, ()), returned, out, bad)
+        return self._computed(opened, Task(f, arrays, batch, along, (), unseen=unseen), returned, out, bad)
 
     def _one_state(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None) -> Any:
         """Results of a function, vectors; None unless q and u are arrays of one state, and all goes straight to the C."""
@@ -322,11 +322,14 @@ class Package:
         found = self._calls[wanted](given, seeds, None)
         return found if found is not None and found[0].ndim == 1 else None
 
-    def _taken(self, f: Function, values: Sequence[Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
-        """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error."""
+    def _taken(
+        self, f: Function, values: Sequence[Any], unseen: list[Unseen] | None = None
+    ) -> tuple[dict[str, Any], Shape, dict[int, str]]:
+        """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error. See
+        `Arguments.take` about `unseen`."""
         given = f.named(values)
         if self._bad_states == "error":
-            return *self._arguments.take(given, self._left_out), {}
+            return *self._arguments.take(given, self._left_out, unseen), {}
         return without_bad(self._arguments, self._initial[0], given, self._left_out)
 
     def _computed(
@@ -350,8 +353,11 @@ class Package:
         found = {r: None if r in skipped else direct[r] if r in direct else empty(s, dtype) for r, s in shapes.items()}
         failed: dict[int, SingularJointError] | None = {} if batch and self._bad_states == "nan" else None
         task = task._replace(out=[*found.values()], failed=failed)
+        finite = False
         if f.has_entries():
-            opened.target.run(task)
+            finite = opened.target.run(task)
+        else:
+            task.look()
         zero, along = self._arguments.kind(0), dict(zip(f.results, f.derived, strict=True))
         results: list[Any] = [
             found[r] if r in found else np.full(s, zero, dtype) for r, s in zip(returned, wanted, strict=True)
@@ -360,7 +366,7 @@ class Package:
             told = {n: str(error) for n, error in (failed or {}).items()} | dict(bad)
             task.spoil(results, [along.get(r, bool(f.seeds)) for r in returned], told)
             tell_bad(self.name, dict(sorted(told.items())), batch)
-        elif f.has_entries():
+        elif not finite and f.has_entries():
             tell_infinite(opened, task)
         return tuple(put(results, [*taken.values()]))
 

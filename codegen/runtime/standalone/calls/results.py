@@ -63,8 +63,14 @@ def overlapping(arrays: Iterable[Array]) -> tuple[int, int] | None:
 
 def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
     """Whether results would be written over arguments that are still read."""
-    given = (a for a in arrays.values() if isinstance(a, np.ndarray))
-    return any(np.may_share_memory(a, b) for a, b in itertools.product(taken, given))
+    if not taken:
+        return False
+    for x in arrays.values():
+        if isinstance(x, np.ndarray):
+            for place in taken:
+                if np.may_share_memory(place, x):
+                    return True
+    return False
 
 
 def put(results: Sequence[Array], out: Sequence[Array]) -> list[Array]:

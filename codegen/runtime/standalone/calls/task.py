@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import Array, Shape, dtype_of, of_state
 from ..errors import SingularJointError
-from .arguments import NO_SEEDS, Seeds
+from .arguments import NO_SEEDS, Seeds, Unseen
 from .functions import Function
 from .results import empty
 from .single_calls import Call, NoCalls
@@ -32,6 +32,8 @@ class Task(NamedTuple):
         Where results go, (*batch, *shape), and derivatives along seeds, (k, *batch, *shape); None for one that is not wanted.
     failed : dict of int to SingularJointError, or None
         Gets the states of a batch that fail, which have NaN then; without it they are an error.
+    unseen : sequence of Unseen
+        Large arguments and seeds whose numbers have not been checked.
     """
 
     f: Function
@@ -40,11 +42,24 @@ class Task(NamedTuple):
     seeds: Seeds
     out: Sequence[Any]
     failed: dict[int, SingularJointError] | None = None
+    unseen: Sequence[Unseen] = ()
 
     @property
     def states(self) -> int:
         """How many states there are."""
         return math.prod(self.batch)
+
+    def look(self, but: Collection[str] = ()) -> None:
+        """Check the numbers of large arguments and seeds, except of some.
+
+        Raises
+        ------
+        ValueError
+            A number is not finite.
+        """
+        for unseen in self.unseen:
+            if unseen.name not in but:
+                unseen.look()
 
     def place(self, number: int) -> tuple[int, ...]:
         """Where a state is in the batch."""
@@ -78,8 +93,14 @@ class Target(ABC):
         self.couplings = frozenset(manifest.get("couplings", ()))
 
     @abstractmethod
-    def run(self, task: Task) -> None:
-        """Compute the results of a task."""
+    def run(self, task: Task) -> bool:
+        """Compute the results of a task. Returns True if all of them are known to be finite.
+
+        Raises
+        ------
+        ValueError
+            A number of a large argument or seed is not finite.
+        """
 
     def compute(
         self, f: Function, arrays: Mapping[str, Any], batch: Shape, seeds: Seeds = NO_SEEDS,
