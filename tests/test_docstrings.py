@@ -40,6 +40,10 @@ FUNCTIONS = [
         "runtime.standalone.statics.equilibrium": "Equilibrium",
         "runtime.standalone.statics.linearization": "Linearization Matrices Modes",
         "runtime.standalone.trust.diagnosis": "Diagnosis MassCondition ClosureCondition",
+        "design.variables": "Variable Variables", "design.objective": "OfVariables Objective objective",
+        "design.outcome": "Outcome", "design.evaluated_points": "Evaluation", "design.load_cases": "LoadCases",
+        "design.optimizing": "optimize", "design.fitting": "fit", "design.fit_result": "Fit",
+        "design.many_motions": "Motions simulate_many", "design.sweep": "sweep", "design.sweep_result": "Sweep",
     }.items()
     for name in names.split()
 ]  # fmt: skip

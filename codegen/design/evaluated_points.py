@@ -20,18 +20,19 @@ class Evaluation:
     Attributes
     ----------
     number : int
-        From 1.
-    x : array (n,)
-        As the optimiser sees it.
+        Number of the motion, from 1.
+    x : ndarray (n,)
+        The point, as the optimiser sees it.
     value : float
-        Of the objective; infinite where the motion failed.
-    functionals : array (m,)
-        Values of functionals, those of constraints behind those of the objective; NaN where the motion failed.
+        Value of the objective; infinite if the motion failed.
+    functionals : ndarray (m,)
+        Values of the functionals of the objective, then of the constraints; NaN if the motion failed.
     gradient_norm : float
-        The largest entry of the gradient by x.
+        Largest entry of the gradient by x.
     seconds : float
+        Time that the motion took.
     failure : str
-        Why the motion failed, empty if it did not.
+        Reason of the failure, empty if there was none.
     """
 
     number: int

@@ -28,42 +28,54 @@ STRONG = 0.95
 
 @dataclass(slots=True, eq=False)
 class Fit:
-    """Values that were identified; ``fit["length"]`` is one of them.
+    """Identified values and their uncertainty; ``fit["length"]`` is one of them.
 
     Attributes
     ----------
     names, units : tuple of str
-    values : array (n,)
-        In the model's units.
-    deviations : array (n,)
-        Standard deviations; infinite where the samples do not determine a variable, NaN at a bound, which counts as given.
-    covariance : array (n, n)
-        Of the values, (J^T J)^-1, in the variance of the residuals where sigma was not given; NaN where `deviations` are not
+        Names and units of the variables.
+    values : ndarray (n,)
+        Values in the model's units.
+    deviations : ndarray (n,)
+        Standard deviations. Infinite for a variable that the samples do not determine; NaN at a bound, where the
+        variable counts as given.
+    covariance : ndarray (n, n)
+        Covariance of the values, (J^T J)^-1, times `variance` if sigma was not given. NaN where `deviations` are not
         finite.
-    correlations : array (n, n)
+    correlations : ndarray (n, n)
+        Correlations of the values.
     undetermined : tuple of dict of str to float
-        Directions along which the motions do not change where there are samples: changes of variables in their units.
+        Directions along which no sample changes, as changes of variables in their units.
     at_bounds : dict of str to str
-        Variables that lie at a bound, and at which, "lower" or "upper".
-    singular_values : array
-        Of the Jacobian by variables of order one, those at bounds left out.
-    residuals : tuple of dict of str to array (nt,)
-        For each experiment, by the names of its samples: what the motion is more than them, in their units.
+        Variables at a bound, and which one: "lower" or "upper".
+    singular_values : ndarray
+        Singular values of the Jacobian by variables of order one, without those at bounds.
+    residuals : tuple of dict of str to ndarray (nt,)
+        For each experiment the motion minus the samples, in their units.
     trajectories : tuple of Trajectory
-        For each experiment, with its derivatives.
+        The motion of each experiment, with its derivatives.
     experiments : tuple of str
+        Names of the experiments.
     sum_of_squares : float
-        Of residuals, in standard deviations of the samples.
+        Sum of squared residuals, in units of the standard deviations of the samples.
     freedom : int
-        Samples less variables that they determine.
+        Number of samples minus the number of determined variables.
     variance : float
-        sum_of_squares/freedom; near 1 where model and given sigma are right.
+        sum_of_squares/freedom; near 1 if model and given sigma are right.
     sigma_given : bool
+        Whether sigma was given.
     success : bool
+        Whether the search converged.
     message : str
+        Reason for the end of the search.
     motions : int
+        Number of evaluations of all motions.
     failures : tuple of str
-        Motions of the search that failed, with why.
+        Motions that failed during the search, with the reasons.
+    cost : float
+        Final cost of the search.
+    first_cost : float
+        Cost at its start.
     """
 
     names: tuple[str, ...]
@@ -94,7 +106,42 @@ class Fit:
         cls, space: Space, x: Array, residuals: Array, jacobian: Array, experiments: tuple[Experiment, ...],
         trajectories: tuple[Trajectory, ...], *, sigma_given: bool, undetermined: float, **more: Any,
     ) -> Fit:  # fmt: skip
-        """From residuals (m,) and their Jacobian (m, n) by x (n,), in standard deviations of the samples."""
+        """Make a fit from residuals and their Jacobian.
+
+        Parameters
+        ----------
+        space : Space
+            The variables.
+        x : ndarray (n,)
+            Solution, as numbers of order one.
+        residuals : ndarray (m,)
+            Residuals in standard deviations of the samples.
+        jacobian : ndarray (m, n)
+            Their derivatives by x.
+        experiments : tuple of Experiment
+            The experiments.
+        trajectories : tuple of Trajectory
+            Their motions.
+        sigma_given : bool
+            Whether standard deviations were given.
+        undetermined : float
+            Part of the largest singular value below which a direction is not determined.
+        **more
+            Further fields of the fit.
+
+        Returns
+        -------
+        Fit
+            The fit.
+
+        Examples
+        --------
+        >>> times = np.linspace(0.0, 1.0, 11)
+        >>> true = solver.simulate(times, p={"length_1": 1.1})
+        >>> type(ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1")).__name__
+        'Fit'
+        """
+        # long: its arguments, each with its meaning
         n = len(x)
         low, high = space.x_bounds
         bounds = {i: side for i in range(n) if (side := at_bound(float(x[i]), float(low[i]), float(high[i])))}
@@ -135,11 +182,53 @@ class Fit:
         return float(self.values[self._place(name)])
 
     def deviation(self, name: str) -> float:
-        """The standard deviation of a variable."""
+        """Return the standard deviation of a variable.
+
+        Parameters
+        ----------
+        name : str
+            Name of the variable.
+
+        Returns
+        -------
+        float
+            Standard deviation, in the model's unit.
+
+        Examples
+        --------
+        >>> times = np.linspace(0.0, 1.0, 11)
+        >>> true = solver.simulate(times, p={"length_1": 1.1})
+        >>> found = ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1", sigma=0.01)
+        >>> round(found.deviation("length_1"), 4)
+        0.0067
+        """
         return float(self.deviations[self._place(name)])
 
     def interval(self, name: str, probability: float = 0.95) -> tuple[float, float]:
-        """Where the true value lies with some probability, as far as the model is linear there (Student's t, or normal)."""
+        """Return the confidence interval of a variable, as far as the model is linear there.
+
+        Parameters
+        ----------
+        name : str
+            Name of the variable.
+        probability : float, optional
+            Probability of the interval, between 0 and 1. It uses the normal distribution if sigma was given, else
+            Student's t.
+
+        Returns
+        -------
+        lower, upper : float
+            Ends of the interval, in the model's unit.
+
+        Examples
+        --------
+        >>> times = np.linspace(0.0, 1.0, 11)
+        >>> true = solver.simulate(times, p={"length_1": 1.1})
+        >>> found = ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1", sigma=0.01)
+        >>> lower, upper = found.interval("length_1")
+        >>> lower < 1.1 < upper
+        True
+        """
         from scipy.stats import norm, t
 
         if not 0 < probability < 1:
@@ -150,7 +239,20 @@ class Fit:
         return value - factor * deviation, value + factor * deviation
 
     def as_dict(self) -> dict[str, float]:
-        """Values by name, in the model's units: ``p`` of another call, where all are parameters."""
+        """Return the values by name.
+
+        Returns
+        -------
+        dict of str to float
+            Values in the model's units. If all are parameters, it is `p` of another call.
+
+        Examples
+        --------
+        >>> times = np.linspace(0.0, 1.0, 11)
+        >>> true = solver.simulate(times, p={"length_1": 1.1})
+        >>> list(ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1").as_dict())
+        ['length_1']
+        """
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
     def _place(self, name: str) -> int:
@@ -159,7 +261,22 @@ class Fit:
         return self.names.index(name)
 
     def lines(self) -> list[str]:
-        """What `repr` says, line by line."""
+        """Return the summary that `repr` shows.
+
+        Returns
+        -------
+        list of str
+            Its lines.
+
+        Examples
+        --------
+        >>> times = np.linspace(0.0, 1.0, 11)
+        >>> true = solver.simulate(times, p={"length_1": 1.1})
+        >>> found = ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1")
+        >>> found.lines()[0].partition(",")[0]
+        '1 variables from 11 samples'
+        """
+        # long: a line for each part of the summary
         n, m = len(self.names), self.freedom + len(self.singular_values)
         m -= sum(1 for _ in self.undetermined)
         failed = f", {len(self.failures)} of them failed" if self.failures else ""

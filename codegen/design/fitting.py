@@ -65,48 +65,63 @@ def fit(
     rtol: float = 1e-9, atol: Any = 1e-9, method: str = "trf", loss: str = "linear", undetermined: float = UNDETERMINED,
     most_motions: int | None = None, tolerance: float = 1e-10, **options: Any,
 ) -> Fit:  # fmt: skip
-    """Find the variables with which motions come nearest to samples, and how well these determine them.
+    """Identify variables from samples of motions, by nonlinear least squares with exact Jacobians.
 
     Parameters
     ----------
     solver : Solver
-    times : (nt,)
-        Of the samples, s, rising.
-    samples : mapping of str to (nt,)
-        By names of outputs, or ``q.NAME`` and ``u.NAME`` of coordinates and speeds; NaN where there is no sample.
-    variables : names, or mapping of names to None, (lower, upper) or `Variable`
-        As those of `objective`. The search begins at the values of the motion that is given.
-    sigma : float, or mapping of str to float or (nt,), optional
-        Standard deviations of the samples, in their units. Left out: all are equally uncertain, and how much is found from
-        the residuals.
-    q, u, p, inputs
-        The motion as it is where variables say nothing, see `Solver.simulate`.
-    start : float
-        When the motion begins, s; not after the first sample.
+        The model.
+    times : array_like (nt,)
+        Times of the samples, s, increasing.
+    samples : mapping of str to array_like (nt,)
+        Samples by names of outputs, or by ``q.NAME`` and ``u.NAME``. NaN where there is no sample.
+    variables : str, sequence of str, or mapping of str to None, (lower, upper) or Variable
+        Variables, as in `objective`. The search begins at the values of the given motion.
+    sigma : float, or mapping of str to float or array_like (nt,), optional
+        Standard deviations of the samples, in their units. Left out: all are equal and follow from the residuals.
+    q, u, p : array_like or mapping, optional
+        Initial state and parameters where no variable determines them, as in `Solver.simulate`.
+    inputs : array_like, tuple, callable, spline or mapping, optional
+        Inputs over time, as in `Solver.simulate`.
+    start : float, optional
+        Start of the motion, s; not after the first sample.
     experiments : sequence of mappings, optional
-        Several motions that share the variables, instead of times and samples: each has ``times`` and ``samples``, and may have
-        ``sigma``, ``q``, ``u``, ``p``, ``inputs``, ``start``, ``name``, and ``variables`` of its own, whose names get the
-        experiment's, such as ``q0.arm (second)``. What it does not have is that of the call.
-    integrator, rtol, atol, options
-        As method, rtol, atol and others of `Solver.simulate`.
-    method, loss
-        As those of `scipy.optimize.least_squares`; a loss other than "linear" takes outliers less seriously, and the
-        covariance is then that of the samples as it weighs them.
-    undetermined : float
-        Directions whose singular value is a smaller part of the largest are reported as not determined.
+        Several motions that share the variables, instead of times and samples. Each has ``times`` and ``samples``, and
+        may have ``sigma``, ``q``, ``u``, ``p``, ``inputs``, ``start``, ``name``, and ``variables`` of its own. The
+        names of these get the experiment's, such as ``q0.arm (second)``. Missing entries are those of the call.
+    integrator : {"dop853", "radau", "rk4"}, optional
+        The method of `Solver.simulate`.
+    rtol, atol : float, optional
+        Tolerances of a step, as in `Solver.simulate`.
+    method, loss : str, optional
+        As in `scipy.optimize.least_squares`. A loss other than "linear" reduces the weight of outliers; the covariance
+        then refers to the weighted samples.
+    undetermined : float, optional
+        Directions with a singular value below this part of the largest are reported as not determined.
     most_motions : int, optional
-        Evaluations of all motions that are allowed.
-    tolerance : float
-        Relative changes of cost and variables, and the size of the gradient, at which the search ends.
+        Largest number of evaluations of all motions.
+    tolerance : float, optional
+        Relative change of cost and variables, and size of the gradient, at which the search ends.
+    **options
+        Further arguments of `Solver.simulate`.
 
     Returns
     -------
     Fit
+        Values, standard deviations, correlations, residuals.
 
     Raises
     ------
     SimulationError, AssemblyError, SingularJointError
-        A motion fails at the start of the search; later ones are stepped back from, and counted.
+        If a motion fails at the start of the search. Later failures are counted, and the search steps back.
+
+    Examples
+    --------
+    >>> times = np.linspace(0.0, 1.0, 11)
+    >>> true = solver.simulate(times, p={"length_1": 1.1})
+    >>> found = ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1")
+    >>> round(found["length_1"], 6)
+    1.1
     """
     # long: what it takes is described
     from scipy.optimize import least_squares

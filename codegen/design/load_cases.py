@@ -16,27 +16,41 @@ from .variables import Variables
 
 
 class LoadCases(OfVariables):
-    """The weighted sum of objectives: one design for several motions, or models; `optimize` takes it like an `Objective`.
+    """The weighted sum of objectives: one design for several motions or models.
 
-    A constraint is one of a case, ``f.cases[0].constraint(...)``: it takes the same x, and no motion of its own.
+    `optimize` takes it like an `Objective`. A constraint belongs to one case: ``f.cases[0].constraint(...)``. It takes
+    the same x and needs no motion of its own.
 
     Parameters
     ----------
     objectives : sequence of Objective
-        One for each case, all of the same variables with the same bounds and scales; a search begins at the start of the first.
-    weights : (n,), optional
-        Of the cases in the sum; left out: one each.
-    threads : int
-        Cases that are computed at once, at most.
+        One for each case, all of the same variables with the same bounds and scales. A search begins at the start of
+        the first one.
+    weights : array_like (n,), optional
+        Weights of the cases in the sum. Left out: 1.
+    threads : int, optional
+        Largest number of cases that are computed at once.
 
     Attributes
     ----------
     cases : tuple of Objective
-    weights : array (n,)
+        The cases.
+    weights : ndarray (n,)
+        Their weights.
 
     Raises
     ------
     ValueError
+        If the objectives have different variables, or an argument has another shape.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import Final
+    >>> near = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)}, q={"upper": 0.5})
+    >>> far = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)}, q={"upper": 1.5})
+    >>> f = ordernm.load_cases([near, far], weights=[2.0, 1.0])
+    >>> bool(np.isclose(f(f.x0), 2 * near(f.x0) + far(f.x0)))
+    True
     """
 
     def __init__(self, objectives: Sequence[Objective], *, weights: ArrayLike | None = None, threads: int = 1):
@@ -67,7 +81,28 @@ class LoadCases(OfVariables):
         self._threads = int(threads)
 
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
-        """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``; every case remembers its motion at x."""
+        """Return value and gradient, for ``minimize(f.value_and_gradient, f.x0, jac=True)``.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        value : float
+            The weighted sum; infinite where a motion fails.
+        gradient : ndarray (n,)
+            Its derivatives by x; NaN where a motion fails.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> case = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f = ordernm.load_cases([case])
+        >>> f.value_and_gradient(f.x0)[1].shape
+        (1,)
+        """
         x = np.array(x, float)
         if self._threads > 1:
             with ThreadPoolExecutor(min(self._threads, len(self.cases))) as pool:
@@ -80,12 +115,30 @@ class LoadCases(OfVariables):
         return float(self.weights @ values), self.weights @ gradients
 
     def error(self, x: ArrayLike) -> Exception:
-        """Why a motion at x fails, that of the first case that does.
+        """Return the error with which the motion of the first failing case fails.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        Exception
+            The error.
 
         Raises
         ------
         ValueError
-            None does.
+            If no motion fails.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> case = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)}, most_steps=2)
+        >>> f = ordernm.load_cases([case])
+        >>> type(f.error(f.x0)).__name__
+        'SimulationError'
         """
         for case in self.cases:
             if not np.isfinite(case(x)):
@@ -94,11 +147,30 @@ class LoadCases(OfVariables):
 
     @property
     def motions(self) -> int:
-        """How many motions were run."""
+        """Number of motions that were run."""
         return sum(case.motions for case in self.cases)
 
     def result(self, x: ArrayLike) -> Outcome:
-        """Named values at x, with the sum and its derivatives by them, and the functionals of all cases one after the other."""
+        """Return named values, the weighted sum and its derivatives, and the functionals of all cases.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        Outcome
+            Values in the model's units.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> case = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f = ordernm.load_cases([case])
+        >>> f.result([0.5])["length_1"]
+        1.25
+        """
         value, gradient = self.value_and_gradient(x)
         several, first = [case.result(x) for case in self.cases], self.cases[0].result(x)
         return Outcome(

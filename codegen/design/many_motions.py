@@ -19,14 +19,15 @@ from .failures import FAILURES
 
 @dataclass(slots=True, eq=False)
 class Motions(Sequence[Trajectory | None]):
-    """Trajectories in the order of the rows; ``motions["tip_x"]`` is a series of all of them.
+    """Trajectories of a batch of motions; ``motions["tip_x"]`` is a series of all of them.
 
     Attributes
     ----------
     trajectories : list of (Trajectory or None)
-        Of a motion that ended early, what there is of it; None where it could not begin, or nobody waited for it.
+        One for each motion. Of a motion that ended early, the part up to there; None if it could not begin or was not
+        begun.
     failures : dict of int to Exception
-        By the motion's number, from 0.
+        Errors by the index of the motion, from 0.
     """
 
     trajectories: list[Trajectory | None]
@@ -44,15 +45,58 @@ class Motions(Sequence[Trajectory | None]):
 
     @property
     def succeeded(self) -> Any:
-        """Which motions came to their end, booleans (n,)."""
+        """Whether each motion reached its end, array of bool (n,)."""
         return np.array([x is not None and i not in self.failures for i, x in enumerate(self.trajectories)], bool)
 
     def series(self, name: str) -> Array:
-        """A series of all motions, (n, nt), for motions with times that were given; NaN behind the end of one that failed."""
+        """Return a series of all motions.
+
+        Parameters
+        ----------
+        name : str
+            Name of a series of `Trajectory`.
+
+        Returns
+        -------
+        ndarray (n, nt)
+            Its values; NaN after the end of a motion that failed.
+
+        Raises
+        ------
+        ValueError
+            If the motions were run without given times.
+
+        Examples
+        --------
+        >>> motions = ordernm.simulate_many(solver, np.linspace(0.0, 1.0, 11), p={"length_1": [0.8, 1.0, 1.2]})
+        >>> motions.series("tip_x").shape
+        (3, 11)
+        """
         return self._together(lambda x: x[name])
 
     def derivative(self, name: str, by: str) -> Array:
-        """The derivative of a series in all motions, (n, nt)."""
+        """Return the derivative of a series in all motions.
+
+        Parameters
+        ----------
+        name : str
+            Name of a series of `Trajectory`.
+        by : str
+            One of the sensitivities.
+
+        Returns
+        -------
+        ndarray (n, nt)
+            Its values; NaN after the end of a motion that failed.
+
+        Examples
+        --------
+        >>> motions = ordernm.simulate_many(
+        ...     solver, np.linspace(0.0, 1.0, 11), p={"length_1": [0.8, 1.0, 1.2]}, sensitivities="mass_1"
+        ... )
+        >>> motions.derivative("tip_x", "mass_1").shape
+        (3, 11)
+        """
         return self._together(lambda x: x.derivative(name, by))
 
     def _together(self, of: Callable[[Trajectory], Array]) -> Array:
@@ -82,34 +126,44 @@ def simulate_many(
     solver: Any, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
     threads: int | None = None, progress: Callable[[int, int], None] | None = None, **options: Any,
 ) -> Motions:  # fmt: skip
-    """Simulate a batch of motions over threads.
+    """Simulate a batch of motions on several threads.
 
     Parameters
     ----------
     solver : Solver
-    t
-        As that of `Solver.simulate`, the same for all.
-    q, u, p : (nq,), (nu,), (np,), or (n, ...), or mappings of names to numbers or (n,), optional
-        What has n rows is different for each motion.
-    inputs : list of n, or (n, ninputs), or what `Solver.simulate` takes
-        The former two are different for each motion.
+        The model.
+    t : float or array_like (nt,)
+        Times as in `Solver.simulate`, the same for all motions.
+    q, u, p : array_like (n, ...) or (...), or mapping, optional
+        Initial states and parameters. What has n rows differs between the motions; values of a mapping are numbers or
+        (n,).
+    inputs : list of n, array_like (n, ninputs), or inputs of Solver.simulate, optional
+        Inputs over time. The first two forms differ between the motions.
     threads : int, optional
-        Left out: as many as processors that may be used.
+        Number of threads. Left out: the number of processors that may be used.
     progress : callable, optional
-        Called as ``progress(done, n)`` whenever a motion has ended; KeyboardInterrupt in it, or Ctrl-C, ends all of them, and
-        what was computed until then is returned.
-    options
-        Further arguments of `Solver.simulate`, such as sensitivities, rtol, method.
+        Called as ``progress(done, n)`` after each motion. A KeyboardInterrupt in it ends all motions; the results so
+        far are returned.
+    **options
+        Further arguments of `Solver.simulate`, such as `sensitivities`, `rtol`, `method`.
 
     Returns
     -------
     Motions
-        In the order of the rows; motions that fail are recorded, and the others go on.
+        Trajectories in the order of the rows. Motions that fail are recorded, and the others continue.
 
     Raises
     ------
     ValueError
+        If an argument has a wrong shape or value.
+
+    Examples
+    --------
+    >>> motions = ordernm.simulate_many(solver, np.linspace(0.0, 1.0, 11), p={"length_1": [0.8, 1.0, 1.2]})
+    >>> len(motions), motions["tip_x"].shape
+    (3, (3, 11))
     """
+    # long: its arguments, each with its meaning
     _check(options, threads, progress)
     several = _rows(solver, q, u, p, inputs)
     n = len(several)

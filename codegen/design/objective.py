@@ -1,4 +1,5 @@
 """The value of a motion as a function that SciPy's optimisers take, with its exact gradient."""
+# long: a docstring with an example for each of seventeen functions
 
 from __future__ import annotations
 
@@ -27,55 +28,113 @@ KEPT = 16
 
 
 class OfVariables(ABC):
-    """A function of an optimiser's x (n,), numbers of order one, with its exact gradient.
+    """A function of an optimiser's x (n,) with its exact gradient.
 
     Attributes
     ----------
     variables : Variables
-        `Variables.values` says what x are in the model's units.
+        `Variables.values` converts x to the model's units.
     """
 
     variables: Variables
 
     @abstractmethod
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
-        """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``."""
+        """Return value and gradient, for ``minimize(f.value_and_gradient, f.x0, jac=True)``.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        value : float
+            The value; infinite where a motion fails.
+        gradient : ndarray (n,)
+            Its derivatives by x; NaN where a motion fails.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> value, gradient = f.value_and_gradient(f.x0)
+        >>> round(value, 4), gradient.round(4)
+        (1.4231, array([0.1759]))
+        """
 
     def __call__(self, x: ArrayLike) -> float:
         """The value at x (n,); infinite where a motion fails."""
         return self.value_and_gradient(x)[0]
 
     def gradient(self, x: ArrayLike) -> Array:
-        """The gradient by x, (n,); NaN where a motion fails."""
+        """Return the gradient by x.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        ndarray (n,)
+            Derivatives of the value by x; NaN where a motion fails.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.gradient(f.x0).round(4)
+        array([0.1759])
+        """
         return self.value_and_gradient(x)[1]
 
     @property
     def x0(self) -> Array:
-        """Where to begin, (n,)."""
+        """Start of a search, (n,)."""
         return self.variables.x0
 
     @property
     def bounds(self) -> Any:
-        """Of x, as `scipy.optimize.Bounds`."""
+        """Bounds of x, as `scipy.optimize.Bounds`."""
         from scipy.optimize import Bounds
 
         return Bounds(*self.variables.x_bounds, keep_feasible=True)
 
     def values(self, x: ArrayLike) -> dict[str, float]:
-        """Variables by name, in the model's units."""
+        """Return the variables by name.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        dict of str to float
+            Values in the model's units.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.values([0.5])
+        {'length_1': 1.25}
+        """
         return dict(zip(self.variables.names, self.variables.values(x).tolist(), strict=True))
 
 
 class Objective(OfVariables):
-    """``f(x)``, ``f.gradient(x)`` and ``f.value_and_gradient(x)``; made by `objective`.
+    """A function of design variables, made by `objective`: ``f(x)``, ``f.gradient(x)``, ``f.value_and_gradient(x)``.
 
-    Value and gradient at one x take one motion, and so do constraints, which are evaluated along with it.
+    Value, gradient and constraints at one x take one motion.
 
     Attributes
     ----------
     variables : Variables
+        The design variables.
     history : list of Evaluation
-        Of every motion that was run.
+        Every motion that was run.
     """
 
     def __init__(
@@ -105,29 +164,85 @@ class Objective(OfVariables):
     # -- for optimisers ---------------------------------------------------------------------------------------------
 
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
-        """Both, for ``minimize(f.value_and_gradient, f.x0, jac=True)``."""
+        """Return value and gradient, for ``minimize(f.value_and_gradient, f.x0, jac=True)``.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        value : float
+            The value; infinite where the motion fails.
+        gradient : ndarray (n,)
+            Its derivatives by x; NaN where the motion fails.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> value, gradient = f.value_and_gradient([0.5])
+        >>> round(value, 4), gradient.round(4)
+        (1.4768, array([0.0401]))
+        """
         point = self._at(x)
         return point.value, point.gradient.copy()
 
     def constraint(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
     ) -> Any:
-        """A `scipy.optimize.NonlinearConstraint`, lower <= functionals <= upper, in their units, with its exact Jacobian.
+        """Return the constraint ``lower <= functionals <= upper`` with its exact Jacobian.
 
-        Equal bounds make an equation. Where a motion fails the constraint has the values of the last that did not: the
-        objective says there that it is no good.
+        Equal bounds make an equation. Where a motion fails, the constraint has the values of the last motion that did
+        not fail.
 
         Parameters
         ----------
-        functionals : one or m of `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`
-        lower, upper : float or (m,)
+        functionals : functional or sequence of m functionals
+            `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`.
+        lower, upper : float or array_like (m,), optional
+            Bounds in the units of the functionals. Left out: no bound.
+
+        Returns
+        -------
+        scipy.optimize.NonlinearConstraint
+            The constraint, as a function of x.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import At, Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> constraint = f.constraint(At("tip_z", 0.5), upper=-1.0)
+        >>> constraint.fun(f.x0).shape, constraint.jac(f.x0).shape
+        ((1,), (1, 1))
         """
         return nonlinear(self._safe, *self._constrained(functionals, lower, upper))
 
     def constraint_dicts(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
     ) -> list[dict[str, Any]]:
-        """The same as dictionaries of SLSQP's: equations, and inequalities that are to be positive."""
+        """Return the constraints of `constraint` as dictionaries for SLSQP.
+
+        Parameters
+        ----------
+        functionals : functional or sequence of m functionals
+            `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`.
+        lower, upper : float or array_like (m,), optional
+            Bounds in the units of the functionals. Left out: no bound.
+
+        Returns
+        -------
+        list of dict
+            Equations (``"eq"``), and inequalities (``"ineq"``) whose function has to be positive.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import At, Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> [c["type"] for c in f.constraint_dicts(At("tip_z", 0.5), upper=-1.0)]
+        ['ineq']
+        """
         return dictionaries(self._safe, *self._constrained(functionals, lower, upper))
 
     def _constrained(
@@ -207,21 +322,38 @@ class Objective(OfVariables):
 
     @property
     def motions(self) -> int:
-        """How many motions were run."""
+        """Number of motions that were run."""
         return len(self.history)
 
     @property
     def failures(self) -> list[Evaluation]:
-        """Motions that failed, with why."""
+        """Motions that failed, with the reasons."""
         return [e for e in self.history if e.failure]
 
     def error(self, x: ArrayLike) -> Exception:
-        """Why the motion at x fails.
+        """Return the error with which the motion at x fails.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        Exception
+            The error.
 
         Raises
         ------
         ValueError
-            It does not.
+            If the motion does not fail.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)}, most_steps=2)
+        >>> f(f.x0), type(f.error(f.x0)).__name__
+        (inf, 'SimulationError')
         """
         error = self._at(x).error
         if error is None:
@@ -229,7 +361,25 @@ class Objective(OfVariables):
         return error
 
     def result(self, x: ArrayLike | None = None) -> Outcome:
-        """Named values at x, or at the best that was seen, with the objective and its derivatives by them."""
+        """Return named values, the objective and its derivatives.
+
+        Parameters
+        ----------
+        x : array_like (n,), optional
+            Numbers of order one. Left out: the x with the smallest value so far.
+
+        Returns
+        -------
+        Outcome
+            Values in the model's units.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.result([0.5])["length_1"]
+        1.25
+        """
         x = self.best if x is None else np.asarray(x, float)
         point, v = self._at(x), self.variables
         units = tuple(v.unit(i) for i in range(len(v)))
@@ -240,12 +390,34 @@ class Objective(OfVariables):
 
     @property
     def best(self) -> Array:
-        """The x (n,) with the smallest value so far, whatever constraints say; `x0` before the first motion."""
+        """The x (n,) with the smallest value so far, regardless of constraints; `x0` before the first motion."""
         done = [e for e in self.history if not e.failure]
         return min(done, key=lambda e: e.value).x.copy() if done else self.x0
 
     def simulate(self, x: ArrayLike | None = None, t: Any = None, **more: Any) -> Trajectory:
-        """The motion at x, or at the best that was seen; t and further arguments as those of `Solver.simulate`."""
+        """Return the motion at an x.
+
+        Parameters
+        ----------
+        x : array_like (n,), optional
+            Numbers of order one. Left out: the x with the smallest value so far.
+        t : float or array_like (nt,), optional
+            Times of the results, s. Left out: those of the objective's motion.
+        **more
+            Further arguments of `Solver.simulate`.
+
+        Returns
+        -------
+        Trajectory
+            The motion.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.simulate([0.5], np.linspace(0.0, 1.0, 11)).q.shape
+        (11, 2)
+        """
         motion = self.variables.motion(self.best if x is None else x, derivatives=False)
         options = {
             name: value for name, value in self._options.items() if name not in ("method", "memory", "integrator")
@@ -274,34 +446,55 @@ def objective(
     method: str = "auto", integrator: str = "dop853", rtol: float = 1e-9, atol: Any = 1e-9, on_failure: str = "inf",
     **options: Any,
 ) -> Objective:  # fmt: skip
-    """A function of design variables for SciPy's optimisers: functionals of a motion, with exact gradients.
+    """Make a function of design variables for SciPy's optimisers from functionals of a motion, with exact gradients.
 
     Parameters
     ----------
     solver : Solver
-    t : float, or (start, end)
-        The motion's end, s, or both ends.
-    functionals : one or m of `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`
-        The objective is their sum, if nothing else is said.
-    variables : names, or mapping of names to None, (lower, upper) or `Variable`
-        Parameters; ``q0.NAME`` and ``u0.NAME``, initial values of independent coordinates and speeds; ``inputs.NAME[i]``, a
-        value (or control point) of an input, ``inputs.NAME`` all of them.
-    weights : (m,), optional
-        Of the functionals in the sum.
+        The model.
+    t : float or tuple of two float
+        End of the motion, s, or its start and end.
+    functionals : functional or sequence of m functionals
+        `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`. The value is their sum by default.
+    variables : str, sequence of str, or mapping of str to None, (lower, upper) or Variable
+        Parameters; ``q0.NAME`` and ``u0.NAME``, initial values of independent coordinates and speeds;
+        ``inputs.NAME[i]``, the i-th value (or control point) of an input; ``inputs.NAME``, all of them.
+    weights : array_like (m,), optional
+        Weights of the functionals in the sum.
     combine : callable, optional
-        Instead of weights: ``combine(values) -> (value, dvalue/dvalues)``, arrays (m,).
-    q, u, p, inputs
-        The motion as it is where variables say nothing, see `Solver.simulate`; mappings give some entries by name, the others
-        are the model's, which may depend on the variables.
-    method, integrator, rtol, atol, options
-        As those of `Solver.judge`.
-    on_failure : {"inf", "raise"}
-        What becomes of a motion that fails: an infinite value, or its error. Both are in the history.
+        Replaces the weights: ``combine(values) -> (value, dvalue/dvalues)`` with arrays (m,).
+    q, u, p : array_like or mapping, optional
+        Initial state and parameters where no variable determines them, as in `Solver.simulate`. Entries that a mapping
+        leaves out are the model's, which may depend on the variables.
+    inputs : array_like, tuple, callable, spline or mapping, optional
+        Inputs over time, as in `Solver.simulate`.
+    method, integrator : str, optional
+        As in `Solver.judge`.
+    rtol, atol : float, optional
+        Tolerances of a step, as in `Solver.simulate`.
+    on_failure : {"inf", "raise"}, optional
+        Return an infinite value for a motion that fails, or raise its error. Both record it in the history.
+    **options
+        Further arguments of `Solver.judge`.
 
     Returns
     -------
     Objective
+        A function of x (n,), numbers of order one.
+
+    See Also
+    --------
+    optimize : Minimises it.
+    load_cases : Sums objectives of several motions.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import Final
+    >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5), "mass_2": (0.5, 2.0)})
+    >>> round(f(f.x0), 4), f.gradient(f.x0).round(4)
+    (1.4231, array([ 0.1759, -0.1024]))
     """
+    # long: its arguments, each with its meaning
     if integrator == "rk4" and "step" not in options:
         raise ValueError("integrator 'rk4' takes constant steps: give step, s")
     settings = {"method": method, "integrator": integrator, "rtol": rtol, "atol": atol, **options}

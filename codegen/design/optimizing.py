@@ -33,30 +33,46 @@ def optimize(
     objective: Objective | LoadCases, method: str | None = None, *, constraints: Any = (), x0: ArrayLike | None = None,
     tol: float | None = None, callback: Any = None, **options: Any,
 ) -> Any:  # fmt: skip
-    """The best variables of an `Objective`, or of several `LoadCases`, by `scipy.optimize.minimize`.
+    """Minimise an `Objective` or `LoadCases` with `scipy.optimize.minimize`.
 
     A motion that fails counts as a large finite value with the gradient zero, so that line searches step back from it.
 
     Parameters
     ----------
     objective : Objective or LoadCases
+        The function.
     method : {"L-BFGS-B", "SLSQP", "trust-constr"}, optional
-        Left out: SLSQP where there are constraints, else L-BFGS-B.
-    constraints : those of `Objective.constraint` or `Objective.constraint_dicts`, or SciPy's own
-    x0 : (n,), optional
-    tol, callback, options
-        As those of `scipy.optimize.minimize`, such as ``maxiter=50``.
+        SciPy's method. Left out: SLSQP with constraints, else L-BFGS-B.
+    constraints : constraint or sequence of constraints, optional
+        Results of `Objective.constraint` or `Objective.constraint_dicts`, or SciPy's own constraints.
+    x0 : array_like (n,), optional
+        Start, as numbers of order one. Left out: the start of the variables.
+    tol : float, optional
+        As in `scipy.optimize.minimize`.
+    callback : callable, optional
+        As in `scipy.optimize.minimize`.
+    **options
+        Options of the method, such as ``maxiter=50``.
 
     Returns
     -------
     scipy.optimize.OptimizeResult
-        With ``outcome``, the `Outcome` at its x: named values in the model's units.
+        The result, with ``outcome``, the `Outcome` at its x.
 
     Raises
     ------
     SimulationError, AssemblyError, SingularJointError
-        The motion fails at the start.
+        If the motion fails at the start.
+
+    Examples
+    --------
+    >>> from ordernm.runtime import At
+    >>> f = ordernm.objective(solver, 0.5, At("tip_z", 0.5), {"length_1": (0.5, 1.5)})
+    >>> found = ordernm.optimize(f)
+    >>> found.success, round(found.outcome["length_1"], 3)
+    (True, 1.5)
     """
+    # long: its arguments, each with its meaning
     from scipy.optimize import minimize
 
     if not isinstance(objective, (Objective, LoadCases)):

@@ -23,18 +23,21 @@ class Outcome:
     Attributes
     ----------
     names : tuple of str
-    values, lower, upper : array (n,)
-        In the model's units.
+        Names of the variables.
+    values, lower, upper : ndarray (n,)
+        Values and bounds in the model's units.
     units : tuple of str
+        Units of the variables.
     value : float
-        Of the objective.
-    gradient : array (n,)
+        Value of the objective.
+    gradient : ndarray (n,)
         Its derivatives by the values, in the model's units.
     functionals : tuple of m functionals
-        Of the objective, then of the constraints.
-    functional_values : array (m,)
+        Functionals of the objective, then of the constraints.
+    functional_values : ndarray (m,)
+        Their values.
     motions, failures : int
-        How many motions were run until then, and how many of them failed.
+        Number of motions that were run so far, and of those that failed.
     """
 
     names: tuple[str, ...]
@@ -55,7 +58,20 @@ class Outcome:
         return float(self.values[self.names.index(name)])
 
     def as_dict(self) -> dict[str, float]:
-        """Variables by name, in the model's units."""
+        """Return the variables by name.
+
+        Returns
+        -------
+        dict of str to float
+            Values in the model's units.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.result([0.5]).as_dict()
+        {'length_1': 1.25}
+        """
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
     def __repr__(self) -> str:

@@ -51,47 +51,60 @@ def sweep(
     journal: str | os.PathLike[str] | None = None, chunk: int | None = None, progress: Callable[[int, int], None] | None = None,
     retry_failed: bool = False,
 ) -> Sweep:  # fmt: skip
-    """Measure many cases of a model, by any executor.
+    """Measure many cases of a model, with any executor.
 
     Parameters
     ----------
     solver : Solver
-    cases : iterable of mappings, mapping of names to values or (n,), or pandas.DataFrame
-        Names with numbers, words or truth values; what they mean is up to `measure`. Cases that are the same are measured once.
+        The model.
+    cases : iterable of mappings, mapping of str to value or array_like (n,), or pandas.DataFrame
+        Cases: names with numbers, words or truth values. `measure` interprets them. Equal cases are measured once.
     measure : callable
-        ``measure(solver, case)`` gives a mapping of names to numbers, words, truth values or arrays of them, a few kilobytes at
-        most. For processes it has to be a function of a module, which the workers import.
+        ``measure(solver, case)`` returns a mapping of names to numbers, words, truth values or arrays of them, a few
+        kilobytes at most. For processes it has to be a function of a module that the workers can import.
     executor : concurrent.futures.Executor, or callable that makes one, optional
-        Left out: threads, as many as processors. An executor that is given stays open; one that is made is closed, and made
-        anew when it dies: ``functools.partial(ProcessPoolExecutor, 8)``. Workers open the solver's package by its path.
+        Left out: as many threads as processors. A given executor stays open. One that the callable makes is closed, and
+        made anew if it dies: ``functools.partial(ProcessPoolExecutor, 8)``. Workers open the solver's package by its
+        path.
     journal : path, optional
-        A file to which every case that was computed is written at once. When it is there already, the cases in it are not
-        computed again, and `Sweep.from_journal` says how many these are. It serves the same package and the same measure only:
-        code of the measure, variables that it closes over, and functions and values of modules that are not installed are
-        compared; installed packages, files that the measure reads and variables that it changes itself are not.
+        File that records every computed case at once. Cases in an existing journal are not computed again;
+        `Sweep.from_journal` counts them. A journal belongs to one package and one measure: the code of the measure,
+        variables that it closes over, and functions and values of modules that are not installed are compared.
+        Installed packages, files that the measure reads and variables that it changes are not.
     chunk : int, optional
-        Cases that are sent together. Left out: the cases in 200 parts, at most 50 of them together.
+        Number of cases that are sent together. Left out: the cases in 200 parts, at most 50 together.
     progress : callable, optional
-        Called as ``progress(done, n)``; KeyboardInterrupt in it, or Ctrl-C, ends the sweep, and what was computed until then is
-        returned.
-    retry_failed : bool
+        Called as ``progress(done, n)``. A KeyboardInterrupt in it ends the sweep; the results so far are returned.
+    retry_failed : bool, optional
         Compute cases again that failed according to the journal.
 
     Returns
     -------
     Sweep
-        In the order of the cases. A case whose measure raises an error is recorded in ``failures``; so is one that ends the
-        process that computes it, found by trying fewer and fewer cases together, where `executor` is a callable. An executor
-        that was given and dies ends the sweep with a warning; the cases that were not computed are in ``left``.
+        Results in the order of the cases. A case whose measure raises an error is recorded in ``failures``, and so is a
+        case that ends its process if `executor` is a callable. If a given executor dies, the sweep ends with a warning
+        and ``left`` lists the cases that were not computed.
 
     Raises
     ------
     TypeError
-        Cases, or what the measure returns, of other kinds; a measure or results that cannot be sent to other processes.
-    ValueError, SweepJournalError, OSError
+        If cases, or results of the measure, are of other kinds or cannot be sent to other processes.
+    ValueError
+        If an argument has a wrong value.
+    SweepJournalError
+        If the journal belongs to another package or measure, or is damaged.
+    OSError
+        If the journal cannot be read or written.
     RuntimeError
-        No case was measured, and the first eight, or all, failed by errors in the measure: a word that is misspelt would fail
-        in every case.
+        If the first eight cases, or all, failed by errors in the measure, so that no case was measured.
+
+    Examples
+    --------
+    >>> def measure(solver, case):
+    ...     return {"reach": solver.simulate(1.0, p=case)["tip_x"].max()}
+    >>> found = ordernm.sweep(solver, {"length_1": [0.8, 1.0, 1.2]}, measure)
+    >>> found["reach"].round(3)
+    array([1.331, 1.423, 1.471])
     """
     # long: what it takes and gives is described
     if not callable(measure):

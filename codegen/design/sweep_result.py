@@ -22,20 +22,20 @@ FAILURE = "failure"
 
 @dataclass(slots=True, eq=False)
 class Sweep(Sequence[Case | None]):
-    """Results of a sweep; ``found["time"]`` is a column, ``found[3]`` what was measured of one case.
+    """Results of a sweep; ``found["time"]`` is a column, ``found[3]`` the results of one case.
 
     Attributes
     ----------
     cases : list of dict
-        In the order in which they were given.
+        The cases in their order.
     values : list of (dict or None)
-        What was measured; None where a case failed or was not computed.
+        Results; None for a case that failed or was not computed.
     failures : dict of int to str
-        Why, by the case's number, from 0.
+        Reasons by the index of the case, from 0.
     left : list of int
-        Cases that were not computed: Ctrl-C was pressed, or the executor died.
+        Cases that were not computed, because of Ctrl-C or since the executor died.
     from_journal : int
-        How many of the cases were found in the journal, and not computed.
+        Number of cases that were found in the journal.
     """
 
     cases: list[Case]
@@ -56,16 +56,38 @@ class Sweep(Sequence[Case | None]):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of what was measured."""
+        """Names of the results."""
         return tuple(dict.fromkeys(name for row in self.values if row is not None for name in row))
 
     @property
     def succeeded(self) -> Any:
-        """Which cases were measured, booleans (n,)."""
+        """Whether each case was measured, array of bool (n,)."""
         return np.array([row is not None for row in self.values], bool)
 
     def column(self, name: str) -> Any:
-        """A column of `columns`, (n,); NaN where a number was not measured, None for words."""
+        """Return a column of `columns`.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+
+        Returns
+        -------
+        ndarray (n,)
+            Its values; NaN for missing numbers, None for missing words.
+
+        Raises
+        ------
+        KeyError
+            If there is no such column.
+
+        Examples
+        --------
+        >>> found = ordernm.sweep(solver, {"x": [1, 2, 3]}, lambda solver, case: {"square": case["x"] ** 2})
+        >>> found.column("square")
+        array([1, 4, 9])
+        """
         places = self._places()
         if name not in places:
             raise KeyError(f"the sweep has no {name!r}; it has {', '.join(places) or 'no names'}")
@@ -79,9 +101,20 @@ class Sweep(Sequence[Case | None]):
         return np.array(found, object)
 
     def columns(self) -> dict[str, Any]:
-        """Cases, then results, then failures: names with arrays (n,).
+        """Return cases, results and failures as columns.
 
-        A result that is called as a value of the cases gets ``measured.`` before its name.
+        A result with the name of a value of the cases gets the prefix ``measured.``.
+
+        Returns
+        -------
+        dict of str to ndarray (n,)
+            The columns; ``failure`` has the reasons.
+
+        Examples
+        --------
+        >>> found = ordernm.sweep(solver, {"x": [1, 2, 3]}, lambda solver, case: {"square": case["x"] ** 2})
+        >>> list(found.columns())
+        ['x', 'square', 'failure']
         """
         told = {**self.failures, **dict.fromkeys(self.left, "not computed")}
         failures = np.array([told.get(i, "") for i in range(len(self))], object)
@@ -97,12 +130,23 @@ class Sweep(Sequence[Case | None]):
         return found
 
     def to_dataframe(self) -> Any:
-        """A pandas.DataFrame with a row for each case.
+        """Return a pandas table with a row for each case.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The columns of `columns`.
 
         Raises
         ------
         ImportError
-            pandas is not installed; the message says how to.
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> found = ordernm.sweep(solver, {"x": [1, 2, 3]}, lambda solver, case: {"square": case["x"] ** 2})
+        >>> found.to_dataframe().shape
+        (3, 3)
         """
         try:
             import pandas
@@ -113,15 +157,24 @@ class Sweep(Sequence[Case | None]):
         return pandas.DataFrame(self.columns())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a table, with a row for each case, by suffix: ``.csv``, or ``.parquet`` (needs pyarrow).
+        """Write a table with a row for each case, as a whole or not at all.
 
-        The file is there as a whole or not at all.
+        Parameters
+        ----------
+        path : path
+            A name that ends in ``.csv``, or ``.parquet``, which needs pyarrow.
 
         Raises
         ------
         ValueError
-            Another suffix.
+            If the name has another ending.
         ImportError
+            If pyarrow is needed and not installed.
+
+        Examples
+        --------
+        >>> found = ordernm.sweep(solver, {"x": [1, 2, 3]}, lambda solver, case: {"square": case["x"] ** 2})
+        >>> found.save("squares.csv")
         """
         if suffix_among(path, SUFFIXES, ValueError, f"sweeps are kept in files {' or '.join(SUFFIXES)}") == ".parquet":
             self._write_parquet(Path(path))

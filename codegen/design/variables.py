@@ -17,16 +17,22 @@ from ..runtime.standalone.motion.signals import Interval, take_inputs
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """Bounds, scale and start of a variable.
+    """Bounds, scale and start of a design variable.
 
     Attributes
     ----------
-    lower, upper : float, or (count,) for a whole input
-        In the unit of the variable; None or an infinite number where there is no bound.
+    lower, upper : float, or array_like (count,) for a whole input
+        Bounds in the unit of the variable. None or an infinite number: no bound.
     scale : float, optional
-        A change that matters; left out: half the distance of the bounds, or the size of the start, or 1.
-    start : float, or (count,), optional
-        Where an optimiser begins; left out: the value in the motion that was given.
+        A change that matters. Left out: half the distance of the bounds, the size of the start, or 1.
+    start : float, or array_like (count,), optional
+        Start of the search. Left out: the value in the given motion.
+
+    Examples
+    --------
+    >>> start = ordernm.Variable(0.5, 1.5, start=0.9)
+    >>> start.lower, start.upper
+    (0.5, 1.5)
     """
 
     lower: ArrayLike | None = None
@@ -40,14 +46,17 @@ Wanted = Sequence[str] | str | Mapping[str, Any]
 
 
 class Variables:
-    """Variables of a motion. An optimiser's x is ``(value - origin)/scale``, the values are in the model's units.
+    """Variables of a motion as numbers of order one.
+
+    An optimiser sees x = (value - origin)/scale; the values are in the model's units.
 
     Attributes
     ----------
     names : tuple of str
-        A whole input stands here as its values, ``inputs.NAME[0]``, ``inputs.NAME[1]`` and so on, a vector as its entries,
+        Names. A whole input is listed as its values, ``inputs.NAME[0]`` and so on, a vector as its entries,
         ``hard_point.x`` and so on.
-    start, lower, upper, origin, scale : array (n,)
+    start, lower, upper, origin, scale : ndarray (n,)
+        Start, bounds, origin and scale, in the model's units.
     """
 
     def __init__(
@@ -88,16 +97,39 @@ class Variables:
 
     @property
     def x0(self) -> Array:
-        """The start, as an optimiser sees it, (n,)."""
+        """The start as an optimiser sees it, (n,)."""
         return (self.start - self.origin) / self.scale
 
     @property
     def x_bounds(self) -> tuple[Array, Array]:
-        """The bounds, as an optimiser sees them, (n,) each."""
+        """The bounds as an optimiser sees them, (n,) each."""
         return (self.lower - self.origin) / self.scale, (self.upper - self.origin) / self.scale
 
     def values(self, x: ArrayLike) -> Array:
-        """Values in the model's units, (n,), of an optimiser's x (n,)."""
+        """Return the values of an optimiser's x.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+
+        Returns
+        -------
+        ndarray (n,)
+            Values in the model's units.
+
+        Raises
+        ------
+        ValueError
+            If x has another shape, or numbers that are not finite.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.variables.values([0.5])
+        array([1.25])
+        """
         array = np.asarray(x, float)
         if array.shape != (len(self),):
             raise ValueError(
@@ -109,7 +141,30 @@ class Variables:
         return self.origin + self.scale * array
 
     def x(self, values: ArrayLike | Mapping[str, float]) -> Array:
-        """An optimiser's x (n,) of values (n,), or of some of them by name, the others those of the start."""
+        """Return an optimiser's x for given values.
+
+        Parameters
+        ----------
+        values : array_like (n,), or mapping of str to float
+            Values in the model's units. Those that a mapping leaves out are the start.
+
+        Returns
+        -------
+        ndarray (n,)
+            Numbers of order one.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.variables.x({"length_1": 1.25})
+        array([0.5])
+        """
         if isinstance(values, Mapping):
             unknown = [n for n in values if n not in self.names]
             if unknown:
@@ -119,7 +174,25 @@ class Variables:
         return found
 
     def unit(self, i: int) -> str:
-        """The unit of a variable, ``""`` where it is not known."""
+        """Return the unit of a variable.
+
+        Parameters
+        ----------
+        i : int
+            Index of the variable.
+
+        Returns
+        -------
+        str
+            The unit, ``""`` if unknown.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.variables.unit(0)
+        'm'
+        """
         kind, at, _ = self._places[i]
         word = {"p": "parameter", "q": "coordinate", "u": "speed"}.get(kind)
         units = self.solver._manifest.get(f"{word}_units", ()) if word else ()
@@ -128,12 +201,33 @@ class Variables:
     # -- the motion that belongs to an x -------------------------------------------------------------------------------
 
     def motion(self, x: ArrayLike, derivatives: bool = True) -> dict[str, Any]:
-        """Arguments q, u, p, inputs of `simulate` and `judge`, and the derivatives dq0, du0 of the initial state.
+        """Return the arguments of the motion at an x.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+            Numbers of order one.
+        derivatives : bool, optional
+            Include the derivatives dq0 and du0 of the initial state.
+
+        Returns
+        -------
+        dict
+            q, u, p and inputs of `Solver.simulate`, with dq0 and du0.
 
         Raises
         ------
-        AssemblyError, SingularLoopError
-            The initial state does not exist.
+        AssemblyError
+            If the initial state cannot be closed.
+        SingularLoopError
+            If a loop has lost rank there.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.variables.motion([0.5])["p"]
+        array([1.25, 0.8 , 1.5 , 1.  , 2.  , 0.05])
         """
         values, solver = self.values(x), self.solver
         p, inputs = self._p.copy(), dict[tuple[int, int], float]()
