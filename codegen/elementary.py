@@ -103,7 +103,7 @@ class Elementary:
         low, high = self.domain
         if high < math.inf:
             return f"numbers from {low:g} to {high:g}"
-        return "numbers above 0" if low > 0 else "numbers from 0"
+        return "numbers above 0" if low == math.ulp(0.0) else f"numbers from {low:g}"
 
     def spelled(self, where: str) -> str:
         """Its name as a ``"symbol"`` or in ``"c"``, ``"numpy"``, ``"mpmath"`` or ``"sympy"``; empty where there is none."""
@@ -127,6 +127,7 @@ def _smooth(name: str, slope: Slope, **more: Any) -> Elementary:
     return Elementary(name, (slope,), pure=True, **more)
 
 
+WITHIN = (math.nextafter(-1.0, 0.0), math.nextafter(1.0, 0.0))
 BETWEEN, FROM_ZERO, ABOVE_ZERO = (-1.0, 1.0), (0.0, math.inf), (math.ulp(0.0), math.inf)
 
 TABLE: Final = {e.name: e for e in (
@@ -144,6 +145,11 @@ TABLE: Final = {e.name: e for e in (
     _smooth("sinh", lambda f, y, x: f.cosh(x), parity=ODD),
     _smooth("cosh", lambda f, y, x: f.sinh(x), parity=EVEN, positive=ALWAYS),
     _smooth("tanh", lambda f, y, x: 1/f.cosh(x)**2, parity=ODD),  # 1 - y**2 loses all digits where y is near 1
+    _smooth("asinh", lambda f, y, x: 1/f.sqrt(x**2 + 1), parity=ODD, numpy="arcsinh", elsewhere=("arcsinh",)),
+    _smooth("acosh", lambda f, y, x: 1/f.sqrt((x - 1)*(x + 1)), domain=(1.0, math.inf), switching=lambda f, x: x - 1,
+            touches=True, numpy="arccosh", elsewhere=("arccosh",)),
+    _smooth("atanh", lambda f, y, x: 1/((1 - x)*(1 + x)), parity=ODD, domain=WITHIN, switching=_bounds, touches=True,
+            numpy="arctanh", elsewhere=("arctanh",)),
     _smooth("exp", lambda f, y, x: y, positive=ALWAYS),
     _smooth("log", lambda f, y, x: 1/x, domain=ABOVE_ZERO, elsewhere=("ln",)),
     _smooth("erf", lambda f, y, x: f.exp(-x*x)/f.sqrt(f.atan(1)), parity=ODD, numpy=""),

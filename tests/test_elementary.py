@@ -121,7 +121,10 @@ def test_a_remainder_of_division_by_zero_is_refused():
 
 def model_of_every_function():
     """A pendulum with every function in its force and in an output."""
-    calls = [f"{name}({', '.join(['0.375 + w*q.bar', '0.25 + w*u.bar'][: e.arity])})" for name, e in TABLE.items()]
+    first = {
+        name: "1.875 + w*q.bar" if e.domain and e.domain[0] == 1 else "0.375 + w*q.bar" for name, e in TABLE.items()
+    }
+    calls = [f"{name}({', '.join([first[name], '0.25 + w*u.bar'][: e.arity])})" for name, e in TABLE.items()]
     outputs = "".join(f"  of_{name}: {{value: '{call}'}}\n" for name, call in zip(TABLE, calls, strict=True))
     return codegen.parse_model(
         "model: every_function\nparameters: {w: 0.3125}\ngravity: [0, -9.81, 0]\n"

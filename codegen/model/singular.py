@@ -67,7 +67,9 @@ def singular_in(tree: Tree) -> Iterator[Tree]:
                 yield base
         case ("call", "sqrt" | "log", x):
             yield x
-        case ("call", "asin" | "acos", x):
+        case ("call", "acosh", x):
+            yield combine("-", x, ONE)
+        case ("call", "asin" | "acos" | "atanh", x):
             yield combine("*", combine("-", ONE, x), combine("+", ONE, x))
         case ("call", "tan", x):
             yield ("call", "cos", x)

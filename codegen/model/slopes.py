@@ -197,7 +197,7 @@ def is_singular(tree: Tree) -> bool:
     if kind == "call":
         domain = TABLE[tree[1]].domain if tree[1] in TABLE else None
         found = tree[1] in ("atan2", "held_atan2", CHOICE, VANISHING) or (
-            domain is not None and not (domain[1] == math.inf and is_positive(tree[2]))
+            domain is not None and not (domain[0] < 1 and domain[1] == math.inf and is_positive(tree[2]))
         )
     elif kind == "**":
         base, e = tree[1:]

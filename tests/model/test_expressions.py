@@ -106,7 +106,7 @@ def test_whole_numbers_are_ints_and_fractions_exact_in_every_arithmetic():
 def test_every_function_in_every_arithmetic(module):
     functions = functions_for(module)
     for name, count in FUNCTIONS.items():
-        expression = parse(f"{name}({', '.join(['x', 'y'][:count])})")
+        expression = parse(f"{name}({', '.join(['1 + x' if name == 'acosh' else 'x', 'y'][:count])})")
         expected = expression.evaluate({"x": 0.3, "y": 0.4})
         number = functions["number"]
         result = expression.evaluate({"x": number(0.3), "y": number(0.4)}, functions)

@@ -9,9 +9,17 @@ from codegen.runtime.standalone.statics.jets import RULES, Jet
 
 ONE = {
     "sin": 0.7, "cos": 0.7, "tan": 0.7, "arcsin": 0.3, "arccos": 0.3, "arctan": 1.3, "sinh": 0.7, "cosh": 0.7, "tanh": 0.7,
-    "exp": 0.7, "log": 0.7, "sqrt": 0.7, "absolute": -0.7, "sign": -0.7,
+    "arcsinh": 0.7, "arccosh": 1.7, "arctanh": 0.3, "exp": 0.7, "log": 0.7, "sqrt": 0.7, "absolute": -0.7, "sign": -0.7,
 }  # fmt: skip
-MPMATH = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "absolute": "fabs"}
+MPMATH = {
+    "arcsin": "asin",
+    "arccos": "acos",
+    "arctan": "atan",
+    "arcsinh": "asinh",
+    "arccosh": "acosh",
+    "arctanh": "atanh",
+    "absolute": "fabs",
+}
 TWO = {
     "add": lambda x, y: x + y, "subtract": lambda x, y: x - y, "multiply": lambda x, y: x * y, "divide": lambda x, y: x / y,
     "power": lambda x, y: x**y, "arctan2": mpmath.atan2, "maximum": max, "minimum": min,
