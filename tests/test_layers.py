@@ -233,10 +233,7 @@ def test_statements_are_of_one_algebra():
         *(f"model/sympy_{name}.py" for name in ("names", "output", "trees")),
         *(f"importing/sympy_{name}.py" for name in ("conditions", "loads", "model", "rotations", "system")),
     }
-    assert {name for name in found if not name.startswith("symbolic/")} == {
-        "mechanics/elements/along_line.py",
-        *formulas,
-    }
+    assert {name for name in found if not name.startswith("symbolic/")} == formulas
 
 
 DECLARED_AS = {"pydantic_core": "pydantic", "yaml": "PyYAML", "pinocchio": "pin"}

@@ -13,12 +13,13 @@ import mpmath
 import numpy as np
 import pytest
 from force_elements import TREE, loop_errors, power, problems, tree_errors, with_elements
+from line_law_energies import check_energy
 from pydantic import Field
 from random_models import random_state
 
 import codegen
 from codegen.mechanics.elements import LAWS as GENERATED
-from codegen.mechanics.elements.along_line import AlongLineLaw, check_energy
+from codegen.mechanics.elements.along_line import AlongLineLaw
 from codegen.model import parse_model
 from codegen.model.forces import ALONG_LINES, FORCES, line_laws, other_words, told_apart
 from codegen.model.forces.along_line import element_of, entry_of
@@ -350,13 +351,6 @@ def test_an_energy_that_belongs_to_the_force_is_found_to() -> None:
 @pytest.mark.parametrize("name", sorted(LINE_LAWS))
 def test_the_force_of_every_law_belongs_to_its_energy(name: str) -> None:
     check_energy(LINE_LAWS[name])
-
-
-def test_a_law_whose_energy_is_another_ones_generates_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    added(monkeypatch, LineLaw("odd_of_a_test", "?", STIFFNESS, "-k*distance", "k*distance**2"))
-    with pytest.raises(LineLawError, match=r"odd_of_a_test: at distance = .* do not belong together"):
-        codegen.generate(with_elements(TREE, "odd: {type: odd_of_a_test, from: a, to: tip, k: 2}"), tmp_path / "odd")
-    assert not (tmp_path / "odd").exists()
 
 
 def test_the_table_of_the_page_is_that_of_the_laws() -> None:

@@ -77,8 +77,8 @@ class LineLaw:
     Raises
     ------
     LineLawError
-        Of what is said here, something does not hold. That the force belongs to the energy is checked where sympy is at
-        hand: when a model that uses the law is generated (`mechanics.elements.along_line`).
+        If the declaration contradicts itself. That the force is minus the derivative of the energy is checked by the tests
+        of all laws, with sympy.
     """
 
     type: str
