@@ -1,4 +1,4 @@
-"""Conditions that are given as equations: couplings of coordinates, and surfaces that hold points."""
+"""Conditions given as equations: couplings of coordinates, and points on surfaces."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..model.vectors import Array
 from ..records import dataclass
 
 LEAST_GRADIENT = 1e-200
-"""Added to its square: where a gradient vanishes nothing is divided by zero."""
+"""Added to the squared length of a gradient, so that a vanishing gradient causes no division by zero."""
 
 ON_ARRAYS = functions_for(np)
-"""The functions of the grammar on many numbers at once."""
+"""The functions of the grammar, evaluated on arrays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +37,14 @@ class Coupled:
     offset: float
 
     def open(self, q: Array) -> Array:
-        """By how much coordinates ``(S, nq + 1)`` miss it, ``(S,)``."""
+        """Residuals ``(S,)`` of the coupling at coordinates ``(S, nq + 1)``."""
         missed: Array = q[:, self.coordinates] @ self.factors - self.offset
         return missed
 
 
 @dataclass(frozen=True, slots=True)
 class Surfaced:
-    """A condition on a point: functions of its place in the start face that are zero.
+    """A condition on a point: functions of its position in the start face that are zero.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Surfaced:
 
     @np.errstate(all="ignore")
     def at(self, place: Array) -> tuple[Array, Array]:
-        """How far places ``(S, 3)`` in the start face are from the surfaces, m, and the normals there.
+        """Distances of points ``(S, 3)`` in the start face from the surfaces, m, and the normals there.
 
         Returns
         -------

@@ -13,7 +13,7 @@ from .speed_groups import speed_groups
 
 
 def other_partition(model: Model, known: Sequence[Partition]) -> Partition | None:
-    """The partition that shares the fewest independent speeds with those that are known; of several the best conditioned.
+    """The partition that shares the fewest independent speeds with the known ones; of several, the best conditioned.
 
     Each dependent speed in turn is asked to be independent instead of the hints, then each other one together with it, as long as
     fewer are shared: a loop at its dead point for one choice of independents is seldom at one for another, and what both
@@ -61,20 +61,20 @@ def other_partition(model: Model, known: Sequence[Partition]) -> Partition | Non
 
 
 MANY = 20
-"""With more ears than this the first other choice serves: each one costs a whole partition."""
+"""With more ears than this, the first other choice is taken, because each one costs a whole partition."""
 
 
 MOST_TRIED = 40
-"""No more speeds are asked for together after so many partitions."""
+"""After this number of partitions, no two speeds are made independent together."""
 
 
 def worst(chosen: Partition) -> float:
-    """The largest condition of its ears."""
+    """The largest condition of the partition's ears."""
     return max((ear.condition for ear in chosen.ears), default=1.0)
 
 
 def _coordinate_of_speeds(model: Model) -> dict[int, str]:
-    """Names of the coordinates that are the integrals of speeds."""
+    """Names of the coordinates that are integrals of speeds."""
     return {
         group.speeds.start: model.coordinate_names[group.coordinates.start]
         for group in speed_groups(model)

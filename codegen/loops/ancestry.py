@@ -1,7 +1,7 @@
-"""Ways in the tree without walking them: where two bodies' ways inward meet, and which loops pass a joint.
+"""Paths in the tree without walking them: where the paths of two bodies meet, and which loops pass a joint.
 
-Cycles of a ladder's loops are as long as the ladder is, all together its length squared; so what is asked about every cycle is
-answered here without them.
+The cycles of a ladder's loops are as long as the ladder, and together as long as its square. Questions about cycles are
+therefore answered here without listing their bodies.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Ancestry:
 
     def __init__(self, parent: Sequence[int], depth: Sequence[int], outward: Sequence[int], ground: int):
         self.parent, self.depth, self.ground = parent, depth, ground
-        # of every body one further inward: a jump is as long as the two before it together if those are as long as each other
+        # of every body, one further inward: a jump joins the two before it if these are equally long
         self._jump = [ground] * (ground + 1)
         inside = [1] * (ground + 1)
         for k in outward:
@@ -38,7 +38,7 @@ class Ancestry:
             self._jump[k] = self._jump[b] if even else a
         for k in reversed(outward):
             inside[parent[k]] += inside[k]
-        # places in an order in which everything that a body carries stands behind it
+        # positions in an order in which everything that a body carries follows it
         self._first = [0] * (ground + 1)
         free = [1] * (ground + 1)
         for k in outward:
@@ -48,7 +48,7 @@ class Ancestry:
         self._end = [f + n for f, n in zip(self._first, inside, strict=True)]
 
     def meeting(self, a: int, b: int) -> int:
-        """The body, or the ground, where the ways inward from two bodies meet."""
+        """The body, or the ground, at which the inward paths of two bodies meet."""
         depth, parent, jump = self.depth, self.parent, self._jump
         while depth[a] > depth[b]:
             a = jump[a] if depth[jump[a]] >= depth[b] else parent[a]
@@ -59,18 +59,18 @@ class Ancestry:
         return a
 
     def carries(self, a: int, b: int) -> bool:
-        """Whether a body is another, or inward of it."""
+        """Whether a body is another body or inboard of it."""
         return self._first[a] <= self._first[b] < self._end[a]
 
     def sums(self, values: Sequence[int], outward: Sequence[int]) -> list[int]:
-        """Of bodies, and of the ground, the sum of some values of all joints from there inward."""
+        """Sums of values of all joints from each body inward, for all bodies and the ground."""
         found = [0] * (self.ground + 1)
         for k in outward:
             found[k] = found[self.parent[k]] + values[k]
         return found
 
     def passing(self, starts: Sequence[int], ends: Sequence[int]) -> Callable[[int], Array]:
-        """What tells which of the cycles between bodies pass a joint: of those that end beyond it once."""
+        """A function of a joint that returns the cycles that pass it: those with exactly one end outboard, each once."""
         first = np.array(self._first)
         places = [first[np.array(x, dtype=int)] for x in (starts, ends)]
         orders = [np.argsort(x, kind="stable") for x in places]
@@ -89,15 +89,15 @@ class Ancestry:
 
 
 class NewJoints:
-    """Joints of cycles that no earlier cycle has passed; each is passed once, however long the cycles are."""
+    """Joints of cycles that no earlier cycle has passed; each is visited once, however long the cycles are."""
 
     def __init__(self, ancestry: Ancestry):
         self.ancestry = ancestry
         self._next = list(range(ancestry.ground + 1))
-        """Of a body, one from which on inward a joint may be new."""
+        """For each body, a body inboard from which a joint may be new."""
 
     def of(self, start: int, end: int) -> Iterator[int]:
-        """Those between two bodies, from the cut inward, first on the one side, then on the other."""
+        """The bodies between two bodies, from the cut inward, first on one side, then on the other."""
         depth = self.ancestry.depth
         base = depth[self.ancestry.meeting(start, end)]
         for k in (start, end):

@@ -20,26 +20,26 @@ from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
 
 NEARLY = 10.0
-"""Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""
+"""A loop with nearly redundant conditions may stay open by this many tolerances: angles add up and act on levers."""
 
 LEAST_MOTION = 1e-3
-"""Part that a joint has to have in a motion of all joints together: smaller ones are what is left of others."""
+"""Smallest share of a joint in a motion of all joints that counts; smaller shares are residues of others."""
 
 MANY = 100
-"""Loops whose joints are not looked at all together."""
+"""With more loops, the joints of all loops are not examined together."""
 
 TRIES = 8
-"""Guesses from which a ring that does not close is tried again, further and further from the given one."""
+"""Number of guesses, at growing distance from the given one, from which a ring is tried again if it does not close."""
 
 GUESSES = 16
-"""The same for an ear, whose independents are kept, so that there may be no closed state near the given one."""
+"""The same for an ear, whose independents are held, so that there may be no closed state near the given one."""
 
 SEED = 20070404
-"""Of these: the same guess leads to the same state."""
+"""Seed of these guesses: the same guess leads to the same state."""
 
 
 def initial_configuration(model: Model) -> tuple[Array, Array]:
-    """The model's initial coordinates and speeds at the default parameters: a guess where loops decide.
+    """The model's initial coordinates and speeds at the default parameters; in loops they are guesses.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
 
 
 def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False, tries: int = 0) -> Array:
-    """`assemble` for coordinates ``(1, nq + 1)``; `tries` other dependents are tried where the given ones do not lead to closure.
+    """`assemble` for coordinates ``(1, nq + 1)``; up to `tries` other dependents are tried if the given ones fail to close.
 
     With `nearly`, loops that their dependents cannot close may stay open by the model's tolerance.
     """
@@ -91,7 +91,7 @@ def is_closed(geometry: Geometry, q: Array) -> bool:
     cuts = Cuts(geometry, range(len(geometry.starts)))
     residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)), q)), axis=2)
     reach = np.linalg.norm(cuts.point, axis=2) / geometry.lengths
-    # rotations that are alike are rounded alike, and what many turn too far adds up: a 300th of ROUNDING each in a long ladder
+    # equal rotations have equal rounding errors, which add up: a 300th of ROUNDING each in a long ladder
     deepest = np.array(
         [max(geometry.depth[i], geometry.depth[j]) for i, j in zip(geometry.starts, geometry.ends, strict=True)]
     )
@@ -106,7 +106,7 @@ def first_assembly(
     random: np.random.Generator,
     open_: set[int] | None = None,
 ) -> tuple[Array, list[str]]:
-    """Close all loops before it is known which coordinates depend on which: minimum-norm steps, loop by loop.
+    """Close all loops before a partition is known: minimum-norm steps, loop by loop.
 
     A loop moves joints that no earlier loop has passed: if possible no more of them than have to depend on it, else all;
     where that does not close it, those of its neighbours too, their loops closed with it, and so on outward.
@@ -159,7 +159,7 @@ def _closed_alone(
     ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array, random: np.random.Generator,
     open_: set[int] | None,
 ) -> tuple[Outcome, int]:  # fmt: skip
-    """A loop closed by itself, nearly where it may stay open, which counts as closed; and how many other guesses were tried."""
+    """Close a loop by itself, possibly only nearly; returns also the number of other guesses tried."""
     near = _near_cut(ring, sides, q, movable)
     outcome = close(ring, q, near)
     if outcome.closed:
@@ -172,7 +172,7 @@ def _closed_alone(
 
 
 def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
-    """A ring closed but for conditions that no joint of it can meet, by the first speeds that serve; None if none do."""
+    """A ring closed except for conditions that none of its joints can meet, by the first speeds that serve; None if none do."""
     tolerance = ring.geometry.tolerance
     for i, joints in enumerate(movable):
         if any(np.array_equal(joints, others) for others in movable[:i]):
@@ -184,7 +184,7 @@ def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
 
 
 def is_nearly_closed(geometry: Geometry, q: Array, loops: Sequence[int]) -> bool:
-    """Whether what is open of loops that share joints is open in conditions that no joint can change, to first order.
+    """Whether the residuals of loops that share joints are in conditions that no joint can change, to first order.
 
     Far from a singular configuration that is so where conditions are redundant within the tolerance of the model. Near one
     loops may be open as little in conditions that joints do change: by the square of the distance from it.
@@ -195,7 +195,7 @@ def is_nearly_closed(geometry: Geometry, q: Array, loops: Sequence[int]) -> bool
 def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: set[int]) -> Array | None:
     """Coordinates at which loops that share joints are nearly closed together, from some at which each is by itself, or None.
 
-    What a later loop leaves open may be closed by joints of an earlier one.
+    Joints of an earlier loop may close what a later loop leaves open.
     """
     ring = _whole_ring(geometry, q, loops)
     if is_settled(ring, q, geometry.tolerance):
@@ -205,7 +205,7 @@ def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: s
 
 
 def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]:
-    """Of loops that share joints, those with joints that move to first order; of very many all, unseen.
+    """The loops, of those that share joints, with joints that move to first order; all loops if there are very many.
 
     Of a structure, such as a triangle of bars, nothing moves.
     """
@@ -246,7 +246,7 @@ def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable:
 def _tried(
     ring: Ring, q: Array, movable: Array, random: np.random.Generator, tries: int = TRIES
 ) -> tuple[Outcome, int]:
-    """Close a ring, from other guesses too where the first does not lead to closure; and how many those were."""
+    """Close a ring, from other guesses if the first fails; returns also the number of guesses."""
     best = close(ring, q, movable)
     speeds = ring.joints.speeds[movable]
     size = np.where(ring.geometry.turning[speeds], 1.0, ring.length)
@@ -270,7 +270,7 @@ def _with_neighbours(
     outcome: Outcome,
     open_: set[int] | None,
 ) -> tuple[Outcome, int]:
-    """Close the last of some loops together with those that share joints with it, more and more of them.
+    """Close the last of some loops together with those that share joints with it, adding more and more of them.
 
     Held coordinates move only where nothing else helps. `ring` and `outcome` are those of the loop on its own, `open_` that of
     `first_assembly`.
@@ -286,7 +286,7 @@ def _with_neighbours(
             bodies = set().union(*(cycles[i] for i in together))
             wider = together | {i for i in others if cycles[i] & bodies}
             if len(together) == 1 and hold is held:
-                continue  # that has been tried
+                continue  # tried already
             rigid = set().union(*(cycles[i] for i in others if i not in together))
             ring = Ring(PoseGroups(geometry, q, rigid), sorted(together), bodies - rigid)
             movable = ~np.isin(ring.joints.speeds, list(hold))
@@ -301,7 +301,7 @@ def _with_neighbours(
 
 
 def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
-    """Which loop stays open, by how much, and what to do."""
+    """Message: which loop stays open, by how much, and what to do."""
     g = ring.geometry
     model = g.model
     owner = [(i, r) for i in ring.cuts.loops for r in g.kept[i]]

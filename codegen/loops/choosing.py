@@ -16,10 +16,10 @@ from .nearby_states import NearbyStates, rigid_parts
 from .ordering import Draft
 
 POOR_GROWTH = 1e5
-"""How much faster than independent speeds dependent ones of many loops may be before a warning is issued."""
+"""Ratio of dependent to independent speeds, in models with many loops, above which a warning is issued."""
 
 POOR_HINTS = 100.0
-"""How many times worse than pivoting a choice that the model asks for may be before a warning is issued."""
+"""Ratio of the condition of a choice under the model's hints to that by pivoting, above which a warning is issued."""
 
 ELSEWHERE = 2
 """Number of configurations far from the initial one that are returned."""
@@ -65,7 +65,7 @@ def choose(
     held: set[int],
     components: Sequence[Sequence[int]],
 ) -> Choice:
-    """Conditioning the choice for every set of loops that share joints, and replace it where another one is clearly better.
+    """Compare the choice for every set of loops that share joints, and replace it where another one is clearly better.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def choose(
             if found.loss > (ACCEPTED if unasked is None else POOR_HINTS):
                 warnings.append(_poor(geometry, found, unasked))
         drafts = _in_their_places(drafts, ears, of_loop)
-        for draft in drafts:  # which other choices have changed
+        for draft in drafts:  # other choices have changed these
             geometry.lengths[list(draft.loops)] = np.max(geometry.own_lengths[list(draft.loops)])
     rest = [n for n in range(len(components)) if n not in small]
     dependent = [s for n in rest for d in ears[n] for s in d.dependent]
@@ -120,14 +120,14 @@ def choose(
 
 
 def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict[int, int]) -> list[Draft]:
-    """Ears of all components, in the places that those components had."""
+    """Ears of all components, at the places of those that the components had."""
     left: list[Iterator[Draft]] = [iter(x) for x in ears]
     result = [d for old in drafts for d in (next(left[of_loop[old.loops[0]]], None),) if d is not None]
     return result + [d for more in left for d in more]
 
 
 def _poor(geometry: Geometry, found: Comparison, unasked: Conditioning | None) -> str:
-    """What to say of a poor choice; `unasked` judges without the model's hints, if it has any for these loops."""
+    """Warning about a poor choice; `unasked` compares choices without the model's hints, if it has any for these loops."""
     model = geometry.model
     text = (
         f"{loops_named(model, found.loops)}: the closure matrix of all dependents is {found.loss:.0f} times worse "
@@ -142,7 +142,7 @@ def _poor(geometry: Geometry, found: Comparison, unasked: Conditioning | None) -
 
 
 def independent_names(geometry: Geometry, speeds: Sequence[int], dependent: set[int]) -> Iterator[str]:
-    """What to write under `independent` to get the same choice, as far as that can be said: quaternion joints as a whole."""
+    """Names to write under `independent` for the same choice, as far as possible: quaternion joints as a whole."""
     model = geometry.model
     bodies = dict.fromkeys(int(geometry.speed_body[s]) for s in speeds)
     for k in bodies:

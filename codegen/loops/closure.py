@@ -36,10 +36,10 @@ Frames = tuple[Array, Array]
 """Rotations (body into base components) ``(S, n, 3, 3)`` and origins ``(S, n, 3)``, m."""
 
 COUPLED = 3
-"""The row of a coupling among the six of a loop."""
+"""Row of a coupling among the six of a loop."""
 
 HALF_TURN = 1e-12
-"""1 + cos below which the direction of the way back from half a turn is arbitrary."""
+"""Value of 1 + cos below which the direction that leads back from half a turn is arbitrary."""
 
 
 # --- kinematics of all bodies -------------------------------------------------------------------------------------------
@@ -48,7 +48,7 @@ HALF_TURN = 1e-12
 def body_frames(geometry: Geometry, q: Array) -> Frames:
     """Frames of all bodies and the ground (the last) in the ground frame.
 
-    Each round joins every body's frame with that of the body it is given in, so chains of n bodies take log n rounds.
+    Each round composes every body's frame with that of the body relative to which it is given: log n rounds for a chain of n.
     """
     n, S = geometry.ground, len(q)
     R, o = np.empty((S, n + 1, 3, 3)), np.empty((S, n + 1, 3))
@@ -70,7 +70,7 @@ def ground_screws(geometry: Geometry, q: Array, frames: Frames) -> tuple[Array, 
 
 
 def shifted(w: Array, v: Array, r: Array) -> Array:
-    """Velocities of points at r ``(..., 3)`` from where bodies have twists w, v ``(..., 3, K)``."""
+    """Velocities of points at r ``(..., 3)`` from points at which bodies have twists w, v ``(..., 3, K)``."""
     return v + np.swapaxes(cross(np.swapaxes(w, -1, -2), r[..., None, :]), -1, -2)
 
 
@@ -78,7 +78,7 @@ def shifted(w: Array, v: Array, r: Array) -> Array:
 
 
 class PlacedCuts:
-    """The conditions of some loops, l of them, at S configurations: rates by what moves there.
+    """Conditions of l loops at S configurations: their values, and their rates for given motions.
 
     Every loop has six rows here, three linear and three angular, of which some are idle; `kept` leaves those out, and
     those that have been dropped. `rows` asks for others, loop by loop.
@@ -106,7 +106,7 @@ class PlacedCuts:
         self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
 
     def kept(self, six: Array) -> Array:
-        """The true rows of ``(S, l, 6, ...)`` as ``(S, rows, ...)``."""
+        """The rows of ``(S, l, 6, ...)`` that are conditions, as ``(S, rows, ...)``."""
         return six.reshape(len(six), 6 * six.shape[1], *six.shape[3:])[:, self.row_index]
 
     def at_cut(self, w: Array, v: Array, o: Array) -> Array:
@@ -137,12 +137,12 @@ class PlacedCuts:
         return self.kept(E)
 
     def conditions(self, w: Array, v: Array) -> Array:
-        """The rows' values ``(S, l, 6, K)`` for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
+        """Values ``(S, l, 6, K)`` of the rows for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
         return np.concatenate([self.n @ v, self.m @ w], axis=-2)
 
 
 class Cuts(PlacedCuts):
-    """The same where faces can be placed: what `PlacedCuts` has is there once `place` has been called."""
+    """Cuts whose faces can be placed: attributes of `PlacedCuts` are available after `place`."""
 
     def __init__(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
         super().__init__(geometry, loops, rows)
@@ -165,7 +165,7 @@ class Cuts(PlacedCuts):
         return result[0], result[1], result[2], result[3]
 
     def place(self, faces: tuple[Array, Array, Array, Array], q: Array) -> Array:
-        """Position residuals ``(S, l, 6)``; keeps where the cuts and how their conditions stand, for what follows."""
+        """Position residuals ``(S, l, 6)``; stores the places of the cuts and the directions of their conditions."""
         C_s, x_s, C_e, x_e = faces
         back = np.swapaxes(C_s, -1, -2)
         R = back @ C_e
@@ -190,7 +190,7 @@ class Cuts(PlacedCuts):
         return residual
 
     def _rotations(self, R: Array) -> Array:
-        """What turns the start faces into the end faces, as vectors of length 2 sin(t/2); R ``(S, l, 3, 3)``."""
+        """Rotations from the start faces to the end faces, as vectors of length 2 sin(t/2); R ``(S, l, 3, 3)``."""
         b = turn(R, self.axis)
         versine = 1 + (self.axis * b).sum(axis=-1)
         r = cross(self.axis, b) * np.sqrt(2 / np.maximum(versine, HALF_TURN))[..., None]
@@ -202,7 +202,7 @@ class Cuts(PlacedCuts):
         return r
 
     def of(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> PlacedCuts:
-        """The cuts of some loops, where these are of all loops and have been placed."""
+        """The cuts of some loops, taken from those of all loops, which have been placed."""
         found = PlacedCuts(geometry, loops, rows)
         i, other = found.loops, self.lengths[found.loops] / found.lengths
         found.point, found.m = self.point[:, i], self.m[:, i]
@@ -217,7 +217,7 @@ def quaternion_vector(R: Array) -> Array:
     vee = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
     trace = np.trace(R, axis1=-2, axis2=-1)
     v = vee / (2 * np.sqrt(np.maximum(1 + trace, HALF_TURN)))[..., None]
-    for i in map(tuple, np.argwhere(1 + trace < 0.5)):  # near half a turn the symmetric part is the better source
+    for i in map(tuple, np.argwhere(1 + trace < 0.5)):  # near half a turn the symmetric part is more accurate
         outer = (R[i] + R[i].T + (1 - trace[i]) * np.eye(3)) / 4
         k = int(np.argmax(np.diag(outer)))
         v[i] = outer[k] / np.sqrt(outer[k, k])

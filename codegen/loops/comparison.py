@@ -1,4 +1,4 @@
-"""How good a choice of dependents is, and which of two is the better one."""
+"""The quality of a choice of dependents, and which of two choices is better."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ import math
 from ..records import dataclass
 
 ACCEPTED = 10.0
-"""How many times worse than by pivoting a condition may be: one digit of sixteen, where a cluster would cost a dense system."""
+"""Largest ratio of conditions, choice over pivoting, that is accepted: one digit of sixteen. A cluster costs a dense system."""
 
 WORTH_IT = 3.0
-"""Another choice has to be this many times better."""
+"""Factor by which another choice has to be better."""
 
 SHORT_OF_REACH = 0.7
-"""Where fewer of the random independents can be closed, another choice is looked for."""
+"""Part of random independents that a choice should be able to close; otherwise another choice is sought."""
 
 WIDER = 0.25
-"""So many more of them another choice must close."""
+"""Additional part that another choice must close."""
 
 PRICE_OF_CLUSTERED = 0.02
-"""What every dependent speed of a cluster has to gain in reach, to be worth a dense system."""
+"""Reach that every dependent speed of a cluster has to gain, to be worth a dense system."""
 
 PRICE_OF_DIGIT = 0.05
-"""What a digit of condition is worth in reach."""
+"""Reach that one digit of condition is worth."""
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """How good the choice for a component is.
+    """Quality of the choice for a component.
 
     Attributes
     ----------
@@ -59,18 +59,18 @@ class Comparison:
 
     @property
     def is_poor(self) -> bool:
-        """Whether another choice should be looked for."""
+        """Whether another choice should be sought."""
         return self.loss > ACCEPTED or self.reach < SHORT_OF_REACH
 
     @property
     def worth(self) -> float:
-        """What choices of acceptable condition are compared by."""
+        """Value by which choices of acceptable condition are compared."""
         reach = self.reach if self.reach == self.reach else 1.0
         loss = self.loss if self.loss == self.loss else 1.0
         return reach - PRICE_OF_CLUSTERED * self.clustered - PRICE_OF_DIGIT * math.log10(max(loss, 1.0))
 
     def is_better(self, other: Comparison) -> bool:
-        """Whether this choice is to be preferred: one of acceptable condition, and of these the one worth most."""
+        """Whether this choice is preferred: by its condition if one of both is not acceptable, otherwise by its value."""
         if self.loss > ACCEPTED or other.loss > ACCEPTED:
             return self.loss < other.loss
         return self.worth > other.worth

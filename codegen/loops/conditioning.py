@@ -26,35 +26,35 @@ from .ordering import Draft, Sweep, arrange
 from .velocities import is_lone_coupling
 
 FEW = 30
-"""All choices for a single loop are tried if there are no more."""
+"""All choices for a single loop are tried if there are at most this many."""
 
 MOST_LOOPS = 8
 MOST_SPEEDS = 60
-"""Components of more are not compared: the whole matrix is dense."""
+"""Larger components are not compared, because their matrix is dense."""
 
 QUANTILE = 0.75
-"""Configurations at which the choice is poor are not held against it if they are fewer than a quarter."""
+"""Quantile of the configurations that counts: a choice may be poor at a quarter of them."""
 
 EVERY = 30
-"""In models with more loops only components with an ear of poor condition are compared."""
+"""In models with more loops, only components with an ear of poor condition are compared."""
 
 DOUBTFUL = 100.0
-"""Such a condition."""
+"""Condition from which an ear is poor."""
 
 SINGULAR = 100 * RANK_TOLERANCE
-"""Configurations with singular values below this part of the largest say nothing about a choice."""
+"""Configurations whose smallest singular value is below this part of the largest are ignored."""
 
 EXACT = 1e-9
-"""Configurations closed as well as this may serve for a choice."""
+"""Residual up to which a configuration may serve for a choice."""
 
 SERVING = 4
-"""How many of them do, beside the initial one."""
+"""Number of configurations that serve beside the initial one."""
 
 BRANCHES = 3
-"""How many of the speeds that follow worst are tried as independent ones, each in turn."""
+"""Number of the worst dependent speeds that are tried as independent ones, each in turn."""
 
 ROUNDS = 2
-"""How often that is repeated."""
+"""Number of rounds of these trials."""
 
 
 class Conditioning:
@@ -136,12 +136,12 @@ class Conditioning:
         return (chosen, best) if best.is_clearly_better(given) else (drafts, given)
 
     def own_choice(self) -> tuple[list[Draft], Comparison] | None:
-        """The choice of `better` from the beginning; None where the loops cannot be ordered."""
+        """An own choice, improved by `better`; None if the loops cannot be ordered."""
         drafts = self._arranged(self.held, False)
         return self.better(drafts) if drafts is not None else None
 
     def _further_reaching(self, given: Comparison) -> Iterator[list[Draft]]:
-        """Choices that may close more often: for a single loop the best of all, else those of other configurations.
+        """Choices that may close more often: for a single loop the best of all, otherwise those of other configurations.
 
         Quaternion joints are not divided for that, and nothing becomes a cluster.
         """
@@ -188,7 +188,7 @@ class Conditioning:
             yield other
 
     def _worst_followers(self, drafts: Sequence[Draft]) -> list[int]:
-        """Dependent speeds that others move most, per unit of all independent ones."""
+        """Dependent speeds that are largest per unit of all independent ones."""
         chosen = [self.column[s] for d in drafts for s in d.dependent]
         rest = [c for c in range(len(self.speeds)) if c not in chosen]
         E = self.E[self.regular] if np.any(self.regular) else self.E
@@ -197,7 +197,7 @@ class Conditioning:
         return [self.speeds[chosen[i]] for i in np.argsort(-size, kind="stable")[:BRANCHES]]
 
     def _arranged(self, held: set[int], dividing: bool) -> list[Draft] | None:
-        """Ears for these independents, chosen at several configurations; None where there is no order of full rank."""
+        """Ears for these independents, chosen at several configurations; None if there is no order of full rank."""
         sweep = Sweep(self.geometry, self.q[self.serving], held, np.random.default_rng(self.seed))
         sweep.dividing = sweep.dividing_for_condition = dividing
         try:
@@ -208,7 +208,7 @@ class Conditioning:
 
 
 def _exceeded(values: Array) -> float:
-    """What a quarter of some values exceed."""
+    """The value that a quarter of some values exceed."""
     return float(np.quantile(values, QUANTILE, method="higher"))
 
 

@@ -1,4 +1,4 @@
-"""What a model asks of its loops, and what every loop and coupling needs."""
+"""Demands on loops: `independent` of the model, and what every loop and coupling needs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .ordering import Draft
 
 
 def check_cycles(geometry: Geometry) -> None:
-    """Every loop needs a joint that moves."""
+    """Check that every loop contains a joint that moves."""
     sums = geometry.ancestry.sums([len(speeds) for speeds in geometry.speeds], geometry.model.outward)
     for i, loop in enumerate(geometry.model.loops):
         if loop.is_coupling:
@@ -28,9 +28,9 @@ def check_cycles(geometry: Geometry) -> None:
 
 
 def check_couplings(model: Model, drafts: list[Draft]) -> None:
-    """Every coupling has to determine a coordinate: ratios that are to agree do so for a moment only.
+    """Check that every coupling determines a coordinate: ratios that agree by chance would do so for one design only.
 
-    Of an ear with loops a condition may follow from the others; which one does, nobody can say.
+    In an ear with loops one of the conditions may be redundant; it is not defined which one.
     """
     for draft in drafts:
         if draft.rows > len(draft.dependent) and all(model.loops[i].is_coupling for i in draft.loops):
@@ -45,7 +45,7 @@ def check_couplings(model: Model, drafts: list[Draft]) -> None:
 
 
 def hinted(geometry: Geometry) -> set[int]:
-    """Speeds that the model asks to be independent; of a quaternion joint all, whichever is named."""
+    """Speeds that the model lists as independent; all of a quaternion joint, whichever is named."""
     model, held = geometry.model, set[int]()
     place = {name: i for i, name in enumerate(model.coordinate_names)}
     body = {i: k for k, (q, _) in enumerate(model.coordinate_slices) for i in range(q.start, q.stop)}

@@ -1,4 +1,4 @@
-"""Choice of dependent speeds: columns of a closure matrix, near the cut, well conditioned.
+"""Choice of dependent speeds: well-conditioned columns of a closure matrix, near the cut.
 
 The elimination is a pivoted Gram-Schmidt with re-orthogonalisation (the paper's Eqs. 33-38, done stably). The pivot is not
 the largest column but the first in a given order, from the cut inward, that is not much smaller than the largest among
@@ -16,30 +16,30 @@ from ..model.vectors import Array
 from .geometry import Geometry
 
 RANK_TOLERANCE = 1e-7
-"""Singular values below this part of the largest count as zero: well above what is left of the assembly's rounding, well
-below what a closure matrix has half a degree from a singular pose."""
+"""Singular values below this part of the largest count as zero: well above the rounding of the assembly, well
+below those of a closure matrix half a degree from a singular pose."""
 
 WINDOWS = (10, 30, 100)
-"""How many useful columns compete for a pivot, in order of trial."""
+"""Number of useful columns that compete for a pivot, in order of trial."""
 
 THRESHOLDS = (0.05, 0.3, 1.0)
 """A column is taken if it is at least this part of the best in the window, in order of trial."""
 
 GOOD_CONDITION = 20.0
-"""Below it no other choice is looked for; above, a condition 4 times better is worth twice the way from the cut."""
+"""Condition below which no other choice is sought; above it, one 4 times better is worth twice the distance from the cut."""
 
 MAX_COMBINATIONS = 500
-"""How many ways of making whole quaternion joints dependent are tried."""
+"""Number of ways of making whole quaternion joints dependent that are tried."""
 
 MAX_SERVING = 8
-"""How many of those that serve are compared."""
+"""Number of ways that serve and are compared."""
 
 MAX_DIVIDED = 6
-"""How many rotations or displacements are tried as the only one that is divided."""
+"""Number of rotations or displacements that are tried as the only divided one."""
 
 
 def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Numerical ranks of matrices ``(S, rows, f)`` whose entries are of order one, ``(S,)``."""
+    """Numerical ranks ``(S,)`` of matrices ``(S, rows, f)`` whose entries are of order one."""
     if 0 in A.shape:
         return np.zeros(len(A), dtype=int)
     s = np.linalg.svd(A, compute_uv=False)
@@ -70,7 +70,7 @@ def condition(A: Array) -> float:
 
 
 def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tuple[int, ...]]:
-    """Columns in the order given, those of a quaternion joint together; `speeds` says whose columns they are."""
+    """Columns in the order given, those of a quaternion joint together; `speeds` are the speeds of the columns."""
     joints: dict[int, list[int]] = {}
     for c in map(int, columns):
         s = int(speeds[c])
@@ -80,7 +80,7 @@ def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tupl
 
 
 def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int, ...]]]:
-    """The same columns with quaternion joints divided, as little as possible first.
+    """The same columns with quaternion joints divided, with the fewest divisions first.
 
     Rotations and displacements of free joints apart; then single columns of one such group, those near the cut first; then
     single columns of all.
@@ -95,7 +95,7 @@ def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int
 
 
 def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
-    """Columns that span all of A as `choose_dependents` finds them, quaternion joints divided as little as serves."""
+    """Columns that span A, as `choose_dependents` finds them, with as few quaternion joints divided as possible."""
     best: list[int] = []
     lowest = float("inf")
     for parts in divided_joints(joints):
@@ -111,7 +111,7 @@ def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
 
 
 def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, dense: bool = False) -> list[int] | None:
-    """Columns that span all of A.
+    """Columns that span A.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, de
 
 
 def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int, ...], ...]]:
-    """Sets of joints to take whole, the fewest first, those near the cut first."""
+    """Sets of joints to take as a whole, the smallest first, those near the cut first."""
     for count in range(len(several) + 1):
         if count and count * min(map(len, several)) > rank:
             return
@@ -199,12 +199,12 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
 
 
 def columns_at_all(A: Array, rank: int) -> list[int]:
-    """Columns of ``(S, rows, f)`` by an elimination that takes, of the worst of the matrices, always the largest."""
+    """Columns of ``(S, rows, f)`` by an elimination that always takes the largest column of the worst matrix."""
     return _eliminate(A, [], list(range(A.shape[2])), rank, A.shape[2], 1.0)
 
 
 def pivoted_columns(A: Array, rank: int) -> Array:
-    """Columns ``(S, rank)`` that a Gram-Schmidt with column pivoting takes of each of the matrices ``(S, rows, f)``."""
+    """Columns ``(S, rank)`` that a Gram-Schmidt process with column pivoting takes of each matrix ``(S, rows, f)``."""
     rest, basis = A.copy(), list[Array]()
     chosen = np.empty((len(A), rank), dtype=int)
     for i in range(rank):
@@ -215,8 +215,8 @@ def pivoted_columns(A: Array, rank: int) -> Array:
 
 
 def _orthogonalise(rest: Array, basis: list[Array], column: Array) -> None:
-    """Take a column ``(S, rows)`` into the orthonormal basis and out of the rest ``(S, rows, f)``."""
-    for _ in range(2):  # once more for what rounding has left
+    """Add a column ``(S, rows)`` to the orthonormal basis, and project it out of the rest ``(S, rows, f)``."""
+    for _ in range(2):  # a second time, for the rounding of the first
         for b in basis:
             column = column - np.sum(b * column, axis=1, keepdims=True) * b
     b = column / np.maximum(np.linalg.norm(column, axis=1, keepdims=True), 1e-300)

@@ -1,4 +1,4 @@
-"""What the partition of a model is, in words."""
+"""The partition of a model as text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from .ears import Ear, Partition
 from .errors import listed, loops_counted
 
 LINES = 12
-"""More ears than this are not listed one by one: equal ones share a line."""
+"""If there are more ears than this, equal ones share a line."""
 
 
 def describe(model: Model, partition: Partition) -> list[str]:
@@ -70,7 +70,7 @@ def describe(model: Model, partition: Partition) -> list[str]:
 
 
 def _comparison(model: Model, partition: Partition) -> list[str]:
-    """How good the choice is, for the loops that share joints where it is worst; and what was not compared."""
+    """Lines on the quality of the choice for the worst component, and on components that were not compared."""
     lines = []
     compared = partition.compared
     if compared:
@@ -93,7 +93,7 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
 
 
 def _line(model: Model, ears: list[Ear]) -> str:
-    """One ear, or how many like it."""
+    """One ear, or several equal ones."""
     first, last = ears[0], ears[-1]
     names = [listed([model.loops[i].name for i in ear.loops]) for ear in (first, last)]
     text = f"cluster of {names[0]}" if len(first.loops) > 1 else names[0]

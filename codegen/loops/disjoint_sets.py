@@ -1,16 +1,16 @@
-"""Numbers in sets that become one (union-find: R. E. Tarjan, J. ACM 22 (1975), 215-225; paths are halved)."""
+"""Disjoint sets of numbers that are merged (union-find: R. E. Tarjan, J. ACM 22 (1975), 215-225; with path halving)."""
 
 from __future__ import annotations
 
 
 class DisjointSets:
-    """The numbers 0 to n - 1, at first each in a set of its own; a set is known by one of its members."""
+    """The numbers 0 to n - 1, each in a set of its own at first; a set is identified by one of its members."""
 
     def __init__(self, n: int) -> None:
         self._towards = list(range(n))
 
     def find(self, i: int) -> int:
-        """The member by which the set of i is known."""
+        """The member that identifies the set of i."""
         towards = self._towards
         while towards[i] != i:
             towards[i] = towards[towards[i]]
@@ -18,11 +18,11 @@ class DisjointSets:
         return i
 
     def join(self, i: int, into: int) -> None:
-        """The set of i becomes part of another, which stays known as it is."""
+        """Merge the set of i into another, which keeps its identifying member."""
         self._towards[self.find(i)] = self.find(into)
 
     def members(self) -> dict[int, list[int]]:
-        """The sets by what they are known by, in the order of their first members."""
+        """The sets by their identifying members, in the order of their first members."""
         found: dict[int, list[int]] = {}
         for i in range(len(self._towards)):
             found.setdefault(self.find(i), []).append(i)

@@ -1,4 +1,4 @@
-"""What a user should know of a partition: ears in poor condition or large, changed initial values, motions that are locked.
+"""Warnings about a partition: ears that are poorly conditioned or large, changed initial values, motions that are blocked.
 
 A condition that a motion breaks by much less than others do stops it all the same: the mechanism has a freedom less, and the
 joints' forces there are large. Above the tolerance of the model this may be meant; it may also be that an axis is given with
@@ -21,23 +21,23 @@ from .ordering import Draft
 from .velocities import Motion, complete_speeds
 
 POOR_CONDITION = 1e4
-"""Of a closure matrix: beyond this another choice is sought, and a warning names the loops."""
+"""Condition of a closure matrix above which another choice is sought and a warning names the loops."""
 
 LARGE_CLUSTER = 5
-"""Loops; larger clusters are reported."""
+"""Number of loops above which a cluster is reported."""
 
 FAR_ANGLE = 1.6
-"""rad: initial values that closing changes by more than about a quarter turn are reported."""
+"""Changes of initial values by closing, in rad, above which they are reported."""
 
 SMALL = 1e-2
-"""Singular values below this part of the largest stop motions by little."""
+"""Motions whose singular value is below this part of the largest are nearly free."""
 
 PART = 0.2
 """Joints whose share in such a motion is less than this part of the largest are not named."""
 
 
 def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
-    """What to say of angles that the model gives and closing has changed by more than a quarter turn."""
+    """Warnings about angles of the model that closing has changed by more than a quarter turn."""
     for i, (name, unit) in enumerate(zip(model.coordinate_names, model.coordinate_units, strict=True)):
         if unit == "rad" and name in model.initial_q and abs(q[0, i] - guess[0, i]) > FAR_ANGLE:
             yield (
@@ -47,7 +47,7 @@ def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
 
 
 def ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
-    """Initial values of dependent speeds that closure replaces by others."""
+    """Initial values of dependent speeds that closure replaces."""
     named = [s for s in found.dependent if model.speed_names[s] in model.initial_u]
     if not named:
         return
@@ -60,7 +60,7 @@ def ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
 
 
 def doubts_of(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> Iterator[str]:
-    """What a user should know about an ear."""
+    """Warnings about an ear."""
     loops = loops_named(model, draft.loops)
     spare = draft.rows > len(draft.dependent)
     if draft.condition > POOR_CONDITION:
@@ -78,7 +78,7 @@ def doubts_of(model: Model, geometry: Geometry, draft: Draft, held: set[int]) ->
 
 
 def stopped(geometry: Geometry, draft: Draft, q: Array) -> list[tuple[float, Array, list[int]]]:
-    """Motions of an ear's joints that its loops stop by little: parts of the largest singular value, shares, speeds."""
+    """Motions of an ear's joints that its loops nearly permit: parts of the largest singular value, shares, speeds."""
     closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops)
     E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
     _, s, V = np.linalg.svd(E, full_matrices=False)
@@ -89,7 +89,7 @@ def stopped(geometry: Geometry, draft: Draft, q: Array) -> list[tuple[float, Arr
 
 
 def nearly_locked(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> list[str]:
-    """What to say of motions that are stopped by little at all of some configurations: one alone may be near a dead point."""
+    """Warnings about motions that are nearly permitted at all configurations; a single one may be near a dead point."""
     lines = []
     for draft in drafts:
         first, *others = (stopped(geometry, draft, q) for q in configurations)

@@ -1,4 +1,4 @@
-"""What a partition is: ears, in the order in which they close, and which speeds they make dependent."""
+"""A partition: ears in the order in which they close, and the speeds that each makes dependent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .speed_groups import SpeedGroup, speed_groups
 
 @dataclass(frozen=True, slots=True)
 class Ear:
-    """Loops that are closed together: one, or the several of a cluster.
+    """Loops that are closed together: a single one, or those of a cluster.
 
     Attributes
     ----------
@@ -47,13 +47,13 @@ class Ear:
 
     @property
     def redundant(self) -> int:
-        """Conditions that follow from others."""
+        """Number of redundant conditions."""
         return self.rows - self.rank
 
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """The loops in an order in which each ear closes on what is resolved already.
+    """The loops in an order in which each ear closes on links that are resolved already.
 
     Attributes
     ----------
@@ -96,12 +96,12 @@ class Partition:
         return tuple(sorted(s for ear in self.ears for s in ear.dependent))
 
     def split(self, model: Model) -> list[SpeedGroup]:
-        """Rotations and displacements of which some speeds are dependent and some are not."""
+        """Rotations and displacements with some dependent and some independent speeds."""
         dependent = set(self.dependent)
         return [group for group in speed_groups(model) if group.is_split(dependent)]
 
     def dropped_rows(self, model: Model) -> tuple[set[int], ...]:
-        """For each loop, places of the conditions that have been dropped among its own."""
+        """For each loop, the positions of the dropped conditions among its own."""
         found: list[set[int]] = [set() for _ in model.loops]
         for ear in self.ears:
             for loop, row in ear.dropped:
@@ -109,7 +109,7 @@ class Partition:
         return tuple(found)
 
     def dropped_conditions(self, model: Model) -> tuple[int, ...]:
-        """Places of the conditions that have been dropped among `Model.closure_names`."""
+        """Positions of the dropped conditions among `Model.closure_names`."""
         place = {name: i for i, name in enumerate(model.closure_names)}
         return tuple(
             sorted(place[closure_row_names(model.loops[i])[row]] for ear in self.ears for i, row in ear.dropped)

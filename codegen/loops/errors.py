@@ -1,4 +1,4 @@
-"""Errors of loops, and how messages list names and loops."""
+"""Errors of loops, and lists of names and loops in messages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..model.model import Model
 
 
 def listed(names: Sequence[str], limit: int = 6) -> str:
-    """Names in a row, long lists cut."""
+    """Names, separated by commas; long lists are shortened."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
 
@@ -33,7 +33,7 @@ def loops_counted(model: Model) -> str:
 
 
 class AssemblyError(ValueError):
-    """Loops that cannot be closed by moving what may move; the text names the loop and by how much it stays open.
+    """Loops that cannot be closed by the joints that may move; the text names the loop and its residual.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class AssemblyError(ValueError):
 
 
 class PartitionError(ValueError):
-    """Coordinates that cannot be divided as asked: a hint that cannot be independent, or no freedom left.
+    """Coordinates that cannot be divided as requested: a hint that cannot be independent, or no freedom left.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The geometry of a model as floats: joints, loop joints and paths, ready for arithmetic on many of them at once.
+"""The geometry of a model as numbers: joints, loop joints and paths, for arithmetic on many at once.
 
 Configurations come in batches: q is ``(S, nq)``, one row a configuration, and everything computed from it has S as its
 first axis. The ground is a body too, the last one: index `Geometry.ground`.
@@ -22,11 +22,11 @@ from .ears import Ear
 from .speed_groups import speed_groups
 
 LEAST_TOLERANCE = 1e-12
-"""Well above rounding: less than this cannot be told from nothing."""
+"""Well above rounding: smaller values count as zero."""
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
-    """Parameters by name; None: the defaults."""
+    """Parameters by name; the defaults for None."""
     values = [x.value for x in model.parameters] if p is None else [float(x) for x in p]
     if len(values) != len(model.parameters):
         raise ValueError(f"p has {len(values)} values; the model has {len(model.parameters)} parameters")
@@ -34,7 +34,7 @@ def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[st
 
 
 def evaluator(values: dict[str, float]) -> Callable[[Iterable[Expression]], list[float]]:
-    """Values of expressions, each object evaluated once: what a model repeats, it shares."""
+    """Values of expressions; an object that a model shares is evaluated once."""
     known: dict[int, float] = {}
 
     def evaluate(expressions: Iterable[Expression]) -> list[float]:
@@ -162,7 +162,7 @@ class Geometry:
         return R
 
     def turned_behind(self, body: int, q: Array) -> Array | None:
-        """Child components into those behind the first motion of a body's joint, ``(S, 3, 3)``; None where that does not turn."""
+        """Rotation ``(S, 3, 3)`` from child components to those after the first motion of a body's joint; None without one."""
         known = self._behind.get(body)
         if known is None:
             chain = self.chains[self.kinds[body]].behind_first()
@@ -273,12 +273,12 @@ class Geometry:
         self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
         found = np.array([self._length(i) for i in range(len(self.model.loops))])
         joined = [i for i in range(len(self.model.loops)) if i not in self.couplings]
-        if joined:  # what has no length of its own does not weigh that of others
+        if joined:  # a body without a length of its own does not affect the lengths of others
             found[list(self.couplings)] = found[joined].min()
         return found
 
     def _length(self, loop: int, window: int = 8) -> float:
-        """The mean distance between neighbouring joints near the cut, rounded to a power of two, m.
+        """Mean distance between neighbouring joints near the cut, rounded to a power of two, m.
 
         It uses what is fixed in the bodies and so does not depend on the configuration. Distances within the tolerance of
         the model's largest are not meant: joints stand in one place.
@@ -297,14 +297,14 @@ class Geometry:
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0
 
     def turn_round(self, loops: Collection[int]) -> None:
-        """Take conditions of some loops along the axes of the other face."""
+        """Take the conditions of some loops along the axes of the other face."""
         kept, self.model = self.kept, self.model.with_turned(loops)
         self._cycles.clear()
         self._loops()
         self.kept = kept
 
     def follow(self, ear: Ear) -> None:
-        """Take the characteristic length of an ear, and drop the conditions that it drops."""
+        """Set the characteristic length of an ear, and drop its dropped conditions."""
         self.lengths[list(ear.loops)] = ear.length
         for i in {i for i, _ in ear.dropped}:
             self.kept[i] = [r for n, r in enumerate(self.rows[i]) if (i, n) not in ear.dropped]
@@ -385,7 +385,7 @@ class Joints:
         self.unturned = np.array(unturned, dtype=int)
 
     def transforms(self, q: Array) -> tuple[Array, Array]:
-        """Child components into parent components and the child's origin in the parent.
+        """Rotation from child components to parent components, and the child's origin in the parent.
 
         Parameters
         ----------
@@ -417,7 +417,7 @@ class Joints:
     def screws(self, q: Array) -> tuple[Array, Array]:
         """Unit screws of the speeds about their bodies' origins, child components, each ``(f, 3)`` or ``(S, f, 3)``.
 
-        What a joint does first is seen through what it does after that.
+        An earlier motion of a joint is rotated by the later ones.
         """
         if not self.changing:
             return self.still_w, self.still_v
@@ -434,7 +434,7 @@ class Joints:
 
 
 def padded(q: Sequence[float] | Array) -> Array:
-    """Coordinates ``(nq,)`` or ``(S, nq)`` as ``(S, nq + 1)`` with a zero behind, where bodies without an angle look."""
+    """Coordinates ``(nq,)`` or ``(S, nq)`` as ``(S, nq + 1)`` with a zero at the end, for bodies without an angle."""
     q = np.atleast_2d(np.asarray(q, dtype=float))
     return np.concatenate([q, np.zeros((len(q), 1))], axis=1)
 
@@ -465,7 +465,7 @@ def advance(geometry: Geometry, q: Array, speeds: Sequence[int] | Array, step: A
         which = speeds[of_body] - g.speeds[k].start
         moved = np.zeros((len(q), len(g.speeds[k])))
         moved[:, which] = step[:, of_body]
-        for m in motion:  # a displacement comes before the ball that turns its velocities
+        for m in motion:  # the displacement comes first: the ball joint rotates its velocities
             own = speeds_of(m)
             if not np.any((which >= own.start) & (which < own.stop)):
                 continue

@@ -1,4 +1,4 @@
-"""Assembled configurations spread over the range of some loops: walks along what their closure leaves free."""
+"""Assembled configurations spread over the range of some loops: random walks along the motions that the loops permit."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from .paths import PoseGroups
 from .rings import LARGEST_STEP, Ring
 
 WALKS = 5
-"""Walks from the initial configuration, each in a direction of its own."""
+"""Number of walks from the initial configuration, each in a direction of its own."""
 
 STRIDES = 4
-"""Steps of a walk; after each the loops are closed again."""
+"""Number of steps of a walk; after each the loops are closed again."""
 
 STRIDE = 0.4
-"""rad, or characteristic lengths: the largest component of a step."""
+"""Largest component of a step, rad or characteristic lengths."""
 
 CORRECTIONS = 4
 """Newton steps that close the loops again."""
 
 DRAWS = 20
-"""Random independents that a choice of dependents is tried with."""
+"""Number of random independents with which a choice of dependents is tested."""
 
 RANGE = 0.5
-"""rad, and characteristic lengths: how far from the initial configuration these are."""
+"""Largest distance of these from the initial configuration, rad and characteristic lengths."""
 
 PARTS = 3
-"""Steps in which the independents go there."""
+"""Number of steps in which the independents move there."""
 
 TRIALS = 10
 """Newton steps that may close the loops after the last of them."""
 
 DAMPING = 1e-11
-"""Part of the squared size of a closure matrix that is added to its squares: redundant conditions do not matter then."""
+"""Part of the squared size of a closure matrix that is added to its squares, so that redundant conditions do not matter."""
 
 NEARLY_CLOSED = 1e-5
-"""Of the characteristic length, or rad: good enough to see how the joints stand to each other."""
+"""Residual, in characteristic lengths or rad, up to which a configuration is good enough for comparing columns."""
 
 
 class NearbyStates:
-    """Closure matrices of some loops at the initial configuration and at others that it is connected with.
+    """Closure matrices of some loops at the initial configuration and at others that can be reached from it.
 
-    Coordinates that no joint of these loops has stay as they are. All configurations are computed at once.
+    Coordinates of other joints keep their values. All configurations are computed at once.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class NearbyStates:
         self.q, self.E, self.residual = self._walked(np.repeat(q, WALKS, axis=0), random)
 
     def reach(self, dependent: Sequence[int]) -> float:
-        """For which part of random independents Newton's method closes the loops by moving the dependents.
+        """Part of random independents at which Newton's method closes the loops by moving the dependents.
 
         The same displacements of all joints are drawn for every choice; dependents begin at the initial configuration.
 
@@ -93,7 +93,7 @@ class NearbyStates:
         return float(np.mean(_largest(rows) < NEARLY_CLOSED))
 
     def put(self, q: Array) -> Array:
-        """Configurations with the coordinates of these joints from the ends of walks, closed as well as they can be."""
+        """Configurations with these joints' coordinates at the ends of walks, closed as well as possible."""
         moved = sorted({i for s in self.speeds for i in range(*self.geometry.moved[s].indices(q.shape[1]))})
         far = np.argsort(-np.max(np.abs(self.q - self.q[0]), axis=1), kind="stable")[: len(q)]
         far = np.resize(far, len(q))
@@ -111,7 +111,7 @@ class NearbyStates:
             step = STRIDE * along / np.where(size > 0, size, 1.0)
             moved, found, residual = self._corrected(advance(self.geometry, q, self.speeds, step * self.scale))
             closed = residual < NEARLY_CLOSED
-            # A walk that has met an end of the range turns round.
+            # A walk that has reached the end of the range turns back.
             direction = np.where(closed[:, None], along, -direction)
             q, E = np.where(closed[:, None], moved, q), np.where(closed[:, None, None], found, E)
             configurations.append(q[closed])
@@ -120,7 +120,7 @@ class NearbyStates:
         return np.concatenate(configurations), np.concatenate(matrices), np.concatenate(residuals)
 
     def _corrected(self, q: Array) -> tuple[Array, Array, Array]:
-        """Configurations with the loops closed, their matrices, and how far they are open still."""
+        """Configurations with the loops closed, their matrices, and the residuals that remain."""
         rows, E = self._closed(q)
         for _ in range(CORRECTIONS):
             step = _limited(-_least(E, rows))
@@ -140,14 +140,14 @@ def _largest(rows: Array) -> Array:
 
 
 def _limited(step: Array) -> Array:
-    """Steps ``(S, f)`` shortened to where a linearisation means something."""
+    """Steps ``(S, f)`` shortened to where a linearisation is valid."""
     size = np.max(np.abs(step), axis=1, keepdims=True)
     limited: Array = step * np.minimum(1.0, LARGEST_STEP / np.where(size > 0, size, 1.0))
     return limited
 
 
 def _least(E: Array, right: Array) -> Array:
-    """The shortest x ``(S, f)`` with E x = right ``(S, rows)``, in the least-squares sense, hardly damped."""
+    """The shortest x ``(S, f)`` with E x = right ``(S, rows)`` in the least-squares sense, slightly damped."""
     ET = np.swapaxes(E, -1, -2)
     gram = E @ ET if E.shape[1] <= E.shape[2] else ET @ E
     n = gram.shape[1]
@@ -161,6 +161,6 @@ def _least(E: Array, right: Array) -> Array:
 
 
 def rigid_parts(geometry: Geometry, q: Array, components: Iterable[Sequence[int]]) -> PoseGroups:
-    """Bodies that no joint of these loops parts, in groups."""
+    """Groups of bodies that no joint of these loops separates."""
     moving = geometry.passed(i for loops in components for i in loops)
     return PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving or not geometry.speeds[k]])
