@@ -39,7 +39,7 @@ def operations(program: Program, plan: Plan, procedures: tuple[Procedure, ...]) 
             continue
         merged = plan.sweeps[sweep.name].merged
         if merged is not None:
-            once, each = count(merged.block, False), count(merged.block, True)
+            once, each = count(merged.block)
         else:
             once, each = _of_kinds(program, sweep)
         result[sweep.name] = _both(once, each)
@@ -49,13 +49,13 @@ def operations(program: Program, plan: Plan, procedures: tuple[Procedure, ...]) 
         of_targets = [f for f in plan.formulas if f.target in targets]
         once, each = Operations(), Operations()
         for f in of_targets:
-            once = once + count(f.value, False) * len(f.rows)
-            each = each + count(f.tangent) * len(f.rows)
+            once = once + count(f.value)[0] * len(f.rows)
+            each = each + sum(count(f.tangent), Operations()) * len(f.rows)
         if of_targets:
             result[name] = _both(once, each)
     constants = Operations()
     for c in program.system.constants:
-        constants = constants + count(c.shape.block, False)
+        constants = constants + count(c.shape.block)[0]
     angles = sum(link.joint.angle is not None for link in program.system.links)
     added = sum(link.turned != 0 for link in program.system.links)
     result[OUTSIDE] = _both(constants + Operations(additions=added, functions=2 * angles), Operations())
@@ -68,8 +68,7 @@ def _of_kinds(program: Program, sweep: Sweep) -> tuple[Operations, Operations]:
     for kind in sweep.kinds(program.system):
         block = program.blocks[sweep.name][kind.index]
         calls = len(kind.members) if sweep.element else len(kind.units if sweep.units else kind.members)
-        once = once + count(block, False) * calls
-        each = each + count(block, True) * calls
+        once, each = (sum_ + of * calls for sum_, of in zip((once, each), count(block), strict=True))
     return once, each
 
 

@@ -23,7 +23,7 @@ def notes(block: Block) -> list[str]:
                 names[_vector(name)] = None
         listed = (f"{store}: {', '.join(names)}" if names else store for store, names in by_store.items())
         found.append(f"{word}: {'; '.join(listed)}")
-    once, each = count(block, False), count(block, True)
+    once, each = count(block)
     words = [once.words() or ("" if each.words() else "none"), f"{each.words()} per direction" if each.words() else ""]
     found.append(f"operations: {'; '.join(w for w in words if w)}")
     together = ". ".join(found)

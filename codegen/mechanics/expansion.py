@@ -139,19 +139,21 @@ def expand(
             program.blocks[sweep.name][kind.index] = _written(patterns, traffic, sweep, kind)
     if whole:
         traffic.check()
-    _choose(program, patterns, chosen)
-    program.report.append(("expand", _total(program), time.perf_counter() - start))
+    linked = _links(program, patterns, chosen)
+    _choose(program, linked)
+    program.report.append(("expand", _Counter(program).total(), time.perf_counter() - start))
     start = time.perf_counter()
-    _drop_unread(program, patterns, chosen)
-    program.report.append(("drop what nobody reads", _total(program), time.perf_counter() - start))
+    _drop_unread(program, linked)
+    counter = _Counter(program)
+    program.report.append(("drop what nobody reads", counter.total(), time.perf_counter() - start))
     for done, (name, function) in enumerate(PASSES):
         start = time.perf_counter()
         for sweep in _timed(program, chosen, "simplifying", progress, done, len(PASSES)):
             blocks = program.blocks[sweep.name]
             for k, block in blocks.items():
                 blocks[k] = function(block)
-        program.report.append((name, _total(program), time.perf_counter() - start))
-    _drop_unread(program, patterns, chosen)
+        program.report.append((name, counter.total(), time.perf_counter() - start))
+    _drop_unread(program, _links(program, patterns, chosen))
     _lay_out(program)
     return program
 
@@ -200,12 +202,18 @@ def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Bloc
             )
 
 
-def _total(program: Program) -> Operations:
-    total = Operations()
-    for blocks in program.blocks.values():
-        for b in blocks.values():
-            total = total + count(b)
-    return total
+class _Counter:
+    """Counts operations of all blocks; those of a block that is still the same are known."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._known: dict[int, tuple[Block, Operations]] = {}
+
+    def total(self) -> Operations:
+        blocks = [b for of_sweep in self._program.blocks.values() for b in of_sweep.values()]
+        found = {id(b): self._known.get(id(b)) or (b, sum(count(b), Operations())) for b in blocks}
+        self._known = found
+        return sum((operations for _, operations in found.values()), Operations())
 
 
 @dataclass(slots=True)
@@ -266,11 +274,10 @@ def _read_for(block: Block, symbols: set[Symbol], ends: Container[Symbol] = ()) 
     return found
 
 
-def _choose(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
+def _choose(program: Program, linked: list[_Links]) -> None:
     """Of values that may be had in two ways, take the first where others need all that it reads, if the second costs no less."""
-    if not any(b.otherwise for blocks in program.blocks.values() for b in blocks.values()):
+    if not any(of.block.otherwise for of in linked):
         return
-    linked = _links(program, patterns, sweeps)
     needed = _needed(program, linked)
     for of in linked:
         block = of.block
@@ -288,9 +295,8 @@ def _choose(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
         block.otherwise = {}
 
 
-def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
+def _drop_unread(program: Program, linked: list[_Links]) -> None:
     """Remove what no result depends on, across blocks: stores to memory are needed if a needed statement loads them."""
-    linked = _links(program, patterns, sweeps)
     needed = _needed(program, linked)
     for of in linked:
         of.block.stores = [

@@ -72,24 +72,23 @@ def count_expression(e: Expr) -> Operations:
     return found
 
 
-def count(block: Block, lanes: bool | None = None) -> Operations:
-    """Operations of a block, all or those of one class: once per call, or once per direction.
+def count(block: Block) -> tuple[Operations, Operations]:
+    """Operations of a block: once per call, and once per direction.
 
     What is stored counts like a statement, and a store that adds is an addition. That a margin is positive is found by a
     comparison, which counts as the subtraction that it is.
     """
-    additions = multiplications = divisions = functions = 0
-    values = [s.expression for s in block.statements if lanes is None or s.lanes == lanes]
+    found = [0, 0, 0, 0], [0, 0, 0, 0]
+    values = [(s.lanes, s.expression) for s in block.statements]
     for store, _, e in block.stores:
-        if lanes is None or store.lanes == lanes:
-            additions += store.adds
-            values.append(e)
-    for e in values:
-        if e.is_Symbol or e.is_Number:
-            continue
-        of = count_expression(e)
-        additions += of.additions
-        multiplications += of.multiplications
-        divisions += of.divisions
-        functions += of.functions
-    return Operations(additions, multiplications, divisions, functions)
+        found[store.lanes][0] += store.adds
+        values.append((store.lanes, e))
+    for lanes, e in values:
+        if not (e.is_Symbol or e.is_Number):
+            of, counts = count_expression(e), found[lanes]
+            counts[0] += of.additions
+            counts[1] += of.multiplications
+            counts[2] += of.divisions
+            counts[3] += of.functions
+    once, each = found
+    return Operations(*once), Operations(*each)

@@ -40,10 +40,11 @@ def in_parts(
     places : dict of bool to int
         How many are needed, of values that all directions share and of values per direction.
     """
+    values = (*(s.expression for s in block.statements), *(value for _, _, value in block.stores))
+    if sum(len(symbols_of(e)) for e in values) <= LONGEST:
+        return [block], {}
     steps = in_order(block)
     lengths = [len(symbols_of(_value(step))) for step in steps]
-    if sum(lengths) <= LONGEST:
-        return [block], {}
     first = [s for s, at in block.loads.items() if is_stored(at)]
     made = dict.fromkeys(first, 0)
     last: dict[Symbol, int] = {}

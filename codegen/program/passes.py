@@ -31,8 +31,17 @@ def propagate_copies(block: Block) -> Block:
             known[s.target] = e
         else:
             statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
+    if not known:
+        return block
     stores = [(a, f, _replace(e, known)) for a, f, e in block.stores]
     return Block(block.name, block.title, block.loads, statements, stores)
+
+
+def _with(block: Block, statements: list[Statement]) -> Block:
+    """A block with other statements; itself if they are the same ones."""
+    if len(statements) == len(block.statements) and all(map(operator.is_, statements, block.statements)):
+        return block
+    return Block(block.name, block.title, block.loads, statements, block.stores)
 
 
 def _replace(e: Expr, known: dict[Symbol, Expr]) -> Expr:
@@ -59,6 +68,8 @@ def share_values(block: Block) -> Block:
             named[e] = s.target
             unsigned.add(bare)
             statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
+    if not known:
+        return block
     stores = [(a, f, _replace(e, known)) for a, f, e in block.stores]
     return Block(block.name, block.title, block.loads, statements, stores)
 
@@ -89,7 +100,7 @@ def cancel_terms(block: Block) -> Block:
                         e = whole
             sums[s.target] = e
         statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
-    return Block(block.name, block.title, block.loads, statements, block.stores)
+    return _with(block, statements)
 
 
 def share_products(block: Block) -> Block:
@@ -134,7 +145,7 @@ def share_products(block: Block) -> Block:
             else:
                 terms.append(term)
         statements.append(Statement(s.target, algebra.add(*terms), s.tag, s.lanes) if changed else s)
-    return Block(block.name, block.title, block.loads, statements, block.stores)
+    return _with(block, statements)
 
 
 def share_factors(block: Block) -> Block:
@@ -159,7 +170,7 @@ def share_factors(block: Block) -> Block:
         e = s.expression if all(map(operator.is_, terms, _terms(s.expression))) else algebra.add(*terms)
         statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
         done.add(s.target)
-    return Block(block.name, block.title, block.loads, statements, block.stores)
+    return _with(block, statements)
 
 
 def _named_part(term: Expr, named: Mapping[Expr, Statement], s: Statement) -> Statement | None:
@@ -195,7 +206,7 @@ def factor_sums(block: Block) -> Block:
         if e.is_Add:
             e = _factor(e)
         statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
-    return Block(block.name, block.title, block.loads, statements, block.stores)
+    return _with(block, statements)
 
 
 def _factor(e: Expr) -> Expr:
@@ -228,6 +239,8 @@ def drop_dead(block: Block) -> Block:
             needed |= symbols_of(s.expression)
     statements.reverse()
     loads = {s: key for s, key in block.loads.items() if s in needed}
+    if len(statements) == len(block.statements) and len(loads) == len(block.loads):
+        return block
     return Block(block.name, block.title, loads, statements, block.stores)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import cache
 
 from ...program.block import Block, Component
 from ...program.store import MARGIN, Memory, Owner, Store
@@ -41,8 +42,12 @@ def in_stack(place: Place, real: str) -> Place:
 
 def is_overwritten(block: Block, place: Place) -> Callable[[Component], bool]:
     """Whether a block stores something where a component lies."""
-    stored = {_address(place(store, name)) for store, name, _ in block.stores if store.memory is not MARGIN}
-    return lambda at: _address(place(*at)) in stored
+
+    @cache
+    def stored() -> set[tuple[str, str]]:
+        return {_address(place(store, name)) for store, name, _ in block.stores if store.memory is not MARGIN}
+
+    return lambda at: _address(place(*at)) in stored()
 
 
 def _address(at: Located) -> tuple[str, str]:
