@@ -45,7 +45,8 @@ def test_a_procedure_in_c() -> None:
     assert printer.routine(checked.routine).signature == "static int forward(call *a)"
     assert printer.routine(checked.routine).lines == ["out(a);", "if (STOPPED(a)) return 1;", "return 0;"]
     assert printer.function(p).lines == [
-        "call c = {.u = u, .a = a};",
+        "call c;",
+        "c.u = u, c.a = a;",
         "DIRECTIONS(call) d;",
         "lay_out(&c, work);",
         "if (forward(&c)) return c.singular;",
@@ -55,6 +56,18 @@ def test_a_procedure_in_c() -> None:
         "DIRECTIONS(along)(&d);",
         "return 0;",
     ]
+
+
+def test_a_call_is_not_cleared_but_what_others_read_is_set() -> None:
+    """An initializer clears all members, which takes as long as a sweep; copies over directions read those of other functions."""
+    b = A.called("b")
+    forward = Perform(Routine("forward", "Goes forward.", (OUT,)))
+    p = procedure(forward, ALONG, seeds=(U.tangent(),), results=(A, A.tangent()), widths=(8,))
+    q = procedure(forward, results=(b,))
+    printer = CFunctions("model", FLOAT64, call_memory((p, q)), lambda what: [], lambda p: ["lay_out(&c, work);"])
+    printer.copied = {"b"}
+    assert printer.function(p).lines[:2] == ["call c;", "c.u = u, c.a = a, c.b = 0;"]
+    assert printer.function(q).lines[:2] == ["call c;", "c.u = u, c.b = b;"]
 
 
 def test_templates_take_no_decisions() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 
 from ...program import procedure as steps
-from ...program.procedure import Array, Procedure, walk
+from ...program.procedure import Array, Procedure, walk, within
 from ...records import dataclass
 
 
@@ -109,3 +109,10 @@ def _place(found: Memory, together: dict[Array, set[Array]]) -> None:
 def room(array: Array) -> int:
     """Doubles that an array takes in the workspace: whole cache lines."""
     return -(-array.size * (8 if array.lanes else 1) // 8) * 8
+
+
+def lays_out(procedure: Procedure) -> bool:
+    """Whether a function needs all of the workspace, not what a few sweeps keep."""
+    return any(
+        isinstance(s, (steps.Prepare, steps.Perform, steps.Own, steps.AllColumns)) for s in within(procedure.steps)
+    )

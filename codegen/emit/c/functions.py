@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterable
 
 from ...program import procedure as steps
 from ...program.procedure import Array, Procedure, Routine, Step, over_directions, stops
+from ...program.store import MODES
 from ..function import Function, called_with
 from ..target import Scalar
-from .call_memory import Memory, read_apart
+from .call_memory import Memory, lays_out, read_apart
 from .columns import all_columns, primitives
 from .libraries import guard, guard_of_width
 
@@ -123,6 +124,8 @@ class CFunctions:
         self.memory = memory
         self.prepared = prepared
         self.laid_out = laid_out
+        self.copied: set[str] = set()
+        """Members of a call, beside those that `lay_out` sets, that functions over directions read."""
 
     def routine(self, routine: Routine) -> Function:
         """A routine as a function."""
@@ -212,16 +215,26 @@ class Lines:
         values = {**self.bound(p.arguments), **self.bound_results(False)}
         if p.modes is not None:
             values[p.modes.name] = p.modes.name
-        declared = {name: i for i, name in enumerate((*self.memory.fields, *self.memory.numbers))}
-        values = dict(sorted(values.items(), key=lambda item: declared[item[0]]))  # C++ wants them in this order
-        head = called_with("call c = {", [f".{name} = {value}" for name, value in values.items()] or ["0"], "};").split(
-            "\n"
-        )
+        head = self.begun(values, self.opened or any("open_" in line for line in body))
         if self.opened:
             head.append("DIRECTIONS(call) d;")
         if any(isinstance(s, steps.Single) and s.steps for s in p.steps):
             head.append("call_1 one;")
         return [*head, *self.functions.laid_out(p), *body]
+
+    def begun(self, values: dict[str, str], copied: bool) -> list[str]:
+        """Lines that declare a call with the values of its members; `copied`: it is opened over directions."""
+        p = self.procedure
+        assert p is not None
+        members = [*self.memory.fields, *self.memory.numbers]
+        if not lays_out(p):
+            given = [f".{name} = {values[name]}" for name in members if name in values]  # C++ wants them in this order
+            return called_with("call c = {", given or ["0"], "};").split("\n")
+        # an initializer would set the whole of it to zero first, which takes as long as a sweep over a few links
+        set_anyway = {MODES.name, *(self.functions.copied if copied else ())}
+        read = [name for name in members if name in values or name in set_anyway]
+        given = [f"c.{name} = {values.get(name, 0)}" for name in read]
+        return ["call c;", *(called_with("", given, ";").split("\n") if given else [])]
 
     def end(self) -> list[str]:
         """What a function of the header returns in the end."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import cached_property, partial
 
-from ...program.procedure import AllColumns, Own, Perform, Prepare, Procedure, Run, within
+from ...program.procedure import Procedure, Run
+from .call_memory import lays_out
 from .columns import ColumnsInC
 from .sweeps import CSweeps
 from .types import ABOUT, LANE_REGIONS, TYPES, UNUSED_WORK, Type, cast, members, near_name, of_width
@@ -100,8 +101,3 @@ class CMemory(CSweeps):
         touched = set[str]().union(*(self.touched.get(s.sweep, ()) for s in procedure.steps if isinstance(s, Run)))
         lines = [f"c.{name} = {cast(name)}(aligned(work) + {at});" for name, at in places.items() if name in touched]
         return lines if lines or procedure.seeds else UNUSED_WORK
-
-
-def lays_out(procedure: Procedure) -> bool:
-    """Whether a function needs all of the workspace, not what a few sweeps keep."""
-    return any(isinstance(s, (Prepare, Perform, Own, AllColumns)) for s in within(procedure.steps))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -13,16 +14,17 @@ from ..runs import widest_first
 from ..templates import render
 from . import functions as c_functions
 from . import sines, vectors
-from .call_memory import Memory, call_memory
+from .call_memory import Memory, call_memory, lays_out
 from .columns import GROUP
 from .functions import CFunctions
 from .legend import about_names, legend
 from .libraries import LIBRARIES, number_of
-from .memory import lays_out
 from .prepared import CPrepared
 from .states import over_states, states_context
 from .types import ENERGIES, NUMBER_TYPE, TYPES, UNUSED_WORK, cast
 from .vectors import words
+
+_MEMBER = re.compile(r"\ba->(\w+)")
 
 
 class CWriter(CPrepared):
@@ -43,7 +45,7 @@ class CWriter(CPrepared):
         used = sorted({w for widths in self.sets_of_widths for w in widths}, key=lambda w: (w != of_columns, w))
         apart = sorted({w for f in found for w in f.apart})
         states = over_states(found)
-        return context | of_memory | self._functions(context, lines, used) | {
+        return context | of_memory | self._functions(context | of_memory, lines, used) | {
             **words(self.scalar),
             "sines": sines.words(self.scalar),
             "column_lanes": vectors.columns(self.scalar, of_columns, GROUP),
@@ -115,8 +117,7 @@ class CWriter(CPrepared):
         found = context["interfaces"]
         public = [f for f in found if not f.internal]
         of_width = [(f, w) for f in public for w in (f.widths or (None,))]
-        return {
-            "routines": self.where_run((r.name, [lines.routine(r)]) for r in context["routines"]),
+        of_lanes: dict[str, list[tuple[list[str], list[str], list[Function]]]] = {
             "lane_functions": [
                 (*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions
             ],
@@ -125,6 +126,15 @@ class CWriter(CPrepared):
                 for widths, of in context["lane_routines"]
                 if (functions := self.where_run((r.name, [lines.routine(r)]) for r in of))
             ],
+        }
+        read = {"masks"} | ({"own"} if any(a.lanes for a in lines.memory.own) else set())
+        for *_, functions in (x for group in of_lanes.values() for x in group):
+            read |= {name for f in functions for line in f.lines for name in _MEMBER.findall(line)}
+        copied = [(type_, name) for type_, name in context["fields"] if name in read]
+        lines.copied = {name for _, name in copied} - {name for name, _ in context["value_places"]}
+        return of_lanes | {
+            "copied": copied,
+            "routines": self.where_run((r.name, [lines.routine(r)]) for r in context["routines"]),
             "lane_interfaces": [
                 (*guard(widths, used), functions)
                 for widths in self.sets_of_widths

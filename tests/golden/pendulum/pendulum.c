@@ -436,7 +436,8 @@ static int forward(call *a)
 /* Forward dynamics (Eqs. 18-24, 42-56). */
 int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work)
 {
-    call c = {.q = q, .u = u, .p = p, .udot = udot};
+    call c;
+    c.q = q, c.u = u, c.p = p, c.udot = udot;
     lay_out(&c, work);
     start(&c);
     if (forward(&c)) return c.singular;
@@ -448,7 +449,8 @@ int pendulum_accelerations(const double *q, const double *u, const double *p, do
 /* The outputs of the model. */
 int pendulum_outputs(const double *q, const double *u, const double *p, double *outputs, double *work)
 {
-    call c = {.q = q, .u = u, .p = p, .outputs = outputs};
+    call c;
+    c.q = q, c.u = u, c.p = p, c.outputs = outputs;
     lay_out(&c, work);
     start(&c);
     pose(&c);

@@ -8,17 +8,12 @@ typedef struct {
 
 /* What one call over directions works on. */
 typedef struct {
-    const double *q;
-    const double *u;
-    const double *p;
     double *udot;
-    double *outputs;
     link_record *records;
     double *near;
     double *gravity;
     double *constants;
     double *trig;
-    double *tau;
     LANES *dq;
     LANES *du;
     LANES *dp;
@@ -191,17 +186,12 @@ static void DIRECTIONS(joint_forces_transposed)(DIRECTIONS(call) *a)
 static void DIRECTIONS(open)(DIRECTIONS(call) *d, const call *c, double *work)
 {
     work = aligned(work);
-    d->q = c->q;
-    d->u = c->u;
-    d->p = c->p;
     d->udot = c->udot;
-    d->outputs = c->outputs;
     d->records = c->records;
     d->near = c->near;
     d->gravity = c->gravity;
     d->constants = c->constants;
     d->trig = c->trig;
-    d->tau = c->tau;
     d->lanes = (DIRECTIONS(link_lanes) *)(work + 72);
     d->dtau = (LANES *)(work + 88);
     d->singular = (status){0};
@@ -240,7 +230,8 @@ static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
 int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const double *p, const double *dq,
     const double *du, const double *dp, double *udot, double *dudot, double *work)
 {
-    call c = {.q = q, .u = u, .p = p, .udot = udot};
+    call c;
+    c.q = q, c.u = u, c.p = p, c.udot = udot;
     DIRECTIONS(call) d;
     lay_out(&c, work);
     start(&c);
@@ -261,7 +252,8 @@ int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const d
 int DIRECTIONS(pendulum_sensitivities_transposed)(const double *q, const double *u, const double *p,
     const double *dudot, double *udot, double *dq, double *du, double *dp, double *work)
 {
-    call c = {.q = q, .u = u, .p = p, .udot = udot};
+    call c;
+    c.q = q, c.u = u, c.p = p, c.udot = udot;
     DIRECTIONS(call) d;
     lay_out(&c, work);
     start(&c);
