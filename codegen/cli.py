@@ -296,16 +296,6 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     return code
 
 
-def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm equations``: the equations of motion in sympy."""
-    from .showing_equations import run
-
-    text = run(options, status)
-    status.close()
-    print(text, end="")
-    return OK
-
-
 def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm bench``: problems with known answers, measured."""
     from .bench.command import bench
@@ -471,12 +461,20 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
             "measure a model's speed and errors: a page with figures, and its numbers",
         ),
         ("bench", run_bench, ".bench.command", "measure accuracy and speed on problems with known answers"),
-        ("equations", run_equations, ".showing_equations", "print the equations of motion: mass matrix and right side"),
     ):
         command = commands.add_parser(name, help=help_text)
         if wanted in (None, name):
             import_module(module, __package__).add_arguments(command)
         command.set_defaults(run=run)
+    for name, help_text in (
+        ("equations", "print the equations of motion: mass matrix and right side"),
+        ("statements", "print every statement that a solver computes, with equation numbers"),
+    ):
+        command = commands.add_parser(name, help=help_text)
+        if wanted in (None, name):
+            showing = import_module(".showing_equations", __package__)
+            getattr(showing, f"add_{name}_arguments")(command)
+            command.set_defaults(run=getattr(showing, f"run_{name}"))
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),
         ("show", run_show, "print what a model file, or a generated package, holds"),

@@ -1,29 +1,47 @@
-"""``ordernm equations``: the equations of motion of a model, printed or written to a file."""
+"""``ordernm equations`` and ``ordernm statements``: what a model computes, printed or written to a file."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .ending import MODEL_WRONG, Failure
+from .ending import MODEL_WRONG, OK, Failure
 from .own_files import add_force, refuse_foreign_file
 from .runtime.standalone.files.whole_file import MARK, write_whole
 from .terminal import StatusLine
 
-MARKED = {None: "# {}\n", "sympy": "# {}\n", "latex": "% {}\n"}
-"""The first line of a file, by its kind."""
+FORMATS = {
+    "latex": "LaTeX, for a document with amsmath",
+    "mathml": "MathML, one formula a line",
+    "sympy": "a module of Python that makes the matrices with sympy",
+    "html": "a page for a browser, in one file",
+}
+
+MARKED = {"": "# {}\n", "sympy": "# {}\n", "latex": "% {}\n", "mathml": "<!-- {} -->\n", "html": "<!-- {} -->\n"}
+"""The first line of a file, by its format."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``ordernm equations``."""
+class WrongRequest(Failure):
+    """A model that has no such equations, or an argument that names nothing of the model."""
+
+    code = MODEL_WRONG
+
+
+def _add_common(parser: argparse.ArgumentParser, formats: list[str]) -> None:
     parser.add_argument("model", help="model file (YAML)")
     how = parser.add_mutually_exclusive_group()
-    for name, said in (
-        ("latex", "LaTeX, for a document with amsmath"),
-        ("sympy", "a module of Python that makes the matrices with sympy"),
-    ):
-        how.add_argument(f"--{name}", dest="written", action="store_const", const=name, help=said)
+    for name in formats:
+        how.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=FORMATS[name])
+    parser.set_defaults(format="")
+    parser.add_argument("-o", "--output", metavar="FILE", help="file to write (default: print)")
+    add_force(parser)
+
+
+def add_equations_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``ordernm equations``."""
+    _add_common(parser, list(FORMATS))
     parser.add_argument(
         "--form", choices=("tree", "multipliers", "embedded"),
         help="of a model with loops: with multipliers (default), or in the independent speeds",
@@ -33,37 +51,76 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a value for a parameter; may be repeated"
     )
     parser.add_argument("--simplify", action="store_true", help="let sympy simplify every entry, which may take long")
-    parser.add_argument("-o", "--output", metavar="FILE", help="file to write (default: print)")
-    add_force(parser)
 
 
-def run(options: argparse.Namespace, status: StatusLine) -> str:
-    """What is printed."""
+def add_statements_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``ordernm statements``."""
+    _add_common(parser, ["latex", "html"])
+    parser.add_argument(
+        "--functions", metavar="NAME,...",
+        help="functions of the solver whose statements are wanted, such as accelerations,sensitivities (default: all)",
+    )  # fmt: skip
+    parser.add_argument("--reactions", action="store_true", help="also what joints and loops transmit")
+    parser.add_argument("--frames", action="store_true", help="also the motions of all bodies")
+
+
+def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm equations``."""
+    if options.values and options.set:
+        raise Failure("--values gives all parameters numbers, --set one; leave out one of them")
+    given: Any = "values" if options.values else _values(options.set)
+
+    def made(model: Any) -> tuple[str, str]:
+        from .symbolic import equations
+        from .symbolic.pages import equations_mathml, equations_page
+        from .symbolic.writing import as_latex, as_sympy, as_text
+
+        found = equations(model, parameters=given, form=options.form, simplify=options.simplify, force=options.force)
+        write = {"": as_text, "latex": as_latex, "sympy": as_sympy, "mathml": equations_mathml, "html": equations_page}
+        return write[options.format](found), f"{found.terms} terms"
+
+    return _run(options, status, made)
+
+
+def run_statements(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm statements``."""
+    functions = None if options.functions is None else [name.strip() for name in options.functions.split(",")]
+
+    def made(model: Any) -> tuple[str, str]:
+        from .symbolic import statements
+        from .symbolic.pages import statements_page
+        from .symbolic.recursion_writing import as_latex, as_text
+
+        found = statements(model, functions=functions, reactions=options.reactions, frames=options.frames)
+        write = {"": as_text, "latex": as_latex, "html": statements_page}
+        return write[options.format](found), f"{found.count} statements"
+
+    return _run(options, status, made)
+
+
+def _run(options: argparse.Namespace, status: StatusLine, made: Callable[[Any], tuple[str, str]]) -> int:
+    """Read the model, and print or write what is made of it."""
     from .model import load_model
-    from .symbolic import SymbolicError, equations
-    from .symbolic.writing import as_latex, as_sympy, as_text
+    from .symbolic import SymbolicError
 
     target = None if options.output is None else Path(options.output)
     if target is not None:
         refuse_foreign_file(target, options.force)
-    if options.values and options.set:
-        raise Failure("--values gives all parameters numbers, --set one; leave out one of them")
     status("reading", 0, 0)
     model = load_model(options.model)
     status("forming equations", 0, 0)
-    given: Any = "values" if options.values else _values(options.set)
     try:
-        found = equations(model, parameters=given, form=options.form, simplify=options.simplify, force=options.force)
+        text, size = made(model)
     except SymbolicError as error:
-        failure = Failure(str(error))
-        failure.code = MODEL_WRONG
-        raise failure from None
-    text = {"latex": as_latex, "sympy": as_sympy, None: as_text}[options.written](found)
+        raise WrongRequest(str(error)) from None
+    status.close()
     if target is None:
-        return text
-    marked = MARKED[options.written].format(MARK) + text
-    write_whole(target, lambda file: file.write(marked.encode("utf-8")))
-    return f"wrote {target}: {found.terms} terms\n"
+        print(text, end="")
+        return OK
+    first = MARKED[options.format].format(MARK)
+    write_whole(target, lambda file: file.write((first + text).encode("utf-8")))
+    print(f"wrote {target}: {size}")
+    return OK
 
 
 def _values(given: list[str]) -> dict[str, float]:
@@ -74,7 +131,7 @@ def _values(given: list[str]) -> dict[str, float]:
         try:
             found[name.strip()] = float(value)
         except ValueError:
-            raise Failure(f"--set {text}: give NAME=VALUE with a number, such as --set mass=2.5") from None
+            equals = ""
         if not equals:
             raise Failure(f"--set {text}: give NAME=VALUE with a number, such as --set mass=2.5")
     return found

@@ -25,7 +25,7 @@ FLOORS = {
     "loops": {"model", "records", "version"},  # graph, assembly and partition, on floats
     "mechanics": {"loops", "model", "program", "records", "version"},  # knows no C and no files
     "reference": {"elementary", "loops", "model", "version"},  # nothing of the generator but these, graph and partition
-    "symbolic": {"deferred", "elementary", "loops", "model", "reference", "version"},  # sympy
+    "symbolic": {"deferred", "elementary", "loops", "mechanics", "model", "program", "reference", "version"},  # sympy
     "emit": {"elementary", "model", "program", "records", "version"},  # prints any program
     "manifest": {"emit", "loops", "mechanics", "model", "program"},  # what model.json says
     "pipeline": {

@@ -66,16 +66,22 @@ def _swept(program: Program, name: str) -> Swept:
 
 def _called(system: System, kind: UnitKind) -> tuple[str, str]:
     """What members of a kind are called, and the first of them."""
+    what = "ears" if isinstance(kind, EarKind) else "regions" if isinstance(kind, RegionKind) else "links"
+    return f"{kind.first.type}s" if isinstance(kind, ElementKind) else what, unit_name(system, kind, kind.members[0])
+
+
+def unit_name(system: System, kind: Kind, member: int) -> str:
+    """What a member of a kind is called."""
     if isinstance(kind, RegionKind):
-        return "regions", f"region of {kind.sources} sources"
+        return f"region of {kind.sources} sources"
     if isinstance(kind, ElementKind):
-        return f"{kind.first.type}s", kind.first.name
-    if not isinstance(kind, EarKind):
-        return "links", system.links[kind.members[0]].name
-    ear = system.regions.ears[kind.members[0]]
+        return system.elements[member].element.name
+    if not isinstance(kind, EarKind):  # a link
+        return system.links[member].name
+    ear = system.regions.ears[member]
     names = ", ".join(system.links[i].name for i in ear.links)
     loops = ", ".join(system.model.loops[c.loop].name for c in ear.closures)
-    return "ears", f"{names} closed by {loops}" if loops else names
+    return f"{names} closed by {loops}" if loops else names
 
 
 def _ground(program: Program) -> Ground:

@@ -17,7 +17,9 @@ Symbols = Mapping[str, Any] | Callable[[str], Any]
 """Symbols of sympy by names of the model: a mapping, or a function."""
 
 
-def to_sympy(expression: Expression | str | float, symbols: Symbols | None = None) -> Any:
+def to_sympy(
+    expression: Expression | str | float, symbols: Symbols | None = None, *, number: Callable[[Any], Any] | None = None
+) -> Any:
     """The expression of sympy that equals an expression of a model.
 
     Whole numbers and their quotients are exact, and the double nearest to pi is pi. A product that the model takes for zero
@@ -29,6 +31,8 @@ def to_sympy(expression: Expression | str | float, symbols: Symbols | None = Non
         A text is parsed.
     symbols : mapping or callable (str) -> sympy.Expr, optional
         Of names such as ``L``, ``t``, ``q.arm``; one that is left out is a real symbol of the same name.
+    number : callable, optional
+        Makes a number of sympy of an int or a float of the expression; left out, doubles stay doubles.
 
     Returns
     -------
@@ -50,14 +54,14 @@ def to_sympy(expression: Expression | str | float, symbols: Symbols | None = Non
         expression = parse(expression)
     if not isinstance(expression, Expression):
         return sympy.sympify(expression)
-    return _Output(symbols or {}).value(expression.tree)
+    return _Output(symbols or {}, number or _number).value(expression.tree)
 
 
 class _Output:
     """Makes sympy's expressions of trees, each part once."""
 
-    def __init__(self, symbols: Symbols) -> None:
-        self.symbols = symbols
+    def __init__(self, symbols: Symbols, number: Callable[[Any], Any]) -> None:
+        self.symbols, self.number = symbols, number
         self.known: dict[Tree, Any] = {}
 
     def value(self, tree: Tree) -> Any:
@@ -80,9 +84,9 @@ class _Output:
 
         kind = tree[0]
         if kind == "number":
-            return sympy.pi if tree[1] == math.pi else sympy.sympify(tree[1])
+            return self.number(tree[1])
         if kind == "quantity":
-            return sympy.sympify(tree[1])
+            return self.number(tree[1])
         if kind == "name":
             return self.name(tree[1])
         if kind == "call":
@@ -125,6 +129,13 @@ class _Output:
             case ("call", "max", a, b):
                 return sympy.Or(self.condition(a), self.condition(b), evaluate=False)
         return sympy.Ne(self.value(tree), 0)
+
+
+def _number(value: Any) -> Any:
+    """A number of sympy, pi for the double nearest to it."""
+    import sympy
+
+    return sympy.pi if value == math.pi else sympy.sympify(value)
 
 
 _OPERATIONS: Mapping[str, Callable[..., Any]] = {

@@ -12,11 +12,13 @@ from ..deferred import deferred
 if TYPE_CHECKING:
     from .errors import SymbolicError, TooLargeError
     from .motion import Equations, equations
+    from .recursion import Recursion, statements
 
-__all__ = ["Equations", "SymbolicError", "TooLargeError", "equations"]
+__all__ = ["Equations", "Recursion", "SymbolicError", "TooLargeError", "equations", "statements"]
 
 _PLACES = {
     "Equations": "motion", "equations": "motion", "SymbolicError": "errors", "TooLargeError": "errors",
+    "Recursion": "recursion", "statements": "recursion",
 }  # fmt: skip
 
 __getattr__ = deferred(__name__, _PLACES)

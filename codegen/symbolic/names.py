@@ -8,40 +8,51 @@ from collections.abc import Iterable
 
 import sympy
 
-GREEK = frozenset(
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega "
-    "Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega".split()
+GREEK_LETTERS = dict(
+    zip(
+        "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega "
+        "Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega".split(),
+        "αβγδεζηθικλμνξπρστφχψωΓΔΘΛΞΠΣΦΨΩ",
+        strict=True,
+    )
 )
 """Words that are set as Greek letters."""
 
-DOTTED = {"q": ("q", ""), "u": ("u", ""), "udot": ("u", "\\dot"), "lambda": ("lambda", "")}
-"""First parts of dotted names: the letter, and what is above it."""
+ARGUMENTS = {"q": "q", "u": "u", "lambda": "lambda", "tau": "tau", "b": "b", "p": ""}
+"""First parts of dotted names, and the letters that they are set as; parameters have their own names."""
 
 
-def parts_of(name: str) -> tuple[str, str, str]:
-    """The base of a name, its subscript and its accent: ``q.crank`` is q with crank, ``length_1`` is length with 1."""
+def parts_of(name: str) -> tuple[str, str, bool, bool]:
+    """The base of a name, its subscript, and whether it is a time derivative, or (first) a derivative along a direction.
+
+    ``q.crank`` is q with crank, ``length_1`` is length with 1, ``dudot.crank`` is a derivative of the time derivative of u.
+    """
     first, dot, rest = name.partition(".")
-    if dot and first in DOTTED:
-        base, accent = DOTTED[first]
-        return base, rest, accent
-    base, _, rest = name.partition("_")
+    is_seed = bool(dot) and first.startswith("d") and first[1:].removesuffix("dot") in ARGUMENTS
+    argument = first[1:] if is_seed else first
+    is_rate = argument.endswith("dot")
+    argument = argument.removesuffix("dot")
+    if dot and ARGUMENTS.get(argument):
+        return ARGUMENTS[argument], rest, is_rate, is_seed
+    base, _, below = (rest if is_seed else name).partition("_")
     digits = re.fullmatch(r"([A-Za-z]+)(\d+)", base)
     if digits:
-        base, rest = digits[1], ",".join(filter(None, (digits[2], rest)))
-    return (base, rest.replace("_", ","), "") if base else (name, "", "")
+        base, below = digits[1], ",".join(filter(None, (digits[2], below)))
+    return (base, below.replace("_", ","), False, is_seed) if base else (name, "", False, is_seed)
 
 
 def latex_name(name: str) -> str:
     """A name in LaTeX."""
-    base, below, accent = parts_of(name)
-    letter = _word(base)
-    if accent:
-        letter = f"{accent}{{{letter}}}"
-    return f"{letter}_{{{_word(below)}}}" if below else letter
+    base, below, is_rate, is_seed = parts_of(name)
+    letter = latex_word(base)
+    if is_rate:
+        letter = f"\\dot{{{letter}}}"
+    return ("\\delta " if is_seed else "") + (f"{letter}_{{{latex_word(below)}}}" if below else letter)
 
 
-def _word(text: str) -> str:
-    if text in GREEK:
+def latex_word(text: str) -> str:
+    """A letter slanted, a word upright, Greek words as letters."""
+    if text in GREEK_LETTERS:
         return f"\\{text}"
     escaped = text.replace("_", "\\_")
     return escaped if len(text) == 1 or text.isdigit() else f"\\mathrm{{{escaped}}}"
@@ -59,4 +70,4 @@ def identifiers(symbols: Iterable[sympy.Symbol], taken: Iterable[str] = ()) -> d
     return found
 
 
-__all__ = ["GREEK", "identifiers", "latex_name", "parts_of"]
+__all__ = ["GREEK_LETTERS", "identifiers", "latex_name", "latex_word", "parts_of"]

@@ -21,8 +21,8 @@ Monomial = tuple[tuple[int, int], ...]
 
 Terms = dict[Monomial, Fraction]
 
-DENOMINATOR = 1000
-"""Largest denominator for which a float that is not a short decimal is taken as a fraction."""
+DENOMINATOR, OF_PI = 100_000, 1000
+"""Largest denominators with which a float that is not a short decimal is taken as a fraction, or as one of pi."""
 
 SHORT = 15
 """A float with at least this many digits is not a short decimal."""
@@ -310,22 +310,28 @@ class Polynomial:
 
     @property
     def expression(self) -> sympy.Expr:
-        """The same as an expression of sympy's."""
-        atoms = self.algebra.atoms
-        return sympy.Add(*(
-            sympy.Mul(sympy.Rational(x.numerator, x.denominator), *(atoms[a].expression**e for a, e in m))
-            for m, x in self.terms.items()
-        ))  # fmt: skip
+        """The same as an expression of sympy's; terms with one divisor have it in common."""
+        above: dict[Monomial, list[sympy.Expr]] = {}
+        for m, x in self.terms.items():
+            divisor = tuple((a, e) for a, e in m if self.algebra.atoms[a].expanded is not None)
+            factors = self._product(tuple(pair for pair in m if pair not in divisor))
+            above.setdefault(divisor, []).append(sympy.Mul(sympy.Rational(x.numerator, x.denominator), factors))
+        return sympy.Add(*(sympy.Mul(sympy.Add(*terms), self._product(m)) for m, terms in above.items()))
+
+    def _product(self, m: Monomial) -> sympy.Expr:
+        return sympy.Mul(*(self.algebra.atoms[a].expression ** e for a, e in m))
 
 
 def exact(x: float) -> sympy.Expr:
-    """The number that a float stands for: the decimal of the file, a fraction of small whole numbers, or one of pi.
+    """The number that an int or a float stands for: the decimal of the file, a fraction of small whole numbers, or one of pi.
 
     The value of the result differs from the float by at most four units in the last place, and that of a decimal not at all.
 
     >>> exact(0.02), exact(1 / 3), exact(0.5235987755982988)
     (1/50, 1/3, pi/6)
     """
+    if isinstance(x, int):
+        return sympy.Integer(x)
     text = repr(float(x))
     decimal = sympy.Rational(text)
     digits = len(text.partition("e")[0].strip("-0.").replace(".", ""))
@@ -334,6 +340,6 @@ def exact(x: float) -> sympy.Expr:
     near = Fraction(x).limit_denominator(DENOMINATOR)
     if near and float(near) == x:
         return sympy.Rational(near.numerator, near.denominator)
-    turns = (Fraction(x) / PI).limit_denominator(DENOMINATOR)
+    turns = (Fraction(x) / PI).limit_denominator(OF_PI)
     of_pi = sympy.Rational(turns.numerator, turns.denominator) * sympy.pi
     return of_pi if turns and abs(float(of_pi.evalf(30)) - x) <= 4 * math.ulp(x) else decimal

@@ -11,8 +11,8 @@ from sympy.printing.str import StrPrinter
 from .motion import Equations
 from .names import identifiers, latex_name
 
-SMALL = 8
-"""A matrix with at most this many terms is printed as a whole, others entry by entry."""
+SMALL = 240
+"""A matrix of at most this many characters, as sympy prints it, is printed as a whole, others entry by entry."""
 
 PER_LINE = 4
 """Terms of a sum in a line of LaTeX."""
@@ -41,6 +41,11 @@ def entries(found: Equations, name: str) -> Iterator[tuple[int, int, sympy.Expr]
     for i in range(of.rows):
         for j in range(i if name == "M" else 0, of.cols):
             yield i, j, of[i, j]
+
+
+def is_small(matrix: sympy.Matrix) -> bool:
+    """Whether a matrix is printed as a whole."""
+    return sum(len(str(x)) for x in matrix) <= SMALL
 
 
 def as_text(found: Equations) -> str:
@@ -83,7 +88,7 @@ def as_latex(found: Equations) -> str:
             lines.append(f"\\[ {letter} = \\begin{{bmatrix}} {column} \\end{{bmatrix}} \\]")
     for name, of in found.matrices.items():
         letter = LETTERS[name]
-        if sum(len(sympy.Add.make_args(x)) for x in of) <= SMALL:
+        if is_small(of):
             text = sympy.latex(of, symbol_names=names, mat_str="bmatrix", mat_delim="")
             lines.append(f"\\[ {letter} = {text} \\]")
             continue

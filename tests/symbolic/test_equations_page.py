@@ -23,7 +23,7 @@ def test_the_page_prints_what_it_says(monkeypatch):
         assert printed.getvalue() == expected
 
 
-@pytest.mark.parametrize("module", ["motion", "polynomials"])
+@pytest.mark.parametrize("module", ["motion", "polynomials", "recursion"])
 def test_examples_of_docstrings(module, monkeypatch):
     monkeypatch.chdir(ROOT)
     found = __import__(f"codegen.symbolic.{module}", fromlist=["*"])

@@ -1,0 +1,391 @@
+"""The statements of a model's solver as equations of sympy: what every sweep computes, body by body, with equation numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import sympy
+
+from ..elementary import BY_SYMBOL
+from ..loops.errors import AssemblyError, PartitionError
+from ..loops.partition import partition
+from ..mechanics.plan import unit_name
+from ..mechanics.procedures import UnknownFunctionError
+from ..mechanics.statements import expanded, laid_out
+from ..mechanics.structure.system import System
+from ..model.errors import ModelError
+from ..model.model import Model
+from ..program.algebra import Expr, Function, Number, expressions_kept
+from ..program.block import Block
+from ..program.field_table import field_of, identifier
+from ..program.formula import Formula
+from ..program.plan import Plan
+from ..program.procedure import Formulas, walk
+from ..program.shape import Constants
+from ..program.store import SHAPE, Store
+from .errors import SymbolicError
+from .kept import ARGUMENTS, Kept, Namer, Names, of_constants
+from .polynomials import exact
+
+PRIMITIVE = "primitive"
+"""The tag of derivative primitives."""
+
+IN_TITLE = re.compile(r"\((Eqs?\. [^)]*)\)")
+
+EQUATIONS = {
+    "pose": "Eq. 22", "turns": "Eq. 22", "residuals": "Eq. 5", "seed_residuals": "Eq. 7", "correct": "Eq. 30",
+    "velocity": "Eq. 18", "kinetic": "Eq. 18", "link_acceleration": "Eq. 21", "clear": "Eq. 24", "load": "Eq. 24",
+    "element_energy": "potential energy", "column_clear": "Eq. 45", "column_rest": "Eq. 53", "column_begin": "Eq. 54",
+    "column_seed": "Eq. 21", "rate": "Eq. 1", "masses": "first moment", "mass": "first moment", "moments": "first moment",
+    "moment": "first moment", "mass_in": "Eq. 45", "force": "Eq. 45", "gradient_out": "Eq. 54", "gradient_in": "Eq. 45",
+    "formula": "formula",
+}  # fmt: skip
+"""Of statements without a tag in sweeps whose title names no equation, by the beginning of the sweep's name."""
+
+
+def tag_of_sweep(sweep: str, title: str, each_direction: bool) -> str:
+    """The tag of a statement that has none of its own."""
+    if found := IN_TITLE.search(title):
+        return found[1]
+    base, transposed, _ = sweep.partition("_transposed")
+    base = base.removesuffix("_values").removesuffix("_tangents")
+    derivative = ("T d " if transposed else "d ") if each_direction else ""
+    return derivative + EQUATIONS.get(base, title)
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """One statement.
+
+    Attributes
+    ----------
+    number : int
+        Counted from 1 through the whole recursion.
+    target : sympy.Symbol
+        A local variable, or ``STORE.COMPONENT`` of what is kept: ``me`` is the unit itself, ``up`` its parent. Arguments and
+        results have the names of the model where the statement is of one unit alone: ``udot.crank``.
+    value : sympy.Expr
+    tag : str
+        The equation of the paper that it is from, such as ``Eq. 45``; ``d Eq. 45`` is its derivative, ``T d Eq. 45`` the
+        transpose of that; or words that docs/theory.md explains.
+    is_primitive : bool
+        It is the derivative of another statement by one of its operands (Eq. 10).
+    each_direction : bool
+        It is computed for each direction of derivatives.
+    adds : bool
+        The value is added to what the target holds.
+    """
+
+    number: int
+    target: sympy.Symbol
+    value: sympy.Expr
+    tag: str
+    is_primitive: bool = False
+    each_direction: bool = False
+    adds: bool = False
+
+    @property
+    def equation(self) -> sympy.Eq:
+        """Target and value as an equation of sympy, unevaluated."""
+        return sympy.Eq(self.target, self.target + self.value if self.adds else self.value, evaluate=False)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a sweep computes for links, ears, regions or force elements of one kind.
+
+    Attributes
+    ----------
+    what : str
+        ``links``, ``ears``, ``regions``, or a type of force elements.
+    members : tuple of str
+        Names of those that have these statements.
+    kept : dict of sympy.Symbol to Kept
+        What the symbols in memory are that it reads and stores; arguments and results are not among them.
+    assignments : tuple of Assignment
+    """
+
+    what: str
+    members: tuple[str, ...]
+    kept: dict[sympy.Symbol, Kept]
+    assignments: tuple[Assignment, ...]
+
+
+@dataclass(frozen=True)
+class SweepOfUnits:
+    """One pass over all units.
+
+    Attributes
+    ----------
+    name, title : str
+    direction : {"outward", "inward", ""}
+        From the ground to the tips or back; empty where no unit depends on another.
+    units : tuple of Unit
+        In the order in which they are computed.
+    """
+
+    name: str
+    title: str
+    direction: str
+    units: tuple[Unit, ...]
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """All statements of a solver. Made by `statements`.
+
+    Attributes
+    ----------
+    name : str
+        Of the model.
+    sweeps : tuple of SweepOfUnits
+        Constants of links first, then the sweeps in the order of the paper, formulas of the model last.
+    """
+
+    name: str
+    sweeps: tuple[SweepOfUnits, ...]
+
+    def __iter__(self) -> Iterator[Assignment]:
+        for sweep in self.sweeps:
+            for unit in sweep.units:
+                yield from unit.assignments
+
+    @cached_property
+    def count(self) -> int:
+        """The number of statements."""
+        return sum(1 for _ in self)
+
+    @cached_property
+    def fields(self) -> dict[str, tuple[str, str, str, str]]:
+        """What is kept in memory: by short name, the name in generated code, unit, axes and meaning."""
+        found = {}
+        components = {of.component for sweep in self.sweeps for unit in sweep.units for of in unit.kept.values()}
+        for component in sorted(components):
+            field = field_of(component)
+            if field is not None:
+                called = re.sub(r"_[xyz]{1,2}$", "", identifier(component.partition("/")[0]))
+                found[field.name] = called, field.unit, field.frame, field.meaning
+        return found
+
+
+def statements(
+    model: Model, *, functions: Collection[str] | None = None, reactions: bool = False, frames: bool = False
+) -> Recursion:
+    """Every statement that a solver of the model consists of, as equations of sympy.
+
+    Zero terms are gone, and what is computed twice is computed once: these are the statements that the C and the NumPy of a
+    solver print.
+
+    Parameters
+    ----------
+    model : Model
+    functions : collection of str, optional
+        Functions of the solver whose statements are wanted, such as ``["accelerations", "sensitivities"]``; all if left out.
+    reactions, frames : bool
+        As `codegen.generate` takes them.
+
+    Returns
+    -------
+    Recursion
+
+    Raises
+    ------
+    ModelError
+        The model has no solver.
+    SymbolicError
+        A function is not known.
+
+    Examples
+    --------
+    >>> import ordernm
+    >>> from ordernm.symbolic import statements
+    >>> found = statements(ordernm.load_model("examples/pendulum.yaml"), functions=["accelerations"])
+    >>> [sweep.name for sweep in found.sweeps]
+    ['constants', 'kinematics', 'triangularize', 'back_substitute']
+    >>> inward = found.sweeps[2]
+    >>> [(x.target, x.value, x.tag) for x in inward.units[0].assignments if x.tag != "zero pivot"][:2]
+    [(Dinv, 1/c.J.xx, 'Eq. 47'), (rD, -Dinv*me.n.z, 'Eq. 53')]
+    """
+    if not model.nu and not model.prescribed:
+        raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
+    with expressions_kept():
+        return _Reader(*_planned(model, functions, reactions, frames)).recursion()
+
+
+def _planned(
+    model: Model, functions: Collection[str] | None, reactions: bool, frames: bool
+) -> tuple[System, Plan, set[str]]:
+    """A model analysed, the plan of its solver, and the targets of formulas that are run backwards."""
+    chosen = None
+    if model.loops:
+        try:
+            chosen = partition(model)
+        except (AssemblyError, PartitionError) as error:
+            raise ModelError([model.problem("loops", str(error))]) from None
+        model = model.with_turned(chosen.turned)
+    try:
+        system, _ = laid_out(model, "auto", chosen, turning=not reactions)
+        _, plan, asked = expanded(system, reactions, functions=functions, frames=frames)
+    except UnknownFunctionError as error:
+        raise SymbolicError(str(error)) from None
+    return system, plan, {
+        t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) and s.backwards for t in s.targets
+    }  # fmt: skip
+
+
+class _Reader:
+    """Numbers and converts the statements of a plan; of formulas with targets that are `backwards` the transposes too."""
+
+    def __init__(self, system: System, plan: Plan, backwards: set[str]) -> None:
+        self.system, self.plan, self.backwards = system, plan, backwards
+        self.names = Names(system, plan)
+        self.number = 0
+
+    def recursion(self) -> Recursion:
+        """All of them."""
+        plan, name = self.plan, self.system.model.name
+        users: dict[int, list[tuple[str, Constants]]] = {shape.index: [] for shape in plan.shapes}
+        for owner, of_owner in plan.owners:
+            users[of_owner.shape.index].append((owner, of_owner))
+        constants = [
+            self.unit(
+                "constants", [owner for owner, _ in users[shape.index]], [shape.block],
+                partial(of_constants, [c for _, c in users[shape.index]]),
+                partial(_only, [owner for owner, _ in users[shape.index]]),
+            ) for shape in plan.shapes if shape.block.stores
+        ]  # fmt: skip
+        found = [
+            SweepOfUnits(
+                "constants", "constants of links, and their derivatives by parameters (Eq. 29)", "", tuple(constants)
+            )
+        ]
+        for sweep, of in plan.sweeps.items():
+            order = dict.fromkeys(reversed(of.order) if of.inward else of.order)
+            units = tuple(
+                self.unit(
+                    plan.called[kind][0], [unit_name(self.system, kind, m) for m in kind.members], [of.blocks[kind.index]],
+                    partial(self.names.of_kind, kind, sweep), partial(self.names.owner, kind, sweep), sweep,
+                )
+                for kind in order if kind.index in of.blocks and _says_something(of.blocks[kind.index])
+            )  # fmt: skip
+            found.append(SweepOfUnits(sweep, of.title, "inward" if of.inward else "outward", units))
+        formulas = [
+            self.unit(
+                "formulas",
+                f.places,
+                self.blocks_of(f),
+                partial(self.names.of_formula, f),
+                lambda store: store.owner.name,
+            )
+            for f in plan.formulas
+        ]
+        found.append(SweepOfUnits("formulas", "formulas of the model, and their derivatives", "", tuple(formulas)))
+        return Recursion(name, tuple(sweep for sweep in found if sweep.units))
+
+    def blocks_of(self, formula: Formula) -> list[Block]:
+        """A formula, its tangent and, where functions run it backwards, the transpose."""
+        return [formula.value, formula.tangent, *([formula.transposed] if formula.target in self.backwards else [])]
+
+    def unit(
+        self,
+        what: str,
+        members: Sequence[str],
+        blocks: Sequence[Block],
+        name: Namer,
+        owner: Callable[[Store], str],
+        sweep: str = "",
+    ) -> Unit:
+        """The statements of a block, or of a few of one formula.
+
+        `name` gives symbols to what is in memory, and `owner` says whose memory it is.
+        """
+        memory: dict[sympy.Symbol, Kept] = {}
+        found: list[Assignment] = []
+        for block in blocks:
+            of_sweep = partial(tag_of_sweep, sweep or _part_of_formula(block), block.title)
+            known = {symbol.name: name(*of) for symbol, of in block.loads.items()}
+            convert = _Converter(known)
+            for store, component in [*block.loads.values(), *((a, c) for a, c, _ in block.stores)]:
+                symbol = name(store, component)
+                label = "c" if store is SHAPE else store.plain.label
+                if symbol.is_Symbol and symbol.name.startswith(f"{label}.") and store.name not in ARGUMENTS:
+                    memory[symbol] = Kept(owner(store.plain), symbol.name.partition(".")[2], store.lanes)
+            tags = {}
+            for s in block.statements:
+                tag = s.tag or of_sweep(s.lanes)
+                tags[s.target.name] = tag
+                found.append(self.assignment(
+                    convert(s.target), convert(s.expression), tag, is_primitive=s.tag.endswith(PRIMITIVE), each=s.lanes
+                ))  # fmt: skip
+            for store, component, value in block.stores:
+                own = {tags[s.name] for s in value.free_symbols if s.name in tags}
+                tag = own.pop() if len(own) == 1 else of_sweep(store.lanes)
+                found.append(self.assignment(
+                    name(store, component), convert(value), tag, each=store.lanes, adds=store.adds
+                ))  # fmt: skip
+        return Unit(what, tuple(members), memory, tuple(found))
+
+    def assignment(
+        self, target: sympy.Symbol, value: sympy.Expr, tag: str, *, is_primitive: bool = False, each: bool = False,
+        adds: bool = False,
+    ) -> Assignment:  # fmt: skip
+        """The next one."""
+        self.number += 1
+        return Assignment(self.number, target, value, tag, is_primitive, each, adds)
+
+
+def _part_of_formula(block: Block) -> str:
+    """What a block of formulas is, as sweeps are called."""
+    return "formula_transposed" if block.name.endswith("_transposed") else "formula"
+
+
+def _only(names: Sequence[str], store: Store) -> str:
+    """The name, if it is one alone, of those whose constants a block computes."""
+    return names[0] if len(names) == 1 else ""
+
+
+def _says_something(block: Block) -> bool:
+    return bool(block.statements or block.stores)
+
+
+class _Converter:
+    """Expressions of statements as those of sympy.
+
+    Parameters
+    ----------
+    known : dict of str to sympy.Symbol
+        For names that are read, what they are; all others are local variables.
+    """
+
+    def __init__(self, known: dict[str, sympy.Symbol]) -> None:
+        self.known = known
+
+    def __call__(self, e: Expr) -> sympy.Expr:
+        if e.is_Symbol:
+            name = str(e)
+            return self.known.get(name) or sympy.Symbol(name, real=True)
+        if isinstance(e, Number):
+            return exact(e.value) if isinstance(e.value, float) else sympy.Rational(str(e.value))
+        arguments = [self(a) for a in e.args]
+        if e.is_Add:
+            return sympy.Add(*arguments)
+        if e.is_Mul:
+            return sympy.Mul(*arguments)
+        if e.is_Pow:
+            return sympy.Pow(*arguments)
+        assert isinstance(e, Function)
+        return FUNCTIONS[e.name](*arguments) if e.name in FUNCTIONS else sympy.Function(e.name)(*arguments)
+
+
+FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
+    **{name: getattr(sympy, e.spelled("sympy")) for name, e in BY_SYMBOL.items() if name},
+    "AtLeast": lambda a, b: sympy.Piecewise((1, sympy.Ge(a, b)), (0, True)),
+    "Choice": lambda c, a, b: sympy.Piecewise((a, sympy.Ne(c, 0)), (b, True)),
+    "Vanishing": lambda a, b: a * b, "Along": lambda a, b: a * b, "Power": sympy.Pow, "Floor": sympy.floor,
+}  # fmt: skip
+"""Functions of statements as sympy has them. Those that hold a mode of an integrator have their own names."""
+
+__all__ = ["Assignment", "Recursion", "SweepOfUnits", "Unit", "statements"]
