@@ -254,8 +254,22 @@ class Switches:
     def _singular(self, tree: Tree) -> list[Tree]:
         """Singular functions, but for bases of roots and powers at whose zeros a switch is."""
         return singular_functions(
-            tree, self._varies, lambda part, of: part in self._located and _may_be_absolute(of)[:1] == ("call",)
+            tree, self._varies, lambda part, of: part in self._located and self._without_factors(of)[0] == "call"
         )
+
+    def _without_factors(self, tree: Tree) -> Tree:
+        """A part of a product that is zero where the product is, if other factors do not vary."""
+        while True:
+            tree = _may_be_absolute(tree)
+            if tree[0] == "neg" or (tree[0] in ("*", "/") and not self._has_varying(tree[2])):
+                tree = tree[1]
+            elif tree[0] == "*" and not self._has_varying(tree[1]):
+                tree = tree[2]
+            else:
+                return tree
+
+    def _has_varying(self, tree: Tree) -> bool:
+        return any(map(self._varies, Expression(tree).names))
 
     def _point(self, value: Tree) -> Switch:
         """The switch of a singular function."""

@@ -376,3 +376,50 @@ def test_kinks_within_the_bounds_of_functions_are_exact(made: Callable[..., Made
         for options in ({}, {"integrator": "radau"}, {"integrator": "rk4", "step": 0.01}):
             found = solver.judge(0.9, Final("y"), wrt=["q0.x"], method=method, **options)
             assert abs(found.gradients[0, 0] - wanted) < 2e-7, (method, options)
+
+
+NESTED = {
+    "if(max(0, -q.{0}) > 0, 5 + 900*max(0, -q.{0}) - u.{0}, 0)": (5.0, 900.0, 1.0),
+    "sign(max(0, -q.{0}))*(5 + 900*max(0, -q.{0}))": (5.0, 900.0, 0.0),
+    "if(max(-q.{0}, 0) > 0, 900*max(-q.{0}, 0) - u.{0}, 0)": (0.0, 900.0, 1.0),
+    "if((abs(q.{0}) - q.{0})/2 > 0, 400*(abs(q.{0}) - q.{0})/2, 0)": (0.0, 400.0, 0.0),
+}
+"""Contacts under a condition whose switching function is zero all along the flight, and their force, stiffness and damping."""
+
+
+def after_contact(x0: float, v0: float, force: float, stiffness: float, damping: float, end: float = 0.8) -> float:
+    """Where a body of mass 1 is that flies from x0 to zero and back: x'' = force - stiffness x - damping x' where x < 0."""
+    w, decay, rest = np.sqrt(stiffness - damping**2 / 4), damping / 2, force / stiffness
+    a, b = -rest, (-v0 - decay * rest) / w
+    low, high = 0.3 * np.pi / w, 1.2 * np.pi / w
+    for _ in range(80):
+        t = 0.5 * (low + high)
+        inside = rest + np.exp(-decay * t) * (a * np.cos(w * t) + b * np.sin(w * t)) < 0
+        low, high = (t, high) if inside else (low, t)
+    v = np.exp(-decay * low) * ((b * w - decay * a) * np.cos(w * low) - (a * w + decay * b) * np.sin(w * low))
+    return float(v * (end - x0 / v0 - low))
+
+
+@pytest.mark.parametrize("options", [{}, {"integrator": "radau"}, {"integrator": "rk4", "step": 1e-3}])
+def test_conditions_that_are_zero_on_one_side(made: Callable[..., Made], options: dict[str, Any]) -> None:
+    """Bodies fly against the wall and away from it, by closed form; the force may jump there."""
+    names = [f"b{i}" for i in range(len(NESTED))]
+    text = "model: nested\nparameters: {x0: 0.31, v0: 1.7}\nbodies:\n" + "".join(
+        f"  {n}: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}\n" for n in names
+    )
+    text += "forces:\n" + "".join(
+        f'  {n}: {{type: joint, joint: {n}, value: "{law.format(n)}"}}\n' for n, law in zip(names, NESTED, strict=True)
+    )
+    text += f"initial: {{q: {{{', '.join(f'{n}: x0 + {i}*0.013' for i, n in enumerate(names))}}}, "
+    text += f"u: {{{', '.join(f'{n}: -v0' for n in names)}}}}}\n"
+    solver = made(parsed, text + f"outputs: {{{', '.join(f'{n}: {{value: q.{n}}}' for n in names)}}}\n").solver
+    for method in ("forward", "adjoint"):
+        found = solver.judge(0.8, [Final(n) for n in names], wrt=["x0", "v0"], method=method, **options)
+        for i, law in enumerate(NESTED.values()):
+            x0 = 0.31 + 0.013 * i
+            wanted = [
+                derivative(lambda x, law=law: after_contact(x, 1.7, *law), x0),
+                derivative(lambda v, law=law, x0=x0: after_contact(x0, v, *law), 1.7),
+            ]
+            assert abs(found.values[i] - after_contact(x0, 1.7, *law)) < 1e-6
+            np.testing.assert_allclose(found.gradients[i], wanted, atol=1e-5)

@@ -175,6 +175,7 @@ struct ordernm_motion {
     scalar beside_event[2];   /* one of them, and the output there */
     scalar error_to_event;    /* of the step that has been made again to it */
     int root;                 /* the switch at whose zero the step that is tried ends or begins, see powers.c; -1 for none, MANY_ROOTS */
+    int beside_power;         /* rates may change as steeply there as if they jumped */
     scalar root_end;          /* when the last such step has ended; else -INFINITY */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
@@ -308,6 +309,8 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop);
 
 /* switches.c */
 int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, int k, scalar *found);
+int ordernm_timing_switch(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, const scalar *crossed, int k, scalar *speed,
+    int *by);
 int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k);
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed);
 int ordernm_rates_jump(const ordernm_motion *m, const scalar *before, const scalar *after);

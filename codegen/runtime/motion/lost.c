@@ -279,7 +279,7 @@ void ordernm_look_for_lost(ordernm_motion *m, const trial *step)
     if (m->nheld) look_at_powers(m, step);
     if (m->npoints) look_at_points(m, step);
     if (m->rejected_before || m->jumps_at_end || !m->adaptive) m->suspects = SUSPECTS;
-    if (m->suspects > 0 && step->event < 0) look_for_jump(m, step->h);
+    if (m->suspects > 0 && step->event < 0 && !m->beside_power) look_for_jump(m, step->h);
     m->suspects -= m->suspects > 0;
     m->results->condition_here = condition;
 }

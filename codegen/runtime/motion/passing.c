@@ -35,10 +35,10 @@ static void count(ordernm_motion *m, int k)
 static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int follows, scalar *speed)
 {
     const long n = m->ny + m->nx;
-    int status = ordernm_switch_speed(m, m->t, z, before, k, speed);
-    if (!status && m->ngroups) status = ordernm_switch_along(m, m->t, z, k);
+    int by, status = ordernm_timing_switch(m, m->t, z, before, m->crossed, k, speed, &by);
+    if (!status && m->ngroups) status = ordernm_switch_along(m, m->t, z, by);
     if (status) return status;
-    m->modes[k] = ordernm_other_mode(m, k);
+    m->modes[k] = by == k ? ordernm_other_mode(m, k) : 0.0;
     if (follows && (status = ordernm_follow(m, m->t, m->z, m->crossed))) return status;
     if ((status = ordernm_rates_of(m, m->t, z, after, 0, 0, RATES | INTEGRALS))) return status;
     for (int i = 0; i < m->ngroups*LANES; ++i) m->passing_time[i] = -m->switch_along[i]/ *speed;
@@ -164,12 +164,13 @@ int ordernm_pass_switches(ordernm_motion *m)
         memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
         if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
         note_time(m, k, &timed);
+        if (m->modes[k] == 0.0) --m->ntogether; /* the other one is its time */
         if (!ordernm_rates_jump(m, before, after)) {
             if (at_once) m->modes[k] = 0.0; /* rounding goes to and fro across a kink */
             continue;
         }
         count(m, k);
-        m->speeds[k] = speed != 0.0 ? speed : LEAST_SIDE;
+        if (m->modes[k] != 0.0) m->speeds[k] = speed != 0.0 ? speed : LEAST_SIDE;
         m->together_jump = 1;
         if ((m->ngroups || m->results->steps) && !(fabs(speed) > GRAZING*m->crossed[k])) m->results->grazed = k + 1;
     }

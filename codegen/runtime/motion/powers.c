@@ -64,7 +64,8 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
         m->root = k;
         ++roots;
     }
-    if (!(nearest <= FARTHEST)) return 0.0;
+    m->beside_power = nearest <= FARTHEST;
+    if (!m->beside_power) return 0.0;
     const scalar time = time_of_change(m), larger = LARGER*error*time/step->h/pow(fmax(nearest, 1.0), 3.0);
     if (step->h > LEAST*time) {
         m->root = -1;
@@ -99,7 +100,7 @@ int ordernm_beside_root(ordernm_motion *m, const trial *step)
 
 /* ---- Where no step is as short. ---- */
 
-/* Rates change as a power of the distance to the zero. It is found from these distances, in parts of the step; of constant steps nearer. */
+/* Rates change as a power of the distance to the zero. It is found from three distances, in parts of the step; of constant steps nearer. */
 static const scalar FAR = 1.0, FAR_IN_CONSTANT_STEPS = 0.01, NEARER = 0.01;
 
 /* A power as near to one is taken for one; a change that is less, in parts of the largest rate, is none. */
@@ -121,11 +122,13 @@ static int grow(ordernm_motion *m, scalar h, int last)
 {
     const ordernm_problem *const p = m->problem;
     const scalar far = m->adaptive ? FAR : FAR_IN_CONSTANT_STEPS, *const here = m->rate[last ? m->method->stages : 0];
-    scalar *const one = m->error[0], *const other = m->error[1], largest = 0.0;
-    if (changes(m, h, last, far, one) || changes(m, h, last, NEARER*far, other)) return 0;
+    scalar *const changed[] = {m->error[0], m->error[1], m->at_pose}, largest = 0.0, away = far;
+    for (int n = 0; n < 3; ++n, away *= NEARER)
+        if (changes(m, h, last, away, changed[n])) return 0;
     for (int i = 0; i < m->ny + m->nx; ++i) largest = fmax(largest, fabs(here[i])/(p->atol[i] + p->rtol*fabs(m->z[i])));
+    const scalar less = pow(NEARER, POWER_OF_ONE);
     for (int i = 0; i < m->ny + m->nx; ++i)
-        if (one[i] > NO_CHANGE*largest && other[i] > pow(NEARER, POWER_OF_ONE)*one[i]) return 1;
+        if (changed[0][i] > NO_CHANGE*largest && changed[1][i] > less*changed[0][i] && changed[2][i] > less*changed[1][i]) return 1;
     return 0;
 }
 

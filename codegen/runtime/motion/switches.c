@@ -12,8 +12,9 @@
  * by less than this part of the error allowed: where a force begins, as q < 0 ? abs(q)^1.3 : 0 does, rounding decides how large it is. */
 static const scalar SAME = 1e-13, NEGLIGIBLE = 1e-6;
 
-/* As near to zero at the beginning, in the time of the motion, a switching function is taken as zero. */
-static const scalar AT_ZERO = 1e-13;
+/* As near to zero at the beginning, in the time of the motion, a switching function is taken as zero; one that does not change, such as
+ * abs(x) - x where x > 0, is zero but for this rounding. */
+static const scalar AT_ZERO = 1e-13, ROUNDED = 1e-12;
 
 enum { FEW_REFUSED = 3 };
 
@@ -92,6 +93,19 @@ int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const sca
     return status;
 }
 
+/* The switch by whose function the time of a crossed one follows, and how fast that changes: itself; but where its function is zero behind
+ * another one that is crossed there, as that of sign(max(0, x)) is, that one. Returns what a function returned. */
+int ordernm_timing_switch(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, const scalar *crossed, int k, scalar *speed,
+    int *by)
+{
+    int status = ordernm_switch_speed(m, t, z, rate, k, speed);
+    *by = k;
+    if (status || *speed != 0.0 || fabs(m->switches[k]) > ROUNDED) return status;
+    for (int i = k - 1; i >= 0 && *by == k; --i)
+        if (crossed[i] != 0.0) *by = i;
+    return *by == k ? 0 : ordernm_switch_speed(m, t, z, rate, *by, speed);
+}
+
 /* The derivatives of a switching function along all directions at a fixed time, LANES numbers for each group. */
 int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
@@ -108,14 +122,27 @@ int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k)
     return status;
 }
 
-/* Gives switches other than `but` the modes that their functions have. Those of which nobody knows the side stay. */
+/* A switch without a mode, whose function has been zero and leaves zero where another one changes its mode: max(0, x) > 0 where x > 0 does.
+ * It has the mode that the function goes to. Returns what a function returned. */
+static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
+{
+    scalar speed;
+    if (m->modes[k] != 0.0 || m->let_go[k] != 0.0 || m->system->switch_kind[k] > ORDERNM_ROOT) return 0;
+    const int status = ordernm_switch_speed(m, t, z, m->rate[0], k, &speed);
+    const int at_zero = fabs(m->switches[k]) <= AT_ZERO*(m->problem->end - m->problem->start)*fabs(speed);
+    if (!status && at_zero) m->modes[k] = sign_of(speed);
+    return status;
+}
+
+/* Gives switches other than those crossed the modes that their functions have. Those of which nobody knows the side stay. */
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed)
 {
-    const int status = ordernm_switching(m, t, z);
+    int status = ordernm_switching(m, t, z);
     for (int i = 0; i < m->nheld && !status; ++i) {
         const int k = m->held[i];
         if (crossed && crossed[k] != 0.0) continue;
         if (ordernm_side(m, k) < 0.0) m->modes[k] = ordernm_other_mode(m, k);
+        else status = leave_zero(m, t, z, k);
     }
     return status;
 }
@@ -166,9 +193,9 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
             m->modes[k] = mode;
             if ((status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES))) return status;
             if ((status = ordernm_switch_speed(m, t, z, rate, k, way + 1 + mode))) return status;
-            if (n == 0 && fabs(g) > reach*fabs(way[1 + side])) break; /* it is not zero */
+            if (n == 0 && fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) break; /* it is not zero */
         }
-        if (fabs(g) > reach*fabs(way[1 + side])) m->modes[k] = side;
+        if (fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) m->modes[k] = side;
         else if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
         else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
         else if (way[1] == 0.0) m->modes[k] = 0.0; /* it rests there */
@@ -223,6 +250,10 @@ int ordernm_hold_again(ordernm_motion *m)
         const int k = m->held[i];
         if (!(m->changed[k] < m->t)) continue;
         const int free = m->modes[k] == 0.0;
+        scalar speed = 1.0;
+        if (free && kind[k] <= ORDERNM_ROOT && m->switches[k] != 0.0 && fabs(m->switches[k]) <= ROUNDED
+            && (status = ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, &speed))) return status;
+        if (speed == 0.0) continue;
         if (free || kind[k] == ORDERNM_TURN) m->modes[k] = mode_of(m, k); /* angles are those near where the step begins */
         m->switched |= free && m->modes[k] != 0.0;
         if (kind[k] <= ORDERNM_ROOT && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;

@@ -29,9 +29,10 @@ int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, c
         if ((status = ordernm_rates_of(m, t, z, before, 0, 0, RATES | INTEGRALS))) break;
         const int timed = k == last && a->timed >= 0;
         if (!ordernm_rates_jump(m, before, after) && !timed) continue;
-        if ((status = ordernm_switch_speed(m, t, z, before, k, &speed))) break;
+        int by;
+        if ((status = ordernm_timing_switch(m, t, z, before, crossed, k, &speed, &by))) break;
         for (int i = 0; i < n; ++i) before[i] -= after[i];
-        for (int g = 0; g < a->ngroups && !status; ++g) status = ordernm_switch_transposed(a, g, t, z, k, before, speed, timed);
+        for (int g = 0; g < a->ngroups && !status; ++g) status = ordernm_switch_transposed(a, g, t, z, by, before, speed, timed);
     }
     a->timed = -1;
     memcpy(m->modes, first, count*sizeof(scalar));
