@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from docs_namespace import namespace
 
 import codegen
 import codegen.runtime
+from codegen.runtime.standalone.calls.package import Package
 
 validate = pytest.importorskip("numpydoc.validate", reason="numpydoc is not installed: pip install -e '.[test]'")
 
@@ -40,6 +42,8 @@ FUNCTIONS = [
         "runtime.standalone.statics.equilibrium": "Equilibrium",
         "runtime.standalone.statics.linearization": "Linearization Matrices Modes",
         "runtime.standalone.trust.diagnosis": "Diagnosis MassCondition ClosureCondition",
+        "importing.sympy_model": "from_sympy", "reference.engine": "Engine Jacobians", "reference.dense": "DenseEngine",
+        "reference.recursive": "RecursiveEngine", "symbolic.motion": "Equations equations",
         "design.variables": "Variable Variables", "design.objective": "OfVariables Objective objective",
         "design.outcome": "Outcome", "design.evaluated_points": "Evaluation", "design.load_cases": "LoadCases",
         "design.optimizing": "optimize", "design.fitting": "fit", "design.fit_result": "Fit",
@@ -70,7 +74,32 @@ def named(name: str) -> Any:
         return inspect.getattr_static(named(module), rest)
 
 
+OPEN = (Package,)
+"""Classes whose subclasses are checked where they are defined."""
 PUBLIC = [member for name in FUNCTIONS for member in members(name)]
+
+
+def test_all_that_ordernm_exports_is_checked():
+    exported = [getattr(codegen, n) for n in codegen.__all__ if n != "__version__"]
+    exported += [getattr(codegen.runtime, n) for n in codegen.runtime.__all__]
+    checked = tuple(named(n) for n in FUNCTIONS)
+    left = [
+        x.__name__
+        for x in exported
+        if not (x in checked or (inspect.isclass(x) and issubclass(x, (Exception, codegen.Model, *OPEN))))
+    ]
+    assert left == []
+
+
+def test_functions_that_the_api_page_lists_are_checked():
+    page = (Path(codegen.__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
+    rows = " ".join(re.findall(r"^\| (`.*?) \|", page, re.MULTILINE))
+    listed = {n for n in re.findall(r"(\w+)\(", rows) if not n.startswith("NAME_")}
+    assert len(listed) > 50
+    assert listed - {n.rpartition(".")[2] for n in PUBLIC} == {
+        "f",
+        "load_cases",
+    }  # f(x) is an objective's value; LoadCases
 
 
 @pytest.mark.parametrize("name", PUBLIC)

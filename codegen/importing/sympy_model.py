@@ -34,30 +34,32 @@ _LONGEST_LIST: Final = 12
 def from_sympy(system: Any, values: Mapping[Any, float] | None = None, name: str | None = None) -> Imported:
     """Make a model of a `System` of `sympy.physics.mechanics`.
 
-    Bodies on pin, prismatic, cylindrical, planar, spherical and weld joints are read with their loads and actuators; a gravity
-    that acts on all bodies becomes that of the model. Holonomic constraints become couplings and loops. Symbols become
-    parameters, and functions of time that are neither coordinate nor speed become inputs. The coordinates of the model are those
-    of the joints; `Imported.symbols` has the name of each.
+    Bodies on pin, prismatic, cylindrical, planar, spherical and weld joints are read with their loads and actuators.
+    Gravity that acts on all bodies becomes that of the model. Holonomic constraints become couplings and loops. Symbols
+    become parameters, and functions of time that are neither coordinate nor speed become inputs. The coordinates of the
+    model are those of the joints; `Imported.symbols` has the name of each.
 
     Parameters
     ----------
     system : sympy.physics.mechanics.System or JointsMethod
+        The system.
     values : mapping of sympy.Basic or str to float, optional
-        Values of parameters, SI, and initial values of coordinates and speeds. A parameter without one is 1, a product of
-        inertia 0, with a warning.
+        Values of parameters, SI units, and initial values of coordinates and speeds. A parameter without a value is 1,
+        a product of inertia 0, with a warning.
     name : str, optional
-        Of the model; left out: ``system``.
+        Name of the model. Left out: ``system``.
 
     Returns
     -------
     Imported
+        The model, its text, and the names of the symbols.
 
     Raises
     ------
     TypeError
-        For an object that has no joints, such as a `KanesMethod`.
+        If the object has no joints, such as a `KanesMethod`.
     ModelError
-        With everything in the system that a model cannot say.
+        If the system has parts that a model cannot express. It lists all of them.
 
     Examples
     --------
@@ -68,12 +70,13 @@ def from_sympy(system: Any, values: Mapping[Any, float] | None = None, name: str
     >>> system = System.from_newtonian(ceiling)
     >>> system.add_joints(PinJoint("pin", ceiling, rod, joint_axis=ceiling.z, child_point=l * rod.y))
     >>> system.apply_uniform_gravity(-g * ceiling.y)
-    >>> found = from_sympy(system, values={m: 2, l: 0.5, g: 9.81})
+    >>> found = ordernm.from_sympy(system, values={m: 2, l: 0.5, g: 9.81})
     >>> found.model.coordinate_names
     ('rod',)
     >>> found.symbols[system.q[0]]
     'q.rod'
     """
+    # long: its example builds a system
     joints, frame, origin = _parts(system)
     found = SympySystem(system)
     with_conditions = list(getattr(system, "holonomic_constraints", ()))

@@ -2,6 +2,7 @@
 
 No mechanics stands here. An engine fills in the methods that begin with an underscore.
 """
+# long: a docstring with an example for each of twenty methods
 
 from __future__ import annotations
 
@@ -27,7 +28,21 @@ from .primitives import placed_rotation
 
 @dataclass(frozen=True, slots=True)
 class Jacobians:
-    """Partial derivatives of a result (n,), udot for one: q (n, nq), u (n, nu), p (n, np), inputs (n, ninputs), t (n,)."""
+    """Partial derivatives of a result with n entries.
+
+    Attributes
+    ----------
+    q : ndarray (n, nq)
+        By the coordinates.
+    u : ndarray (n, nu)
+        By the speeds.
+    p : ndarray (n, np)
+        By the parameters.
+    inputs : ndarray (n, ninputs)
+        By the inputs.
+    t : ndarray (n,)
+        By time.
+    """
 
     q: Array
     u: Array
@@ -41,67 +56,136 @@ Gradients = tuple[Array, Array, Array, Array, Array]
 
 
 class Engine(Arguments):
-    """A reference engine: any model, one state per call, derivatives along any seeds.
+    """Reference engine: any model, one state per call, derivatives along any seeds.
 
     Parameters
     ----------
     model : Model
-    numbers : {"float64", "mpmath", "decimal"} or Arithmetic
-        With ``mpmath`` every array holds mpf numbers of the caller's ``mpmath.mp.dps`` digits, with ``decimal`` numbers of
-        `decimal.Decimal` of the caller's context, in a fifth of the time; float arguments are taken at their exact binary value.
+        The model.
+    numbers : {"float64", "mpmath", "decimal"} or Arithmetic, optional
+        With "mpmath" arrays hold mpf numbers with the digits of the caller's ``mpmath.mp.dps``; with "decimal" they
+        hold `decimal.Decimal` numbers of the caller's context, which take a fifth of the time. Floats count as exactly
+        what they are.
     partition : Partition, optional
-        Which speeds are dependent, for a model with loops; left out, `codegen.loops` chooses.
+        Choice of dependent speeds, for a model with loops. Left out: `codegen.loops` chooses.
 
     Attributes
     ----------
     given : Model
+        The model.
     model : Model
-        The same with nothing prescribed: within an engine prescribed coordinates are coordinates, whose accelerations are given.
-    held : array of int
-        Speeds of `model` that are prescribed; `free_u` are the others, `free_q` the coordinates that are not.
+        The model with nothing prescribed: an engine treats prescribed coordinates as coordinates with given
+        accelerations.
+    held : ndarray of int
+        Prescribed speeds of `model`. `free_u` are the others, `free_q` the coordinates that are not prescribed.
     partition : Partition
-        Of `model`.
-    dependent, dependent_coordinates : array of int
+        Choice of dependent speeds of `model`.
+    dependent, dependent_coordinates : ndarray of int
         Indices of the dependent speeds, and of the coordinates that only they move.
     split : list of SpeedGroup
-        Rotations and displacements of which some speeds are dependent and some are not. Their coordinates count as
-        independent; of their seeds the components along dependent speeds follow from closure.
+        Rotations and displacements with both dependent and independent speeds. Their coordinates count as independent;
+        the components of their seeds along dependent speeds follow from closure.
     lengths : tuple of float
         Characteristic length of every loop, m.
     closure_slices : tuple of slice
-        For each loop, where its conditions stand among all.
+        Conditions of each loop among all conditions.
     dropped_rows : tuple of set of int
-        For each loop, which of its conditions have been dropped: the results do not depend on them.
-    kept : array of int
-        Which of all conditions have not.
+        Dropped conditions of each loop. Results do not depend on them.
+    kept : ndarray of int
+        Indices of the other conditions.
 
     Notes
     -----
     Arguments of every method: coordinates ``q (nq,)``, speeds ``u (nu,)``, parameters ``p (np,)`` (None: the model's
-    values), ``inputs (ninputs,)`` (None: zeros), time ``t``, in SI units. Seeds carry their k directions first:
-    ``dq (k, nq)``, ``du (k, nu)``, ``dp (k, np)``, ``dinputs (k, ninputs)``, ``dt (k,)``; one without k counts as
-    k = 1, a missing one is zero. Quaternions may have any length: the rotation of e is that of e/abs(e).
+    values), ``inputs (ninputs,)`` (None: zeros), time ``t``, in SI units. Seeds have their k directions first: ``dq (k,
+    nq)``, ``du (k, nu)``, ``dp (k, np)``, ``dinputs (k, ninputs)``, ``dt (k,)``. A seed without k counts as k = 1; a
+    missing one is zero. Quaternions may have any length: the rotation of e is that of e/abs(e).
 
-    Loops: dependent speeds are recomputed from velocity closure in every call, whatever was passed; dependent coordinates
-    are used as passed and have to close the loops. Of ``dq`` and ``du`` the independent entries are read, the others
-    follow from the derivatives of closure. Where a rotation or displacement is split, its seed is read as a rotation vector
-    or displacement in child axes: components along independent speeds are kept, the others follow from closure too.
+    Every call computes the dependent speeds from velocity closure. Dependent coordinates are used as they are passed
+    and have to close the loops. Only the independent entries of ``dq`` and ``du`` are read; the others follow from
+    closure. Where a rotation or displacement is split, its seed is read as a rotation vector or displacement in child
+    axes, and the components along dependent speeds follow from closure.
     """
 
     # --- the face -------------------------------------------------------------------------------------------------
 
     def accelerations(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """The derivatives of the speeds, udot (nu,)."""
+        """Return the derivatives of the speeds.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (nu,)
+            udot, rad/s^2 or m/s^2.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.accelerations([1.2, -0.4], [0, 0]).round(3)
+        array([-15.414,  32.58 ])
+        """
         return self._of_free(self._accelerations(self._state(q, u, p, inputs, t)))[0]
 
     def sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """udot (nu,) and its total derivatives along the seeds, (k, nu)."""
+        """Return udot and its total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        udot : ndarray (nu,)
+            Derivatives of the speeds.
+        dudot : ndarray (k, nu)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.sensitivities([1.2, -0.4], [0, 0], dp=[1, 0, 0, 0, 0, 0])[1].round(3)
+        array([[ 16.333, -17.918]])
+        """
         return self._of_free(self._accelerations(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))))
 
     def jacobians(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Jacobians:
-        """Every partial derivative of udot."""
+        """Return all partial derivatives of udot.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        Jacobians
+            Derivatives by q (nu, nq), u, p, inputs and t (nu,).
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.jacobians([1.2, -0.4], [0, 0]).u.round(3)
+        array([[ 0.   ,  0.158],
+               [ 0.   , -0.664]])
+        """
         return self._partials(lambda **seeds: self.sensitivities(q, u, p, inputs, t, **seeds)[1])
 
     def _partials(self, along: Callable[..., Array]) -> Jacobians:
@@ -115,20 +199,86 @@ class Engine(Arguments):
         return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
 
     def gradients(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any) -> Gradients:
-        """Gradients of ``sum_i weights_i udot_i``, (k, n) with respect to q, u, p, inputs and (k,) to t: ``weights^T J``."""
+        """Return gradients of ``sum_i weights_i udot_i``.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, nu)
+            Weights of the entries of udot in each of k sums.
+
+        Returns
+        -------
+        tuple of ndarray
+            Derivatives by q (k, nq), u, p, inputs and t (k,).
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.gradients([1.2, -0.4], [0, 0], weights=[0, 1])[2].round(3)
+        array([[-17.918, -31.526,  -1.793,  -7.936,   5.313,   0.   ]])
+        """
         return _weighted(weights, self.jacobians(q, u, p, inputs, t))
 
     def output_gradients(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
     ) -> Gradients:
-        """The same of weighted sums of outputs, weights (k, noutputs)."""
+        """Return gradients of weighted sums of outputs.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, noutputs)
+            Weights of the outputs in each of k sums.
+
+        Returns
+        -------
+        tuple of ndarray
+            Derivatives by q (k, nq), u, p, inputs and t (k,).
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.output_gradients([1.2, -0.4], [0, 0], weights=[1, 0, 0, 0, 0, 0])[0].round(3)
+        array([[-0.92 , -0.557]])
+        """
         along = self._partials(lambda **seeds: self.output_sensitivities(q, u, p, inputs, t, **seeds)[1])
         return _weighted(weights, along)
 
     def energy_gradients(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
     ) -> Gradients:
-        """The same of weighted sums of kinetic and potential energy, weights (k, 2)."""
+        """Return gradients of weighted sums of kinetic and potential energy.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, 2)
+            Weights of the energies in each of k sums.
+
+        Returns
+        -------
+        tuple of ndarray
+            Derivatives by q (k, nq), u, p, inputs and t (k,).
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.energy_gradients([1.2, -0.4], [0, 0], weights=[1, 1])[0].round(3)
+        array([[18.816,  2.815]])
+        """
 
         def along(**seeds: Any) -> Array:
             return np.stack(self.energy_sensitivities(q, u, p, inputs, t, **seeds)[1], axis=-1)
@@ -138,25 +288,112 @@ class Engine(Arguments):
     def coordinate_rate_gradients(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
     ) -> Gradients:
-        """The same of weighted sums of the derivatives of the coordinates, weights (k, nq)."""
+        """Return gradients of weighted sums of the time derivatives of the coordinates.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (k, nq)
+            Weights of the entries of qdot in each of k sums.
+
+        Returns
+        -------
+        tuple of ndarray
+            Derivatives by q (k, nq), u, p, inputs and t (k,).
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.coordinate_rate_gradients([1.2, -0.4], [0, 0], weights=[1, 2])[1]
+        array([[1., 2.]])
+        """
         along = self._partials(lambda **seeds: self.coordinate_rate_sensitivities(q, u, p, inputs, t, **seeds)[1])
         return _weighted(weights, along)
 
     def mass_matrix(self, q: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """The mass matrix M of Eq. 4 over all speeds of the tree, (nu, nu); loops do not enter."""
+        """Return the mass matrix of Eq. 4 over all speeds of the tree; loops do not enter.
+
+        Parameters
+        ----------
+        q : array_like (nq,)
+            Coordinates, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (nu, nu)
+            M, kg m^2, kg m or kg.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.mass_matrix([1.2, -0.4]).round(4)
+        array([[2.4505, 0.5819],
+               [0.5819, 0.2135]])
+        """
         M: Array = self._mass_matrix(self._state(q, None, p, inputs, t))[np.ix_(self.free_u, self.free_u)].value
         return M
 
     def mass_matrix_sensitivities(
         self, q: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """M (nu, nu) and its total derivatives, (k, nu, nu)."""
+        """Return the mass matrix and its total derivatives along seeds.
+
+        Parameters
+        ----------
+        q : array_like (nq,)
+            Coordinates, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        M : ndarray (nu, nu)
+            The mass matrix.
+        dM : ndarray (k, nu, nu)
+            Its derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.mass_matrix_sensitivities([1.2, -0.4], dq=[0, 1])[1][0, 0].round(4)
+        array([0.3115, 0.1558])
+        """
         given = self._seeds(("dq", "dp", "dinputs", "dt"), seeds)
         result = self._mass_matrix(self._state(q, None, p, inputs, t, **given))[np.ix_(self.free_u, self.free_u)]
         return result.value, result.tangent
 
     def solve_mass(self, q: Any, b: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """M^-1 b, (nu,), for generalised forces b (nu,). Trees only."""
+        """Return the solution x of ``M x = b``, for models without loops.
+
+        Parameters
+        ----------
+        q, b : array_like (nq,), (nu,)
+            Coordinates, SI units and radians; generalised forces, N m or N.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (nu,)
+            Accelerations x, rad/s^2 or m/s^2.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.solve_mass([1.2, -0.4], [1, 0]).round(3)
+        array([ 1.157, -3.154])
+        """
         self._trees_only("solve_mass")
         state = self._state(q, None, p, inputs, t)
         return self._of_free(self._solve_mass(state, self._of_speeds("b", b, None, state.pairs)))[0]
@@ -164,7 +401,31 @@ class Engine(Arguments):
     def solve_mass_sensitivities(
         self, q: Any, b: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """M^-1 b (nu,) and its total derivatives, (k, nu); ``db (k, nu)``. Trees only."""
+        """Return the solution of ``M x = b`` and its total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, b : array_like (nq,), (nu,)
+            Coordinates, SI units and radians; generalised forces, N m or N.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), db (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        x : ndarray (nu,)
+            Accelerations.
+        dx : ndarray (k, nu)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.solve_mass_sensitivities([1.2, -0.4], [1, 0], db=[1, 0])[1].round(3)
+        array([[ 1.157, -3.154]])
+        """
         self._trees_only("solve_mass_sensitivities")
         given = self._seeds(("dq", "db", "dp", "dinputs", "dt"), seeds)
         db = given.pop("db")
@@ -172,9 +433,28 @@ class Engine(Arguments):
         return self._of_free(self._solve_mass(state, self._of_speeds("b", b, db, state.pairs)))
 
     def inverse_dynamics(self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """The joint forces needed in addition to the model's own for the accelerations udot: M udot - K, (nu,).
+        """Return the joint forces that given accelerations need in addition to the model's own.
 
-        Trees only.
+        Only for models without loops.
+
+        Parameters
+        ----------
+        q, u, udot : array_like (nq,), (nu,), (nu,)
+            Coordinates, speeds and their derivatives, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (nu,)
+            Generalised forces M udot - K, N m or N.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.inverse_dynamics([1.2, -0.4], [0, 0], [0, 0]).round(3)
+        array([18.816,  2.015])
         """
         self._trees_only("inverse_dynamics")
         state = self._state(q, u, p, inputs, t)
@@ -183,7 +463,31 @@ class Engine(Arguments):
     def inverse_dynamics_sensitivities(
         self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """The joint forces of `inverse_dynamics`, (nu,), and their total derivatives, (k, nu); ``dudot (k, nu)``."""
+        """Return the forces of `inverse_dynamics` and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u, udot : array_like (nq,), (nu,), (nu,)
+            Coordinates, speeds and their derivatives, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), du (k, nu), dudot (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        force : ndarray (nu,)
+            Generalised forces, N m or N.
+        dforce : ndarray (k, nu)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.inverse_dynamics_sensitivities([1.2, -0.4], [0, 0], [0, 0], dudot=[1, 0])[1].round(4)
+        array([[2.4505, 0.5819]])
+        """
         self._trees_only("inverse_dynamics_sensitivities")
         given = self._seeds((*ALONG, "dudot"), seeds)
         dudot = given.pop("dudot")
@@ -191,13 +495,57 @@ class Engine(Arguments):
         return self._of_free(self._inverse_dynamics(state, self._udot(state, udot, dudot)))
 
     def driving_forces(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """The generalised forces that prescribed motion takes, (nprescribed,), N m or N."""
+        """Return the generalised forces that prescribed motion needs.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (nprescribed,)
+            One force for each prescribed coordinate, N m or N.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/shaken_pendulum.yaml"))
+        >>> engine.driving_forces([0.1, -0.05], [0, 0], t=0.005).round(2)
+        array([-1580.16])
+        """
         return flat(self._driving_forces(self._state(q, u, p, inputs, t)))[0]
 
     def driving_force_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """`driving_forces` (nprescribed,) and their total derivatives, (k, nprescribed)."""
+        """Return the forces of `driving_forces` and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        force : ndarray (nprescribed,)
+            One force for each prescribed coordinate, N m or N.
+        dforce : ndarray (k, nprescribed)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/shaken_pendulum.yaml"))
+        >>> engine.driving_force_sensitivities([0.1, -0.05], [0, 0], t=0.005, dp=[1, 0, 0, 0])[1].round(1)
+        array([[-40067.2]])
+        """
         return flat(self._driving_forces(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))))
 
     def _armature(self, pairs: Pairs) -> Pair:
@@ -221,7 +569,29 @@ class Engine(Arguments):
         return pairs.column(found)
 
     def energies(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Any, Any]:
-        """Kinetic and potential energy, J. The potential of gravity is zero at the ground's origin."""
+        """Return kinetic and potential energy.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        kinetic : number
+            Kinetic energy, J.
+        potential : number
+            Potential energy, J; that of gravity is zero at the ground's origin.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> [round(float(e), 3) for e in engine.energies([1.2, -0.4], [0, 0])]
+        [0.0, -8.955]
+        """
         state = self._state(q, u, p, inputs, t)
         kinetic, potential = self._energies(state, self._motion(state))
         return kinetic.value[0, 0], potential.value[0, 0]
@@ -229,38 +599,169 @@ class Engine(Arguments):
     def energy_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[tuple[Any, Any], tuple[Array, Array]]:
-        """Kinetic and potential energy and their total derivatives: (T, V), (dT (k,), dV (k,))."""
+        """Return kinetic and potential energy and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        energies : tuple of two numbers
+            Kinetic and potential energy, J.
+        derivatives : tuple of two ndarray (k,)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.energy_sensitivities([1.2, -0.4], [0, 0], dp=[0, 0, 1, 0, 0, 0])[1][1].round(3)
+        array([-1.777])
+        """
         state = self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))
         kinetic, potential = self._energies(state, self._motion(state))
         derivatives = kinetic.tangent[:, 0, 0], potential.tangent[:, 0, 0]
         return (kinetic.value[0, 0], potential.value[0, 0]), derivatives
 
     def coordinate_rates(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """The derivatives of the coordinates, Eq. 1, (nq,)."""
+        """Return the time derivatives of the coordinates (Eq. 1).
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (nq,)
+            qdot, rad/s or m/s; 1/s for quaternions.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.coordinate_rates([1.2, -0.4], [0.5, -1])
+        array([ 0.5, -1. ])
+        """
         return flat(self._coordinate_rates(self._state(q, u, p, inputs, t))[self.free_q])[0]
 
     def coordinate_rate_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """qdot (nq,) and its total derivatives, (k, nq)."""
+        """Return qdot and its total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        qdot : ndarray (nq,)
+            Time derivatives of the coordinates.
+        dqdot : ndarray (k, nq)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.coordinate_rate_sensitivities([1.2, -0.4], [0, 0], du=[1, 0])[1]
+        array([[1., 0.]])
+        """
         return flat(self._coordinate_rates(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds)))[self.free_q])
 
     def outputs(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """The model's named outputs, (noutputs,)."""
+        """Return the model's outputs.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        ndarray (noutputs,)
+            Values in the order of the model.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.outputs([1.2, -0.4], [0, 0])[:2].round(3)
+        array([-1.506, -0.92 ])
+        """
         return flat(self._outputs(self._state(q, u, p, inputs, t)))[0]
 
     def output_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """The outputs (noutputs,) and their total derivatives, (k, noutputs)."""
+        """Return the model's outputs and their total derivatives along seeds.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        outputs : ndarray (noutputs,)
+            Values in the order of the model.
+        doutputs : ndarray (k, noutputs)
+            Their derivative along each direction.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> engine.output_sensitivities([1.2, -0.4], [0, 0], dp=[0, 1, 0, 0, 0, 0])[1][0, :2].round(3)
+        array([-0.717, -0.697])
+        """
         return flat(self._outputs(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))))
 
     # --- loops ----------------------------------------------------------------------------------------------------
 
     def closure(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Array, Array]:
-        """How far the loops are from closing in position and velocity at q and u as passed, (m,) each.
+        """Return the scaled residuals of the loops in position and velocity, at q and u as they are passed.
 
-        In the order of `Model.closure_names`, linear conditions divided by the loop's characteristic length.
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+
+        Returns
+        -------
+        position : ndarray (m,)
+            Residuals in the order of `Model.closure_names`; linear ones are divided by the characteristic length.
+        velocity : ndarray (m,)
+            Their time derivatives.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/four_bar.yaml"))
+        >>> engine.closure(*four_bar.initial)[0].shape
+        (5,)
         """
         if not self.model.loops:
             return self.arithmetic.zeros(0), self.arithmetic.zeros(0)
@@ -270,7 +771,33 @@ class Engine(Arguments):
     def complete(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array, Array]:
-        """Speeds u (nu,) that close the loops, and seeds dq (k, nq), du (k, nu) that keep them closed."""
+        """Return speeds that close the loops, and seeds that keep them closed.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), number, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        **seeds
+            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
+
+        Returns
+        -------
+        u : ndarray (nu,)
+            Speeds, with the dependent ones.
+        dq : ndarray (k, nq)
+            Seeds of the coordinates, with the dependent entries.
+        du : ndarray (k, nu)
+            Seeds of the speeds, with the dependent entries.
+
+        Examples
+        --------
+        >>> from ordernm.reference import DenseEngine
+        >>> engine = DenseEngine(ordernm.load_model("examples/four_bar.yaml"))
+        >>> engine.complete(four_bar.initial[0], [3.0, 0, 0])[0].round(3)
+        array([ 3.   , -3.683,  1.213])
+        """
         given = self._seeds(ALONG, seeds) if any(x is not None for x in seeds.values()) else {}
         state = self._state(q, u, p, inputs, t, **given)
         (_, dq), (u, du) = flat(state.q[self.free_q]), flat(state.u[self.free_u])

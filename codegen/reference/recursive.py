@@ -71,7 +71,10 @@ class Articulated:
 
 
 class RecursiveEngine(Engine):
-    """The paper's recursive method, O(n + m) per evaluation and per direction. See `Engine` for the face."""
+    """Reference engine with the paper's recursive method, O(n + m) for each evaluation and direction.
+
+    `Engine` documents its methods.
+    """
 
     def __init__(self, model: Model, numbers: str | Arithmetic = "float64", partition: Partition | None = None) -> None:
         super().__init__(model, numbers, partition)

@@ -108,12 +108,29 @@ class Equations:
     defaults: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
 
     def symbol(self, name: str) -> sympy.Symbol:
-        """The symbol of that name, such as ``q.crank``.
+        """Return the symbol of a name.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``q.crank``.
+
+        Returns
+        -------
+        sympy.Symbol
+            The symbol.
 
         Raises
         ------
         SymbolicError
-            There is none.
+            If there is none.
+
+        Examples
+        --------
+        >>> from ordernm.symbolic import equations
+        >>> found = equations(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> found.symbol("length_1")
+        length_1
         """
         known = {s.name: s for s in (*self.q, *self.u, *self.udot, *self.parameters, *self.inputs, self.t)}
         known |= {s.name: s for s in self.multipliers}
@@ -123,7 +140,7 @@ class Equations:
 
     @property
     def matrices(self) -> dict[str, sympy.Matrix]:
-        """The matrices that the form has, by their names."""
+        """The matrices of the form by name, dict of str to sympy.Matrix."""
         every = {name: getattr(self, name) for name in MATRICES}
         return {name: of for name, of in every.items() if of is not None}
 
@@ -133,12 +150,24 @@ class Equations:
         return sum(len(sympy.Add.make_args(x)) for of in self.matrices.values() for x in of if x != 0)
 
     def subs(self, values: Mapping[Any, Any]) -> Equations:
-        """The equations with values in the place of some symbols.
+        """Return the equations with values for some symbols.
 
         Parameters
         ----------
         values : mapping
-            By symbol or by name; ``equations.defaults`` has the model's values of all parameters.
+            Values by symbol or by name. ``equations.defaults`` has the model's values of all parameters.
+
+        Returns
+        -------
+        Equations
+            The equations with these values.
+
+        Examples
+        --------
+        >>> from ordernm.symbolic import equations
+        >>> found = equations(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> found.subs({"length_2": 1, "mass_2": 3}).M[1, 1]
+        2501/2500
         """
         by = {self.symbol(k) if isinstance(k, str) else k: _number(v) for k, v in values.items()}
         changed = {name: of.subs(by) for name, of in self.matrices.items()}
@@ -149,20 +178,28 @@ class Equations:
         return replace(self, **new)
 
     def lambdify(self, modules: str = "numpy", cse: bool = True) -> Callable[..., dict[str, Array]]:
-        """A function of numbers that gives all matrices.
+        """Return a function of numbers that computes all matrices.
 
         Parameters
         ----------
-        modules : str
-            As for `sympy.lambdify`.
-        cse : bool
+        modules : str, optional
+            As in `sympy.lambdify`.
+        cse : bool, optional
             Compute common subexpressions once.
 
         Returns
         -------
         callable
-            ``f(q, u, p=None, inputs=None, t=0.0)``, a dict of arrays by the names of the matrices. ``p`` has the values of
-            `parameters`, the model's where it is left out; inputs are zero where they are left out.
+            ``f(q, u, p=None, inputs=None, t=0.0)``, which returns a dict of arrays by the names of the matrices. ``p``
+            has the values of `parameters`; left out: the model's. Inputs left out are zero.
+
+        Examples
+        --------
+        >>> from ordernm.symbolic import equations
+        >>> found = equations(ordernm.load_model("examples/double_pendulum.yaml"))
+        >>> found.lambdify()([1.2, -0.4], [0.0, 0.0])["M"].round(4)
+        array([[2.4505, 0.5819],
+               [0.5819, 0.2135]])
         """
         of = self.matrices
         arguments = [*self.q, *self.u, *self.parameters, *self.inputs, self.t]
@@ -201,33 +238,35 @@ def equations(
     simplify: bool = False,
     force: bool = False,
 ) -> Equations:
-    """The equations of motion of a model as matrices of sympy.
+    """Return the equations of motion of a model as matrices of sympy.
 
     Numbers of the model stay exact: 0.02 is 1/50. Products are expanded, and sin(x)**2 is written as 1 - cos(x)**2.
 
     Parameters
     ----------
     model : Model
+        The model.
     parameters : mapping of str to number or sympy.Expr, or "values", optional
-        Values of parameters that shall not be symbols; ``"values"``: those of the model for all.
+        Values of parameters that shall not be symbols. ``"values"``: the model's values for all.
     form : {"tree", "multipliers", "embedded"}, optional
-        Of a model with loops: with multipliers (the default), or in the independent speeds. A model without loops has the form
-        ``"tree"``. See `Equations`.
-    simplify : bool
+        Form for a model with loops: with multipliers (the default), or in the independent speeds. A model without loops
+        has the form ``"tree"``. See `Equations`.
+    simplify : bool, optional
         Apply `sympy.simplify` to every entry, which may take long.
-    force : bool
-        Compute equations that take more than 200 000 products of terms too.
+    force : bool, optional
+        Compute also equations that take more than 200 000 products of terms.
 
     Returns
     -------
     Equations
+        The equations, with the names of the model.
 
     Raises
     ------
     SymbolicError
-        A parameter or form is not known, or a part of the model has no formula that sympy can hold; the message names it.
+        If a parameter or form is unknown, or sympy has no formula for a part of the model. It names the part.
     TooLargeError
-        The equations have too many terms.
+        If the equations have too many terms.
 
     Examples
     --------
