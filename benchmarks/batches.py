@@ -1,10 +1,13 @@
 """Batches: several states at once in the lanes of vectors, against the same states by a call of each.
 
-    python benchmarks/batches.py [--rounds 5] [--instructions avx2] [--threads 2]
+    python benchmarks/batches.py [--rounds 5] [--instructions avx2] [--threads N]
 
-First in C, on one core: a loop of calls, against `NAME_accelerations_states` and `NAME_sensitivities_states`, by CPU time. Then
-these on one thread and on several with `NAME_on_threads`, by the wall clock, twenty calls of each in turns: caches are then those
-of the one or of the other. Last a batch as Python calls it, by the wall clock, with directions first.
+Each row names its number of threads and its clock. One thread: CPU time, since a call that is longer than a time slice of a busy
+machine waits for other processes every time. Several threads: the wall clock. Without `--threads`, their number is the one that a
+solver chooses by default.
+
+In C: a loop of calls, `NAME_accelerations_states` and `NAME_sensitivities_states`, and both by `NAME_on_threads`, twenty calls in
+a row. From Python: the solver's methods, with directions first, which allocate their results.
 """
 
 from __future__ import annotations
@@ -12,10 +15,11 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -84,34 +88,56 @@ def contestants(source: Source, model: Model, function: str) -> list[Contestant]
     ]
 
 
-def of_python(model: Model, folder: Path, threads: int, rounds: int) -> list[dict[str, float]]:
-    """Seconds of a batch by the wall clock, for each function: one state after the other, several at once, on threads."""
+class Way(NamedTuple):
+    """A way to compute a batch: on how many threads, and the seconds that it takes."""
+
+    name: str
+    threads: int
+    seconds: float
+
+
+def of_python(model: Model, folder: Path, threads: int | None, rounds: int) -> list[list[Way]]:
+    """A batch as Python calls it, for each function: one state after the other, several at once, on threads."""
     codegen.generate(model, folder / model.name, functions=ASKED, check=False)
     solvers: dict[str, Any] = {}
-    for kind, of in (("one", 1), ("several", 1), ("threads", threads)):
+    for kind, of in (("state after state", 1), ("several at once", 1), ("on threads", threads)):
         solvers[kind] = codegen.load(folder / model.name)
         solvers[kind].batch_threads = of
-    solvers["one"]._target.batches.takes = lambda *_: False
+    solvers["state after state"]._target.batches.takes = lambda *_: False
     rng = np.random.default_rng(2)
     q, u = (rng.uniform(-1.0, 1.0, (STATES, n)) for n in (model.nq, model.nu))
     dq, du = (rng.uniform(-1.0, 1.0, (DIRECTIONS, STATES, n)) for n in (model.nq, model.nu))
     found = []
     for function, seeds in zip(ASKED, ({}, {"dq": dq, "du": du}), strict=True):
+        counts = {kind: threads_of(solver, function) for kind, solver in solvers.items()}
         calls = {kind: partial(getattr(solver, function), q, u, **seeds) for kind, solver in solvers.items()}
-        found.append(least({kind: [call] for kind, call in calls.items()}, rounds))
+        times = least({kind: [call] for kind, call in calls.items()}, counts, rounds)
+        found.append([Way(f"Python, {kind}", counts[kind], seconds) for kind, seconds in times.items()])
     return found
 
 
-def least(calls: dict[str, list[Callable[[], object]]], rounds: int) -> dict[str, float]:
-    """The least wall time of a call; those in a list come one after the other within a turn."""
-    turns = {kind: lambda several=several: min(elapsed(call)() for call in several) for kind, several in calls.items()}
-    return {kind: x.least for kind, x in in_rounds(turns, rounds).items()}
+def threads_of(solver: Any, function: str) -> int:
+    """On how many threads a solver computes the batch."""
+    f = solver._functions[function]
+    return int(solver._target.batches.threads(f, STATES, DIRECTIONS if f.seeds else 0, True))
 
 
-def in_c_on_threads(
-    model: Model, folder: Path, sizes: dict[str, int], threads: int, rounds: int
-) -> list[dict[str, float]]:
-    """Seconds of a batch in C by the wall clock, for each function: on one thread, and on several."""
+def least(calls: dict[str, list[Callable[[], object]]], threads: dict[str, int], rounds: int) -> dict[str, float]:
+    """The least time of a call, by the clock for so many threads; those in a list come one after the other within a turn."""
+
+    def turn(kind: str) -> float:
+        return min(elapsed(call, clock=clock_of(threads[kind]))() for call in calls[kind])
+
+    return {kind: x.least for kind, x in in_rounds({kind: partial(turn, kind) for kind in calls}, rounds).items()}
+
+
+def clock_of(threads: int) -> Callable[[], float]:
+    """CPU time of the thread if there is one, else the wall clock."""
+    return time.thread_time if threads == 1 else time.perf_counter
+
+
+def in_c_on_threads(model: Model, folder: Path, sizes: dict[str, int], threads: int | None, rounds: int) -> list[Way]:
+    """A batch in C on threads, for each function."""
     solver: Any = codegen.load(folder)
     solver.batch_threads = threads
     rng = np.random.default_rng(3)
@@ -120,8 +146,9 @@ def in_c_on_threads(
     solver.sensitivities(q, u, dq=rng.uniform(-1.0, 1.0, (DIRECTIONS, STATES, model.nq)))
     over, found = solver._target.batches, []
     for function in ASKED:
+        count = threads_of(solver, function)
         b = over._ffi.new("states *", {"count": STATES, "directions": DIRECTIONS})
-        kept = [np.empty(threads * over._over_states["workspace"])]
+        kept = [np.empty(count * over._over_states["workspace"])]
         b.work = solver._target.pointer(kept[0])
         for name in over._over_states["arrays"]:
             lanes = DIRECTIONS if name.startswith("d") else 1
@@ -130,8 +157,9 @@ def in_c_on_threads(
             kept.append(np.array([list(model.defaults.values())]) if name == "p" else array)
             setattr(b, name, (solver._target.pointer(kept[-1]), 0 if shared else entries, 1, lanes))
         call = over._several[f"{model.name}_{function}_states"]
-        ways = {"one": partial(call, b), "threads": partial(over._shared(), call, b, threads)}
-        found.append(least({kind: [way] * TURNS for kind, way in ways.items()}, rounds))
+        on_threads = partial(over._shared(), call, b, count)
+        seconds = least({"": [on_threads] * TURNS}, {"": count}, rounds)[""]
+        found.append(Way("C, on threads", count, seconds))
     return found
 
 
@@ -142,32 +170,33 @@ def check(a: dict[Any, np.ndarray], b: dict[Any, np.ndarray]) -> None:
             raise ValueError("several states at once give other numbers")
 
 
-def ns(seconds: float) -> str:
-    """Of a batch, for each state."""
-    return f"{seconds / STATES * 1e9:.0f}"
-
-
 def rows_of(model: Model, folder: Path, options: argparse.Namespace) -> list[list[str]]:
-    """Rows of a model, a function each."""
+    """Rows of a model, one for each function and way."""
     source, shop, rows = write_solver(model, functions=ASKED), workshop(options), []
     python = of_python(model, folder, options.threads, 20 * options.rounds)
     sizes = Functions.of(source).sizes()
     shared = in_c_on_threads(model, folder / model.name, sizes, options.threads, 4 * options.rounds)
-    for function, wall, in_c in zip(ASKED, python, shared, strict=True):
+    for function, from_python, on_threads in zip(ASKED, python, shared, strict=True):
         one, several = shop.compete(contestants(source, model, function), options.rounds, options.batches).values()
         check(one.variant.arrays, several.variant.arrays)
         along = f" + {DIRECTIONS}" if function == "sensitivities" else ""
-        rows.append(
-            [f"{model.name}, {model.nu} joints, udot{along}", ns(one.median), ns(several.median), f"{several.ratio(one):.2f}",
-             *map(ns, in_c.values()), f"{in_c['one'] / in_c['threads']:.2f}", *map(ns, wall.values()),
-             f"{wall['several'] / wall['one']:.2f}", f"{wall['several'] / wall['threads']:.2f}"]
-        )  # fmt: skip
+        ways = [
+            Way("C, a loop of calls", 1, one.median),
+            Way("C, several at once", 1, several.median),
+            on_threads,
+            *from_python,
+        ]
+        rows += [
+            [f"{model.name}, {model.nu} joints, udot{along}", way.name, str(way.threads), "CPU" if way.threads == 1 else "wall",
+             f"{way.seconds / STATES * 1e9:.0f}", f"{way.seconds / one.median:.2f}"]
+            for way in ways
+        ]  # fmt: skip
     return rows
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--threads", type=int)
     add_options(parser, 5, 5)
     options = parser.parse_args()
     if options.instructions != "native":
@@ -176,12 +205,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         models = [sized("CHAIN", 12).model, codegen.parse_model(example("arm"))]
         rows = [row for model in models for row in rows_of(model, Path(folder), options)]
-    on_threads = f"{options.threads} threads"
-    heads = ["ns per state", "calls in C", "several at once", "ratio", "C, one thread", on_threads, "times", "Python: one by one",
-             "several at once", on_threads, "ratio", "times"]  # fmt: skip
-    print(f"{workshop(options).widest}, {STATES} states; calls in C and several at once: CPU time, median over the rounds, "
-          "best of -O2 and -O3; others: least by the wall clock\n")  # fmt: skip
-    print(markdown(heads, rows))
+    print(f"{workshop(options).widest}, {STATES} states. C on one thread: median over the rounds, best of -O2 and -O3.")
+    print("Others: least of all turns.\n")
+    print(markdown(["batch", "way", "threads", "clock", "ns per state", "of calls in C"], rows))
 
 
 if __name__ == "__main__":
