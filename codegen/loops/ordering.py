@@ -1,9 +1,9 @@
-"""The order of the ears: loop after loop where each closes by itself, clusters where they do not.
+"""The order of the ears: loop after loop where each closes by itself, clusters elsewhere.
 
 A loop closes by itself if, for every motion that earlier loops allow, the speeds of joints that none of them has passed can
-keep it closed. Random motions are carried through the loops resolved so far; what they do at the cut has to lie in the
-range of the new columns. Where it does not, some freedom inside earlier ears has to depend on this loop: another order
-is sought in which the loop comes before one of them, or that one after it; failing that they become one cluster.
+keep it closed. Random motions are propagated through the loops resolved so far; their effect at the cut must lie in the
+range of the new columns. If it does not, some degree of freedom inside earlier ears must depend on this loop: another order
+is sought in which the loop precedes one of them, or that one follows it; failing that, they become one cluster.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from .tangles import untangled
 from .velocities import Motion, VelocityClosure, is_lone_coupling
 
 MOTIONS = 12
-"""Random motions carried along: more than a loop has conditions."""
+"""Number of random motions: more than a loop has conditions."""
 
 FOLLOWED = 1e-8
-"""What may be left open of a random motion that is followed, relative to the motions at the cut."""
+"""Largest residual of a random motion that counts as followed, relative to the motions at the cut."""
 
 NEIGHBOURS = 8
-"""How many of the loops that share joints with one are tried in other orders, the latest first."""
+"""Number of the loops that share joints with one that are tried in other orders, the latest first."""
 
 WORTH_DIVIDING = 3.0
-"""How many times better the condition has to become by dividing quaternion joints that need not be."""
+"""Factor by which the condition must improve for dividing quaternion joints that could stay whole."""
 
 Order = list[tuple[int, ...]]
-"""Ears by their loops."""
+"""Ears, each as the tuple of its loops."""
 
 
 def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
-    """Loops outward: always the one with the fewest freedoms that no earlier loop has passed, of several the inmost.
+    """Loops outward: next the loop with the fewest new degrees of freedom, of several the innermost.
 
-    So a loop next to one that is closed comes before one that is far from it, and hinted coordinates count as known.
+    So a loop next to a closed one precedes one that is far from it, and hinted coordinates count as known.
     """
     freedoms = [sum(s not in held for s in speeds) for speeds in geometry.speeds]
     cuts = list(zip(geometry.starts, geometry.ends, strict=True))
@@ -65,7 +65,7 @@ def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
 
 @dataclass(slots=True)
 class Draft:
-    """An ear as one sweep found it.
+    """An ear as one sweep has found it.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Draft:
 
 @dataclass(slots=True)
 class Open:
-    """Why an ear does not close by itself: in words, the names of hinted speeds that stand against it, and which ear it is."""
+    """The reason why an ear does not close by itself: a text, the names of hinted speeds that prevent it, and the ear."""
 
     text: str
     refused: list[str] = field(default_factory=list)
@@ -140,30 +140,30 @@ class Sweep:
         return drafts, None
 
     def growth(self) -> Array:
-        """How fast every speed is in the random motions that the last run has carried, ``(nu,)``.
+        """Size ``(nu,)`` of every speed in the random motions of the last run.
 
         The root mean square, displacements per characteristic length, at the first configuration. Independent speeds have
-        about one; a dependent one the norm of its row of Y in ``x = Y s``: what an error may grow by on its way along the
+        about one; a dependent one has the norm of its row of Y in ``x = Y s``, by which errors may grow along the
         ears. It comes at no cost, for any number of loops.
         """
         rms: Array = np.sqrt(np.mean(self.motion.u[0] ** 2, axis=1)) / self.unit
         return rms
 
     def _draft(self, closure: VelocityClosure, loops: tuple[int, ...]) -> Draft | Open:
-        """The ear of some loops; or why it does not close by itself."""
+        """The ear of some loops, or the reason why it does not close by itself."""
         g = self.geometry
         E = closure.scaled(g, float(g.lengths[loops[0]]))
         hinted = [int(s) in self.held for s in closure.speeds]
         free, held = np.flatnonzero(~np.array(hinted, dtype=bool)), np.flatnonzero(hinted)
         found = ranks(E[..., free], g.tolerance)
         rank = int(np.max(found[self.regular]))
-        # Where the rank is lower, the pose is a special one and nothing more can be learnt there.
+        # Where the rank is lower, the pose is a special one and shows nothing more.
         self.regular &= found == rank
         regular = self.regular
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank, g.tolerance):
             return self._why_open(closure, E[regular], free, held, rank)
         if is_lone_coupling(g, loops):
-            # that which the file gives by the others comes first
+            # first the coordinate that the file expresses by the others
             E, given = closure.weighed(g, float(g.lengths[loops[0]])), g.couplings[loops[0]].speeds.tolist()
             free = np.array(
                 sorted(free, key=lambda c: given.index(s) if (s := closure.speeds[c]) in given else len(given))
@@ -203,7 +203,7 @@ class Sweep:
 
 
 def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -> bool:
-    """Whether the columns of E, of this rank, can undo what known motions do at the cut."""
+    """Whether the columns of E, of this rank, can compensate known motions at the cut."""
     rows = E.shape[1]
     if rank == rows:
         return True
@@ -212,9 +212,9 @@ def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -
 
 
 def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
-    """Ears in an order in which each closes by itself; quaternion joints are divided only if no order does without.
+    """Ears in an order in which each closes by itself; quaternion joints are divided only if no other order exists.
 
-    Ears that start from each other's bodies become a cluster: what is resolved together is chosen together.
+    Ears that start from each other's bodies become a cluster and are chosen together, since they are resolved together.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
 
 
 def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
-    """An order that comes further, or has fewer ears."""
+    """An order in which more ears close, or with fewer ears."""
     i, ear = stuck.place, order[stuck.place]
     passed = sweep.geometry.passed_speeds(ear)
     near = [j for j in reversed(range(i)) if sweep.geometry.passed_speeds(order[j]) & passed]
@@ -259,7 +259,7 @@ def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
 
 
 def _others(order: Order, i: int, near: list[int]) -> Iterator[tuple[Order, int]]:
-    """Other orders of the ears up to i, and how many ears those are: first without clusters, then with one more."""
+    """Other orders of the ears up to i, and the number of those ears: first without clusters, then with one more."""
     before, ear, after = order[:i], order[i], order[i + 1 :]
     for j in near:
         yield before[:j] + [ear] + before[j:] + after, i + 1

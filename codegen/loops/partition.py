@@ -1,4 +1,4 @@
-"""Which speeds are dependent, and in what order the loops are closed."""
+"""The partition: which speeds are dependent, and in which order the loops are closed."""
 
 from __future__ import annotations
 
@@ -35,29 +35,29 @@ from .velocities import Motion
 __all__ = ["Ear", "Partition", "partition"]
 
 NEARBY = 2
-"""Configurations near the initial one that are looked at too where a special pose could mislead."""
+"""Number of configurations near the initial one that are examined where a special pose could mislead."""
 
 DISTANCE = 0.08
-"""rad and characteristic lengths: how far off they start."""
+"""Distance at which they start, rad and characteristic lengths."""
 
 FEW = 100
-"""Ears; with more of them redundant conditions are looked at in one configuration only."""
+"""With more ears, redundant conditions are examined in one configuration only."""
 
 OTHERS = 3
-"""Configurations that they are looked at beside that one."""
+"""Number of configurations for this examination beside that one."""
 
 PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
-"""rad and characteristic lengths: how far off they are looked for, until there are enough; near by all may be special."""
+"""Distances at which these are sought until there are enough, rad and characteristic lengths; nearby ones may all be special."""
 
 SEED = 20030617
-"""Of the random numbers: the same model has the same partition."""
+"""Seed of the random numbers: the same model has the same partition."""
 
 
 class _NotNearlyClosed(PartitionError):
-    """Loops stay open in conditions that do not follow from others: they have to be closed to rounding."""
+    """Message: loops stay open in conditions that are not redundant, which must be closed to rounding."""
 
 
-@np.errstate(all="ignore")  # numbers of a model may be of any size: what overflows does not close, and is told
+@np.errstate(all="ignore")  # numbers of a model may have any size: what overflows does not close, and is reported
 def partition(model: Model) -> Partition:
     """Choose dependents and order the ears.
 
@@ -70,7 +70,7 @@ def partition(model: Model) -> Partition:
 
     Notes
     -----
-    What is prescribed moves on its own: it is independent, and speeds are those of `Model.released`.
+    A prescribed coordinate moves on its own: it counts as independent, and speeds are those of `Model.released`.
     """
     prescribed, model = model.prescribed_names, model.released
     guess = padded(initial_configuration(model)[0])
@@ -89,7 +89,7 @@ def partition(model: Model) -> Partition:
             f"closure determines too much of that; take {'one of them' if len(asked) > 1 else 'it'} from `motion`, or give "
             f"the loop one more freedom"
         ) from None
-    except np.linalg.LinAlgError:  # of matrices that are not finite
+    except np.linalg.LinAlgError:  # from matrices that are not finite
         widest = int(np.argmax(geometry.own_lengths))
         name, length = model.loops[widest].name, geometry.own_lengths[widest]
         raise PartitionError(
@@ -156,7 +156,7 @@ class _Choice:
         self.stuck: list[int] = []
 
     def of(self, guess: Array) -> tuple[Array, Choice, list[str], Redundancy]:
-        """An assembled configuration, the ears, doubts, and what is known of redundant conditions."""
+        """An assembled configuration, the ears, warnings, and the redundant conditions."""
         geometry, random = self.geometry, self.random
         if is_closed(geometry, guess):
             q, chosen = guess, self._choice(guess)
@@ -190,7 +190,7 @@ class _Choice:
         return choose(self.geometry, drafts, sweep.growth(), q, self.held, self.shared)
 
     def _chosen(self, q: Array) -> tuple[Sweep, list[Draft]]:
-        """Ears at an assembled configuration, and at some near it unless that one is enough; keeps which loops are stuck."""
+        """Ears at an assembled configuration, and at some near it if one is not enough; stores which loops are stuck."""
         geometry, order, self.stuck = self.geometry, self.order, []
         try:
             sweep = Sweep(geometry, q, self.held, self.random)
@@ -211,7 +211,7 @@ class _Choice:
             f"seems to be singular, so that the rank there says nothing: start from another configuration, or check whether "
             f"lengths are just long enough"
         )
-        if len(configurations) > 1:  # these are the same again; where none was found, more may be possible
+        if len(configurations) > 1:  # the same loops again; where no ear was found, others may show more
             self._refuse_hints(stuck, advice)
         others = [x for x in configurations[1:] if any(_moves(geometry, i, [q, x]) for i in doubtful)]
         try:
@@ -226,7 +226,7 @@ class _Choice:
         return sweep, drafts
 
     def _refuse_hints(self, stuck: list[int], advice: str) -> None:
-        """Refuse hinted speeds of loops that are stuck."""
+        """Reject hinted speeds of loops that are stuck."""
         geometry, model = self.geometry, self.geometry.model
         wrong = sorted(self.held & geometry.passed_speeds(stuck))
         if wrong:
@@ -239,7 +239,7 @@ class _Choice:
             )
 
     def _nearby(self, q: Array) -> Iterator[Array]:
-        """Assembled configurations near one, wherever that leads."""
+        """Assembled configurations near one."""
         geometry = self.geometry
         size = np.where(geometry.turning, 1.0, np.median(geometry.lengths))
         for _ in range(NEARBY):
@@ -253,7 +253,7 @@ class _Choice:
                     yield settled
 
     def _settled(self, q: Array, open_: set[int] | None, held: set[int]) -> Array | None:
-        """Coordinates at which open loops are nearly closed together with those that share joints with them; None without."""
+        """Coordinates at which open loops are nearly closed together with those that share joints with them, or None."""
         for loops in self.shared:
             if open_ and open_.intersection(loops):
                 settled = settled_together(self.geometry, q, loops, held)
@@ -266,17 +266,17 @@ class _Choice:
 def _redundancy(
     geometry: Geometry, chosen: Choice, q: Array, random: np.random.Generator, stuck: list[int]
 ) -> Redundancy:
-    """Redundant conditions: those that are dropped (`geometry.kept` is changed), and what opens others.
+    """Redundant conditions: drop those that need it (changes `geometry.kept`), and find parameters that open others.
 
-    Nothing is dropped of loops that are stuck: where only one configuration is known, and that is singular, conditions
-    follow from others by chance.
+    Nothing is dropped of loops that are stuck: if only one configuration is known, and that is singular, conditions
+    are redundant by chance.
     """
     result, drafts = Redundancy(), chosen.drafts
     if not any(d.rows > len(d.dependent) for d in drafts):
         return result
     loose = _partition(geometry, drafts, q, [])
     few = len(drafts) <= FEW
-    # what follows at the initial configuration may do so by chance; or its pose is special, such as a flattened parallelogram
+    # at the initial configuration conditions may be redundant by chance, or its pose special, such as a flat parallelogram
     open_ones = [q, *(_others(geometry, loose, q, random, nearly=True) if few else [])]
     found = {d.loops for x in open_ones for d in nearly_redundant(geometry, drafts, x, random)}
     found |= {d.loops for x in chosen.elsewhere for d in nearly_redundant(geometry, drafts, x[None], random, FAR)}
@@ -303,7 +303,7 @@ def _redundancy(
 
 
 def _locked(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random.Generator) -> list[str]:
-    """What to say of motions that loops stop by little."""
+    """Warnings about motions that loops nearly permit."""
     doubtful = [d for d in drafts if stopped(geometry, d, q)] if len(drafts) <= FEW else []
     if not doubtful:
         return []
@@ -314,7 +314,7 @@ def _locked(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random
 def _others(
     geometry: Geometry, loose: Partition, q: Array, random: np.random.Generator, nearly: bool = False
 ) -> list[Array]:
-    """Some more assembled configurations, up to half a radian from one, or nearer; `nearly` as for `assembled`."""
+    """Further assembled configurations, up to half a radian from one; `nearly` as for `assembled`."""
     speeds = np.array(loose.independent)
     size = np.where(geometry.turning[speeds], 1.0, float(np.median(geometry.lengths)))
     shared = components(geometry) if nearly else []
@@ -331,7 +331,7 @@ def _others(
 
 
 def _moves(geometry: Geometry, loop: int, configurations: list[Array]) -> bool:
-    """Whether the joints of a loop stand otherwise in some of the configurations than in the first."""
+    """Whether the joints of a loop have other positions in some of the configurations than in the first."""
     where = sorted({i for s in geometry.passed_speeds([loop]) for i in _places(geometry, s)})
     first, *others = (q[0, where] for q in configurations)
     return any(np.max(np.abs(q - first), initial=0.0) > DISTANCE / 20 for q in others)
@@ -343,7 +343,7 @@ def _places(geometry: Geometry, speed: int) -> list[int]:
 
 
 def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array, warnings: list[str]) -> Array:
-    """The assembled configuration with the independents of the guess; `q` where there is none.
+    """The assembled configuration with the independents of the guess; `q` if there is none.
 
     Dependents start from the guess, then from `q`.
     """
@@ -370,9 +370,9 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
 
 
 def _closed_together(geometry: Geometry, drafts: list[Draft], q: Array, redundancy: Redundancy) -> list[Draft]:
-    """The ears as they are computed: those that couplings join as one, with the largest of their lengths.
+    """The ears as they are computed: those that couplings join become one, with the largest of their lengths.
 
-    Only where conditions are redundant does it matter, for what parameters open is then shared by the whole ear.
+    This matters only where conditions are redundant: the whole ear then shares the residual that parameters open.
     """
     order = closed_together(geometry, [d.loops for d in drafts], {s for d in drafts for s in d.dependent})
     found: list[Draft] = []

@@ -1,9 +1,9 @@
-"""Paths of loops through the tree, with what is known already contracted.
+"""Paths of loops through the tree, with known joints contracted.
 
-A joint is known when its coordinates (or speeds) are given or have been found by an earlier loop. Bodies that only known
-joints part are one group; a loop then sees the few joints that are still unknown, however long its cycle is. Groups are
-kept as links to an inboard body with the relative frame or twist, shortened whenever they are followed (union-find), so
-all loops together cost little more than the number of joints.
+A joint is known when its coordinates (or speeds) are given or have been found by an earlier loop. Bodies that are separated
+by known joints only form one group. A loop then contains the few joints that are still unknown, however long its cycle is.
+Each body of a group stores a link to an inboard body, with the relative frame or twist. Links are shortened whenever they
+are followed (union-find), so all loops together cost little more than the number of joints.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Groups:
         self.link = list(range(geometry.ground + 1))
 
     def join(self, bodies: Iterable[int]) -> None:
-        """The joints of these bodies have become known."""
+        """Mark the joints of these bodies as known."""
         for k in bodies:
             self.link[k] = self.geometry.parent[k]
 
@@ -51,7 +51,7 @@ class Groups:
         return self.link[body] != body
 
     def _shorten(self, k: int, via: int) -> None:
-        """What body k has relative to `via` is given relative to what `via` has its own relative to."""
+        """Compose the relative data of body k and of `via`, so that k is relative to the body to which `via` is."""
 
     def unknown(self, loop: int) -> tuple[list[int], list[int]]:
         """Bodies with unknown joints on a loop's cycle, from the cut inward, on the start side and on the end side."""
@@ -92,7 +92,7 @@ class PoseGroups(Groups):
         self.R[k] = self.R[via] @ self.R[k]
 
     def found(self, joints: Joints, q: Array) -> None:
-        """Coordinates of these joints have been found."""
+        """Mark the joints of these bodies as known, with their coordinates."""
         R, o = joints.transforms(q)
         for i, k in enumerate(joints.bodies):
             self.R[k], self.o[k] = R[:, i], o[..., i, :]
@@ -100,7 +100,7 @@ class PoseGroups(Groups):
 
 
 class TwistGroups(Groups):
-    """Groups with relative twists of K motions, from the speeds of known joints, and what bodies move beside them (`own`).
+    """Groups with relative twists of K motions, from the speeds of known joints and `own` motions of bodies.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class TwistGroups(Groups):
         self.w[k] += self.w[via]
 
     def found(self, bodies: Iterable[int], u: Array) -> None:
-        """Speeds ``(S, nu, K)`` of the joints of these bodies have been found."""
+        """Mark the joints of these bodies as known, with their speeds ``(S, nu, K)``."""
         for k in bodies:
             if speeds := self.geometry.speeds[k]:
                 s = slice(speeds.start, speeds.stop)
@@ -139,7 +139,7 @@ class TwistGroups(Groups):
         self.join(bodies)
 
     def difference(self, loop: int, point: Array) -> tuple[Array, Array, Array, tuple[list[int], list[int]]]:
-        """How the faces of a loop move to each other due to known speeds.
+        """Relative motion of the faces of a loop due to known speeds.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class TwistGroups(Groups):
         g = self.geometry
         w, v = np.zeros_like(self.w[0]), np.zeros_like(self.v[0])
         size = np.zeros(w.shape[::2])
-        if loop in g.couplings:  # it asks for speeds, not for what bodies do
+        if loop in g.couplings:  # this needs speeds, not motions of bodies
             return w, v, size, sides
         for body, side, sign in ((g.starts[loop], sides[0], -1), (g.ends[loop], sides[1], 1)):
             for part in (body, *(g.parent[k] for k in side)):

@@ -1,4 +1,4 @@
-"""Conditions of loops that follow from others, to rounding or but for a little, and parameters that open them.
+"""Redundant conditions of loops, to rounding or within the tolerance, and parameters that open them.
 
 Where the redundant conditions of an ear follow to rounding all of its conditions are met together, and nothing is done. Numbers
 of few digits, such as 1.5708 for pi/2, leave a planar loop a little out of its plane: then the redundant conditions can be met
@@ -30,10 +30,10 @@ from .ordering import Draft
 from .velocities import Motion, VelocityClosure
 
 ROUNDING = 2e-14
-"""What may be left of conditions that follow, and of positions that meet them, in proportion to the way from the base."""
+"""Residuals of redundant conditions that count as rounding, in proportion to the distance from the base."""
 
 SPACING = 4e-16
-"""The same in proportion to the condition of the dependents' columns: so well is known what these cannot reach."""
+"""The same in proportion to the condition of the dependents' columns, which limits what is known of their range."""
 
 FAR = 2e-11
 """The same at configurations that are closed less well."""
@@ -42,27 +42,27 @@ OPENED = 1e-7
 """A parameter that opens a redundant condition by less than this per unit leaves it closed."""
 
 ALLOWED = 10.0
-"""Tolerances of the model that a dropped condition may be off by: angles add up, and act on levers."""
+"""Multiples of the model's tolerance up to which a dropped condition may be open: angles add up and act on levers."""
 
 SUBSETS = 5000
-"""Sets of conditions to keep that are compared; beyond that rows are eliminated one by one."""
+"""Number of sets of conditions that are compared; beyond that rows are eliminated one by one."""
 
 LEAST_OFF = 1e-13
-"""rad: axes that are off by less are parallel but for rounding, which is no reason for a gap."""
+"""Angle in rad up to which axes count as parallel to rounding, which is no reason for a gap."""
 
 AS_GOOD = 0.7
-"""A set of conditions gives way to a later one only if that makes it less than this part as good."""
+"""A set of conditions is replaced by a later one only if its quality is below this part of the other's."""
 
 WORTH_TURNING = 0.6
-"""Conditions along the axes of ``to`` are kept where others determine dependents less well than this part."""
+"""Conditions along the axes of ``to`` are kept if the others determine dependents less well than by this factor."""
 
 STEP = 2.0**-10
-"""Of parameters, relative, or in units where they are small."""
+"""Step of parameters, relative, or absolute for small ones."""
 
 
 @dataclass(slots=True)
 class Redundancy:
-    """What is known of redundant conditions.
+    """The redundant conditions of a model.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Redundancy:
 def nearly_redundant(
     geometry: Geometry, drafts: Sequence[Draft], q: Array, random: np.random.Generator, rounding: float = ROUNDING
 ) -> list[Draft]:
-    """Ears that have redundant conditions which do not follow to rounding, at an assembled configuration ``(1, nq + 1)``."""
+    """Ears with redundant conditions that are not redundant to rounding, at an assembled configuration ``(1, nq + 1)``."""
     found = []
     motion = Motion(geometry, q, random.normal(size=(1, geometry.nu, 4)))
     for draft in drafts:
@@ -96,7 +96,7 @@ def nearly_redundant(
 
 
 def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
-    """What redundant conditions see of the motions of the loop, and of how far it is open, over the size of rounding."""
+    """Residuals of redundant conditions for the motions of the loop and for its position, over the size of rounding."""
     E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
     A = E[:, [closure.column[s] for s in draft.dependent]]
     U, s, _ = np.linalg.svd(A)
@@ -109,9 +109,9 @@ def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
 
 
 def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> list[tuple[int, int]]:
-    """Conditions of an ear, loop and number among the six, that determine its dependents best at the worst configuration.
+    """Conditions of an ear, as loop and number among the six, that determine its dependents best at the worst configuration.
 
-    Singular configurations say nothing; where all are, all conditions are kept. Of an ear that makes no speed dependent none is.
+    Singular configurations are ignored; if all are singular, all conditions are kept. An ear without dependents has none.
     """
     if not draft.dependent:
         return []
@@ -120,7 +120,7 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
     rank = A.shape[2]
     if not len(A):
         return names
-    # angular conditions come first: where they serve, nothing has to be said about the way between the faces
+    # angular conditions come first: where they serve, the displacement between the faces needs no condition
     order = sorted(range(len(names)), key=lambda n: (names[n][1] < 3, n))
     if comb(len(names), rank) > SUBSETS:
         return sorted(names[n] for n in _eliminated(A, order))
@@ -135,7 +135,7 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
 
 
 def _columns(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> Array:
-    """Columns of an ear's dependents, ``(S, rows, r)``, at those configurations that are not singular."""
+    """Columns of an ear's dependents, ``(S, rows, r)``, at the configurations that are not singular."""
     matrices = []
     for q in configurations:
         closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
@@ -168,7 +168,7 @@ def turned_round(
 
 
 def _quality(A: Array, rows: list[int]) -> float:
-    """How well some rows of ``(S, rows, r)`` determine what all do, at the worst configuration: 1 is as well."""
+    """Quality of some rows of ``(S, rows, r)`` at the worst configuration: 1 if they determine as much as all rows."""
     if not len(A):
         return 0.0
     part, whole = (np.linalg.svd(x, compute_uv=False)[:, -1] for x in (A[:, rows], A))
@@ -176,7 +176,7 @@ def _quality(A: Array, rows: list[int]) -> float:
 
 
 def _eliminated(A: Array, order: list[int]) -> list[int]:
-    """As many rows of A ``(S, rows, r)`` as it has columns: always the one of which most is left, nearly, in an order."""
+    """As many rows of A ``(S, rows, r)`` as it has columns, each time the one with nearly the largest remainder, in an order."""
     rest, chosen = A.copy(), list[int]()
     while len(chosen) < A.shape[2]:
         size = np.min(np.linalg.norm(rest, axis=2), axis=0)
@@ -189,13 +189,13 @@ def _eliminated(A: Array, order: list[int]) -> list[int]:
 
 
 def keep(geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]]) -> None:
-    """Let only these conditions of an ear count."""
+    """Keep only these conditions of an ear."""
     for i in draft.loops:
         geometry.kept[i] = [r for r in geometry.rows[i] if (i, r) in rows]
 
 
 def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
-    """For each of the six numbers of a loop's conditions, its place among `closure_row_names`."""
+    """For each of the six numbers of a loop's conditions, its position among `closure_row_names`."""
     return {r: n for n, r in enumerate(geometry.rows[loop])}
 
 
@@ -203,7 +203,7 @@ def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
 
 
 def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
-    """Which conditions of an ear are dropped, and why."""
+    """Remark: which conditions of an ear are dropped, and why."""
     model = geometry.model
     dropped = [
         closure_row_names(model.loops[i])[n]
@@ -231,7 +231,7 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
 
 
 def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
-    """What kind of motion the joints of an ear nearly have, and how nearly."""
+    """The kind of motion that the joints of an ear nearly have, and how nearly."""
     turning = geometry.turning[closure.speeds]
     w, v = closure.screws[0][0][turning], closure.screws[1][0][~turning]
     if len(w):
@@ -255,7 +255,7 @@ def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
 
 
 def opening(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> tuple[set[int], set[int]]:
-    """Parameters that open redundant conditions when they change alone, and loops that they open."""
+    """Parameters that open redundant conditions when they change alone, and the loops that they open."""
     model = geometry.model
     if not any(d.rows > len(d.dependent) for d in drafts):
         return set(), set()
@@ -272,7 +272,7 @@ def opening(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequenc
 
 
 def _names(model: Model) -> set[str]:
-    """Names in what places joints and faces."""
+    """Names in the expressions that place joints and faces."""
     found: set[str] = set()
 
     def place(at: Vector, rotation: Iterable[tuple[Vector, Expression]], axes: Iterable[Vector]) -> None:
@@ -296,14 +296,14 @@ def _step(model: Model, j: int) -> float:
 
 
 def _changed(geometry: Geometry, j: int, by: float) -> Geometry:
-    """The geometry with one parameter changed, with the lengths of the given one."""
+    """The geometry with one parameter changed, and the lengths of the given one."""
     values = [p.value for p in geometry.model.parameters]
     values[j] += by
     return Geometry(geometry.model, values, geometry.lengths)
 
 
 def _rate(values: Sequence[Array], step: float) -> Array:
-    """Of change, from values a step and half a step to both sides."""
+    """Rate of change, from values a step and half a step to both sides."""
     whole, half = (values[0] - values[1]) / (2 * step), (values[2] - values[3]) / step
     return (4 * half - whole) / 3
 
@@ -344,6 +344,6 @@ def _opened(
 
 
 def _residuals(changed: Geometry, geometry: Geometry, motion: Motion) -> Array:
-    """Position residuals ``(L, 6)`` of all loops with bodies where a motion has them."""
+    """Position residuals ``(L, 6)`` of all loops with the bodies at the positions of a motion."""
     cuts = Cuts(changed, range(len(geometry.model.loops)), geometry.rows)
     return cuts.place(cuts.faces(motion.frames), motion.q)[0]

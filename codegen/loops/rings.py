@@ -1,4 +1,4 @@
-"""Rings of joints that close loops: evaluated from what is known around them, closed by damped Newton steps."""
+"""Rings of joints that close loops: evaluated relative to what is known around them, closed by damped Newton steps."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from .geometry import Joints, advance
 from .paths import PoseGroups
 
 ROUNDING = 5e-16
-"""Residuals below this, times the distance from the base in characteristic lengths, are not worth a step."""
+"""Residuals below this, times the distance from the base in characteristic lengths, need no further step."""
 
 CLOSED = 1e-10
-"""Residuals that count as closed, in the same measure: between rounding and any gap that is meant."""
+"""Residuals that count as closed, in the same measure: between rounding and any intended gap."""
 
 SETTLED = 1e-3
-"""A step by less than this part of what is open changes nothing."""
+"""A step that changes the residual by less than this part is the last."""
 
 MAX_STEPS = 60
 
 PATIENCE = 6
-"""Steps that must take a third off the residual."""
+"""Number of steps within which the residual must decrease by a third."""
 
 LARGEST_STEP = 0.7
-"""rad, or characteristic lengths: over more than half a radian a linearisation means nothing."""
+"""Largest step, rad or characteristic lengths: over more than half a radian a linearisation is not valid."""
 
 LEAST_STEP = 1e-5
-"""Where steps of this length do not help, none will."""
+"""If steps of this length do not help, none will."""
 
 LEAST_PIVOT = 1e-9
 """Singular values of the closure matrix below this part of the largest are not divided by."""
 
 
 class Ring:
-    """The unknown joints of some loops, everything known in between rigid: closes on floats.
+    """The unknown joints of some loops, with everything known in between rigid: closes loops numerically.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Ring:
         self.cuts = Cuts(g, loops)
         self.length = float(np.max(g.lengths[self.cuts.loops]))
         place = {k: i for i, k in enumerate(self.joints.bodies)}
-        fixed = len(place)  # the place of what no moving joint carries
+        fixed = len(place)  # for bodies that no moving joint carries
         inboard = [self._carrier(groups, place, g.parent[k]) for k in self.joints.bodies]
         self.inboard = [c for c, _, _, _ in inboard]
         self.R_in = np.stack([R for _, R, _, _ in inboard], axis=1) if inboard else np.zeros((1, 0, 3, 3))
@@ -123,14 +123,14 @@ class Ring:
         return self.cuts.kept(residual), E
 
     def reach(self) -> float:
-        """How far from the base the cuts are, in characteristic lengths: the measure of rounding."""
+        """Distance of the cuts from the base in characteristic lengths: the measure of rounding."""
         lengths = self.geometry.lengths[self.cuts.loops]
         return float(np.max(np.linalg.norm(self.cuts.point, axis=-1) / lengths))
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Of closing a ring.
+    """Result of closing a ring.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Outcome:
 
     @property
     def residual(self) -> float:
-        """The largest."""
+        """The largest residual."""
         return float(np.max(np.abs(self.rows), initial=0.0))
 
 
@@ -163,8 +163,8 @@ def is_closed_as_given(ring: Ring, q: Array) -> bool:
 def close(ring: Ring, q: Array, movable: Array, pivot: float = LEAST_PIVOT) -> Outcome:
     """Close the loops of a ring by minimum-norm least-squares Newton steps within a trust region.
 
-    A step longer than the linearisation is good for is not shortened but damped (Levenberg and Marquardt): near a singular
-    pose the joints that matter go on then, and only the one that is lost waits. Angles count in rad, displacements in
+    A step beyond the range of the linearisation is not shortened but damped (Levenberg and Marquardt): near a singular
+    pose the regular joints then continue, and only the singular one waits. Angles count in rad, displacements in
     characteristic lengths.
 
     Parameters

@@ -1,9 +1,9 @@
-"""Which coordinates go with which speeds.
+"""Which coordinates belong to which speeds.
 
-A scalar coordinate goes with its rate. A quaternion goes with the three angular speeds of its joint, a position
-with the three linear ones: no single one of these coordinates is the integral of a single speed, so a group of coordinates
-counts as independent as long as one of the group's speeds is. Displacements of a group are small rotations and displacements
-in child axes, one along each speed.
+A scalar coordinate belongs to its rate. A quaternion belongs to the three angular speeds of its joint, a position
+to the three linear ones: no single one of these coordinates is the integral of a single speed. A group of coordinates
+counts as independent as long as one of its speeds is. Displacements of a group are small rotations and displacements
+along child axes, one for each speed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SpeedGroup:
-    """Speeds of a joint with the coordinates that they move, and that no other speed of the joint moves.
+    """Speeds of a joint with the coordinates that they, and no other speeds of the joint, move.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
-"""Ears that start from each other's bodies: none of them can be resolved first, so they are one dense system.
+"""Tangles: ears that start from each other's bodies. None of them can be resolved first, so they are one dense system.
 
-A loop may close by itself for every motion of what came before and still carry, on the bodies that its dependents move,
-the joints of another ear that its own cut depends on.
+A loop may close by itself for every motion of earlier loops and still, by its dependents, move bodies that carry
+the joints of another ear on which its own cut depends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def untangled(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: set[int]) -> list[tuple[int, ...]]:
-    """The ears by their loops, those of a tangle as one; the same list where there is none.
+    """The ears by their loops, with each tangle as one; the same list if there is none.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def closed_together(geometry: Geometry, ears: Sequence[tuple[int, ...]], depende
 def _untangled(
     geometry: Geometry, ears: Sequence[tuple[int, ...]], owner: Mapping[int, int], moved: set[int]
 ) -> list[tuple[int, ...]]:
-    """The same, with the loop that each body on cycles belongs to, and the bodies that dependents move."""
+    """The same, with the loop to which each body on cycles belongs, and the bodies that dependents move."""
     ears, couplings = list(ears), geometry.couplings
     outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
     parent = {k: geometry.parent[k] for k in outward}
@@ -88,7 +88,7 @@ def _as_one(ears: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def joined(things: Sequence[T], tangled: Sequence[Sequence[int]], join: Callable[[list[T]], T]) -> list[T]:
-    """Things in their order, those of a tangle as one where its last one stands: it needs whatever the others needed."""
+    """Items in their order, each tangle as one at the place of its last item, which needs all that the others needed."""
     last = {tangle[-1]: join([things[n] for n in tangle]) for tangle in tangled}
     gone = {n for tangle in tangled for n in tangle[:-1]}
     return [last.get(n, thing) for n, thing in enumerate(things) if n not in gone]
@@ -96,7 +96,7 @@ def joined(things: Sequence[T], tangled: Sequence[Sequence[int]], join: Callable
 
 @dataclass(slots=True)
 class Members:
-    """What moves with the dependents of each ear.
+    """Bodies or links that the dependents of each ear move.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ def ear_members(
     faces: Sequence[Iterable[int]],
     is_moved: Callable[[int], bool],
 ) -> Members:
-    """Which nodes (bodies or links) on cycles an ear's dependents move, and what the ears start from.
+    """Nodes (bodies or links) on cycles that an ear's dependents move, and the ears from which it starts.
 
     Nodes inboard of all dependents of an ear move without it, and are free to carry other ears.
 
@@ -136,7 +136,7 @@ def ear_members(
     carrier: dict[int, int] = {}
 
     def take(e: int, i: int) -> None:
-        """A node that an ear moves, and those between it and the ear."""
+        """Add a node that an ear moves, and those between it and the ear."""
         while i not in moved[e]:
             moved[e].add(i)
             i = parent[i]
@@ -162,7 +162,7 @@ def ear_members(
 
 
 def tangles(before: Sequence[set[int]]) -> list[list[int]]:
-    """Of things that wait for others, those that wait for each other: sets of several in which each waits for all, sorted.
+    """Sets of several items that wait for each other, directly or through others, sorted.
 
     The strongly connected components, by Tarjan's method (SIAM J. Comput. 1, 1972, 146-160).
     """

@@ -1,4 +1,4 @@
-"""Velocity closure: what loops ask of the speeds, and dependent speeds from independent ones, ear by ear."""
+"""Velocity closure: conditions of loops on speeds, and dependent speeds from independent ones, ear by ear."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .geometry import Geometry, padded
 from .paths import TwistGroups
 
 PLANAR = 1e-9
-"""How far, relatively, planar motions may be out of their plane."""
+"""Relative deviation from a plane up to which motions count as planar."""
 
 
 def complete_speeds(
@@ -73,22 +73,22 @@ class Motion:
 
     @cached_property
     def cuts(self) -> Cuts:
-        """Those of all loops, placed."""
+        """The cuts of all loops, placed."""
         found = Cuts(self.geometry, range(len(self.geometry.model.loops)))
         found.place(found.faces(self.frames), self.q)
         return found
 
     def restart(self) -> None:
-        """Forget what has been resolved."""
+        """Forget everything that has been resolved."""
         self.u = self.given.copy()
         self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1], self.own)
 
     def closure(self, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> VelocityClosure:
-        """The velocity closure of an ear on what is known so far; `rows` as in `Cuts`."""
+        """The velocity closure of an ear, given the speeds known so far; `rows` as in `Cuts`."""
         return VelocityClosure(self, loops, rows)
 
     def resolve(self, closure: VelocityClosure, dependent: Sequence[int]) -> None:
-        """Find the dependent speeds of an ear; its joints are known then."""
+        """Compute the dependent speeds of an ear; its joints are known from now on."""
         columns = [closure.column[s] for s in dependent]
         others = [c for c in range(len(closure.speeds)) if c not in columns]
         right = closure.known + closure.E[..., others] @ self.u[:, closure.speeds[others]]
@@ -98,7 +98,7 @@ class Motion:
 
 
 class VelocityClosure:
-    """``E u + known = 0`` for the joints of some loops that are not known yet.
+    """``E u + known = 0`` for the unknown joints of some loops.
 
     Attributes
     ----------
@@ -168,24 +168,24 @@ class VelocityClosure:
 
     @staticmethod
     def _of_known(motion: Motion, coupled: Coupled) -> Array:
-        """What known speeds contribute to a coupling, one by one, ``(S, n, K)``."""
+        """Contributions of known speeds to a coupling, one by one, ``(S, n, K)``."""
         groups, body = motion.groups, motion.geometry.speed_body
         known = [i for i, s in enumerate(coupled.speeds) if groups.is_known(int(body[s]))]
         parts: Array = coupled.factors[known, None] * motion.u[:, coupled.speeds[known]]
         return parts
 
     def disturbance(self, others: Array, configurations: Array) -> tuple[Array, Array]:
-        """What known speeds and some further columns do to the conditions, ``(S, rows, K)``, and how large it could be."""
+        """Contributions ``(S, rows, K)`` of known speeds and further columns to the conditions, and their possible size."""
         E, u = self.E[configurations][..., others], self._u[configurations][:, self.speeds[others]]
         size = self.size[configurations] + np.sum(np.max(np.abs(E), axis=1)[..., None] * np.abs(u), axis=1)
         return self.known[configurations] + E @ u, size
 
     def reach(self) -> float:
-        """How far from the base the cuts are, in characteristic lengths: the measure of rounding."""
+        """Distance of the cuts from the base in characteristic lengths: the measure of rounding."""
         return float(np.max(np.linalg.norm(self._cuts.point, axis=-1))) / self._length
 
     def possible(self) -> int:
-        """How many of the conditions motions of this kind can break: in a plane only those in the plane."""
+        """Number of conditions that motions of this kind can violate: in a plane only those in the plane."""
         cuts = self._cuts
         total = len(cuts.couplings)
         for j, passing in enumerate(self._passing):
@@ -199,13 +199,13 @@ class VelocityClosure:
         return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
 
     def weighed(self, geometry: Geometry, length: float) -> Array:
-        """The same for a choice of dependent speeds: the ratios of a coupling alone are constant and do not count."""
+        """The same for a choice of dependent speeds: the ratios of a single coupling are constant and do not count."""
         E = self.scaled(geometry, length)
         return np.sign(E) if is_lone_coupling(geometry, self._cuts.loops) else E
 
 
 def is_lone_coupling(geometry: Geometry, loops: Sequence[int]) -> bool:
-    """Whether these loops are one coupling: no ratio makes a coordinate a better dependent one."""
+    """Whether these loops are one coupling, for which every choice of dependent coordinates is equally good."""
     return len(loops) == 1 and loops[0] in geometry.couplings
 
 
