@@ -86,7 +86,7 @@ def draw(seed: int, **options: Any) -> Mechanism | None:
     return drawn
 
 
-@settings(max_examples=4, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=3, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 2**32 - 1),
     scene=st.sampled_from(SCENES),

@@ -19,7 +19,7 @@ import codegen
 from codegen.reference import DenseEngine, RecursiveEngine
 
 
-@settings(max_examples=4, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=3, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 2**32 - 1),
     bodies=st.integers(1, 4),

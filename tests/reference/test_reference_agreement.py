@@ -31,7 +31,7 @@ def check(name, a, b, tolerance=TOLERANCE):
     assert error < tolerance, f"{name}: {error:.2e}"
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=30, derandomize=True, deadline=None)
 @given(**trees)
 def test_accelerations_and_total_derivatives(seed, n, joints):
     model, state, seeds, _ = case(seed, n, joints)
@@ -56,7 +56,7 @@ def test_every_column_of_the_jacobians(seed, n, joints):
         assert relative_error(getattr(a, name).T, reference, floor) < TOLERANCE, name
 
 
-@settings(max_examples=40, derandomize=True, deadline=None)
+@settings(max_examples=20, derandomize=True, deadline=None)
 @given(**trees)
 def test_everything_else_and_its_derivatives(seed, n, joints):
     model, (q, u, p, inputs, t), seeds, rng = case(seed, n, joints)
@@ -95,3 +95,9 @@ def test_each_joint_alone(joint, parameters):
         (a, da), (b, db) = (e(model).sensitivities(*state, **seeds) for e in (RecursiveEngine, DenseEngine))
         check(joint, a, b)
         check(joint, da, db)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("test", [test_accelerations_and_total_derivatives, test_everything_else_and_its_derivatives])
+def test_more_trees(test):
+    settings(max_examples=60, derandomize=True, deadline=None)(given(**trees)(test.hypothesis.inner_test))()

@@ -36,9 +36,11 @@ TIMES = re.compile("seconds of|peak, ")
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
-    """The folder of a report of the slider-crank."""
+    """The folder of a report of the slider-crank; two processes take its times."""
     folder = tmp_path_factory.mktemp("first") / "report"
-    report(MODEL, folder, request=QUICK)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(processes, "PROCESSES", 2)
+        report(MODEL, folder, request=QUICK)
     return folder
 
 
@@ -184,8 +186,9 @@ def test_motions(numbers, solver):
             assert 0 < point["seconds"] <= point["seconds_high"]
 
 
-def test_times_are_of_several_processes(numbers, solver, tmp_path):
+def test_times_are_of_several_processes(numbers, solver, tmp_path, monkeypatch):
     """A motion that takes long is timed twice, a short one by every process; functions by all of them."""
+    monkeypatch.setattr(processes, "PROCESSES", 3)
     setting = integrating.Setting(END, ["L"], "dop853", 1e-6)
     core = Core.compiled(tmp_path)
     here = [(setting, Turn(1e-9, 7.0, 7.0)), (setting, Turn(9.0, 8.0, 8.0))]

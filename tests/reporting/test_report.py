@@ -23,9 +23,11 @@ QUICK = Request(end=0.5, timing=0.01, reference=300.0)  # no state is left out, 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """A report of the four-bar, its folder, and what the function gave."""
+    """A report of the four-bar, its folder, and what the function gave; two processes take its times."""
     folder = tmp_path_factory.mktemp("report") / "four_bar"
-    return folder, report(EXAMPLES / "four_bar.yaml", folder, request=QUICK)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(processes, "PROCESSES", 2)
+        return folder, report(EXAMPLES / "four_bar.yaml", folder, request=QUICK)
 
 
 @pytest.fixture(scope="module")
