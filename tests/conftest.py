@@ -31,8 +31,6 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, data
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 
-RUNNING = pytest.StashKey[pytest.Item]()
-"""The test that runs."""
 BEGUN = pytest.StashKey[float]()
 """CPU seconds of this process and those it has waited for when a test began."""
 
@@ -61,7 +59,6 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
-    item.config.stash[RUNNING] = item
     item.stash[BEGUN] = cpu_seconds()
 
 
@@ -99,16 +96,18 @@ def python_compiled_once(whole_run):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def made_once(whole_run, request):
+def made_once(whole_run):
     """Solvers are written and compiled once in all processes of this run, their dependents chosen once in each.
 
-    A test that patches anything makes its own.
+    A test that patches anything but the environment makes its own.
     """
-    from once_a_run import chosen_once, compiled_once, written_once
+    from once_a_run import chosen_once, compiled_once, noticing_patches, written_once
+
+    replacing = set()
 
     def patched():
-        return "monkeypatch" in request.config.stash[RUNNING].fixturenames
+        return bool(replacing)
 
     (kept := whole_run / "kept").mkdir(exist_ok=True)
-    with compiled_once(kept), written_once(kept, patched), chosen_once(patched):
+    with compiled_once(kept), written_once(kept, patched), chosen_once(patched), noticing_patches(replacing):
         yield

@@ -59,7 +59,7 @@ def compiled_once(kept: Path) -> Iterator[None]:
 def written_once(kept: Path, anew: Callable[[], bool]) -> Iterator[None]:
     """`codegen.generate` takes the text of a solver from a folder where model and options are alike, unless `anew()`.
 
-    Who calls `write_solver` writes it, and so does who follows the progress.
+    Callers of `write_solver` itself write it, and so does whoever follows the progress, for those that come later.
     """
     write_anew = codegen.pipeline.write_solver
     signature = inspect.signature(write_anew)
@@ -69,10 +69,11 @@ def written_once(kept: Path, anew: Callable[[], bool]) -> Iterator[None]:
         call.apply_defaults()
         asked = call.arguments
         printed = asked.pop("printed")
-        if anew() or asked.pop("progress") is not silent:
+        followed = asked.pop("progress") is not silent
+        if anew():
             return write_anew(*arguments, **options)
         file = kept / digest({n: part(x) for n, x in asked.items()})
-        if file.exists():
+        if file.exists() and not followed:
             source: Source = pickle.loads(zlib.decompress(file.read_bytes()))
             if printed is not None:
                 printed(source.files, source.manifest)
@@ -103,6 +104,35 @@ def chosen_once(anew: Callable[[], bool]) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_found", choose_or_remember)
+        yield
+
+
+@contextmanager
+def noticing_patches(replacing: set[int]) -> Iterator[None]:
+    """Fills a set while a test or a fixture replaces anything but environment variables; earlier replacements do not count."""
+
+    def noticed(name: str, of_entries: bool) -> Callable[..., Any]:
+        replace_ = getattr(pytest.MonkeyPatch, name)
+
+        def method(patch: pytest.MonkeyPatch, target: Any, *arguments: Any, **options: Any) -> Any:
+            if not of_entries or target is not os.environ:
+                replacing.add(id(patch))
+            return replace_(patch, target, *arguments, **options)
+
+        return method
+
+    undo_ = pytest.MonkeyPatch.undo
+
+    def undo(patch: pytest.MonkeyPatch) -> None:
+        undo_(patch)
+        replacing.discard(id(patch))
+
+    ways = {"setattr": False, "delattr": False, "setitem": True, "delitem": True}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, method in {n: noticed(n, of_entries) for n, of_entries in ways.items()}.items():
+            patch.setattr(pytest.MonkeyPatch, name, method)
+        patch.setattr(pytest.MonkeyPatch, "undo", undo)
+        replacing.clear()
         yield
 
 
