@@ -7,6 +7,7 @@ import pytest
 
 import codegen
 from codegen.emit.c.calls import write_calls
+from codegen.runtime.sections import CARRIED, STANDALONE
 from codegen.runtime.standalone.files.manifest import seal
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -119,7 +120,7 @@ SIZES = {"q": 1, "u": 1, "p": 2, "inputs": 0, "t": 1, "udot": 1, "b": 1}
 
 @pytest.fixture
 def make_pendulum(tmp_path):
-    """Writes a package of one link: what `generate` would write for it, but for the run time."""
+    """Writes a package of one link: what `generate` would write for it, but of the run time only what its C includes."""
 
     def make(**changes) -> Path:
         folder = tmp_path / "pendulum"
@@ -129,6 +130,9 @@ def make_pendulum(tmp_path):
         (folder / "pendulum_numpy.py").write_text(PENDULUM_NUMPY)
         manifest = PENDULUM | changes
         (folder / "pendulum_calls.c").write_text(write_calls(manifest, SIZES))
+        calls = Path(CARRIED) / "calls" / "calls.h"
+        (folder / calls).parent.mkdir(parents=True)
+        (folder / calls).write_text((STANDALONE / calls.relative_to(CARRIED)).read_text())
         (folder / "model.json").write_text(seal(json.dumps(manifest)))
         return folder
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
@@ -49,11 +49,11 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "version": __version__,
             "slots": [n.upper() for n in (*ARGUMENTS, *SEEDS)],
             "first_seed": len(ARGUMENTS),
-            "members": _members(manifest["functions"].values(), scalar.word),
             "sizes": [*(sizes[n] for n in ARGUMENTS), *(sizes.get(s[1:], 0) for s in SEEDS)],
             "checked": [*(len(manifest[n]) for n in counted), manifest["workspace"]],
-            "quaternions": manifest["quaternions"],
-            "unfit_parts": ["c/calls_quaternions.c.jinja"] if manifest["quaternions"] else [],
+            "quaternion_lines": [f"#define QUATERNIONS {', '.join(map(str, q))}"]
+            if (q := manifest["quaternions"])
+            else [],
             "most_widths": 1 + max(len(f["widths"]) for f in functions),
             "most_seeds": 1 + max(len(f["seeds"]) for f in functions),
             "most_results": max(len(f["entries"]) for f in functions) or 1,
@@ -66,21 +66,9 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "model_points": len(manifest.get("points", ())),
             "few": few,
             "few_parts": ["c/calls_few.c.jinja"] if few else [],
-            "asks_parts": ["c/calls_asks.c.jinja"] if few else [],
             "first": f"ORDERNM_LIBRARY == {number_of(LIBRARIES[0])}",
         },
     )
-
-
-def _members(functions: Iterable[Mapping[str, Any]], real: str) -> list[tuple[str, str]]:
-    """What calls have beside pointers, as far as functions take it, and its values."""
-    taken = {a for f in functions for a in f["arguments"]}
-    found = []
-    for name in _WITH_DEFAULT:
-        if name in taken:
-            slot = name.upper()
-            found.append((f"const {real} *{name}", f"x[given >> {slot} & 1 ? {slot} : DEFAULT_{slot}]"))
-    return [*found, ("double t", "t")] if "t" in taken else found
 
 
 def _function(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
