@@ -28,7 +28,7 @@ def more_choices(solver: Solver, trajectory: Trajectory, held: int) -> int | Non
 
 def _met_dead_point(trajectory: Trajectory) -> bool:
     """Whether the motion has ended where another choice of independent coordinates may serve."""
-    from .runtime.standalone.motion.simulation import DEAD_POINT
+    from .runtime.standalone.motion.reasons import DEAD_POINT
     from .runtime.standalone.trajectory.trajectory import FINISHED, INTERRUPTED
 
     over = trajectory.ended in (FINISHED, INTERRUPTED, "event")

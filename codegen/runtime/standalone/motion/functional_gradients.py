@@ -209,13 +209,7 @@ class FunctionalGradients(Simulation):
             match f:
                 case Final() | At():
                     at = problem.end if isinstance(f, Final) else f.t
-                    row = int(np.searchsorted(t, at))
-                    if row == nt or t[row] != at:
-                        raise SimulationError(
-                            f"{f.output} at t = {at:g} s is requested, but an event has ended the motion at "
-                            f"{run.counts['t']:.9g} s; take AtEvent",
-                            None,
-                        )
+                    row = _row_at(t, at, f.output, run)
                     o = self.output_names.index(f.output)
                     values[i] = outputs[row, o]
                     by_output[i, places[row], o] = 1.0
@@ -331,3 +325,14 @@ class FunctionalGradients(Simulation):
                     f"the event {e.output} = {e.level:g} has not come until t = {run.counts['t']:.9g} s", None
                 )
         return found
+
+
+def _row_at(t: Array, at: float, output: str, run: Run) -> int:
+    """The row of a time at which an output is wanted."""
+    row = int(np.searchsorted(t, at))
+    if row == len(t) or t[row] != at:
+        raise SimulationError(
+            f"{output} at t = {at:g} s is requested, but an event has ended the motion at {run.counts['t']:.9g} s; take AtEvent",
+            None,
+        )
+    return row

@@ -23,13 +23,11 @@ from ..files.compiling import seconds_waited
 from ..warning import warn
 from .library import four_lanes, motion_library, precise_functions
 from .problem import REASONS, Problem, Run, Segment
+from .results import Results
 from .switches import event_order_matters, not_held, order_matters, passed_late, touched
 
 SLICE = 0.1
 """Seconds that the integrator runs between two looks at Ctrl-C."""
-
-ROWS = 256
-"""Rows of results that there is room for at first, where nobody knows how many there will be."""
 
 POOR = 30.0
 """Condition of loops from which on other independent coordinates are looked at."""
@@ -45,11 +43,6 @@ COARSE = 3e-6
 
 SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
 """Counts of segments that add up."""
-
-FLAT_POSES = 64
-"""Poses at which a loop has lost rank that a motion notes; those that come later are mostly the same ones."""
-
-NO_POSES: Array = np.empty((0, 0))
 
 Progress = Callable[[float, float], None]
 
@@ -107,18 +100,7 @@ class MotionRun(Room):
             events += _new_events(events, segment) if segment.events else []
             rows.append(found[1:] if before is not None and not len(left.times) else found)
             segments.append(segment)
-            if segment.grazed:
-                warn(touched(segment.opened.manifest, segment.grazed - 1))
-            if segment.not_held and (len(problem.dp) or keep_steps):
-                warn(not_held(segment.opened.manifest, segment.not_held - 1))
-            if segment.late:
-                warn(passed_late(segment.opened.manifest, *segment.late))
-            if segment.ordered and segment.together:
-                warn(order_matters(segment.opened.manifest, *segment.together))
-            if segment.event_ordered and segment.together:
-                output, level, *_ = segment.problem.events[segment.event_together - 1]
-                event = f"{self.output_names[output]} = {level:g}"
-                warn(event_order_matters(segment.opened.manifest, *segment.together[:2], event))
+            self._warn_of(segment, bool(len(problem.dp)) or keep_steps)
             if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
                 break
             tried = {opened.number} if segment.counts["t"] > left.start else tried | {opened.number}
@@ -126,21 +108,37 @@ class MotionRun(Room):
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
-        coarse = [s.coarse for s in segments]
-        if (total := math.fsum([errors for errors, *_ in coarse])) > COARSE:
-            _, t = max([(worst, at) for _, worst, at in coarse])
-            warn(
-                f"steps of {problem.step:g} s do not resolve the motion, least at t = {t:.9g} s, where loops may come near "
-                f"a loss of rank: errors of steps add up to about {total:.1g} of the state; take smaller ones, or method='dop853'"
-            )
+        _warn_of_coarse(problem, segments)
         waited = seconds_waited() - waited
         times = {"seconds": time.perf_counter() - began - waited} | ({"compiling": waited} if waited else {})
-        counts = segment.counts | {"partitions_changed": len(segments) - 1} | times
+        counts = self._counts(problem, segments, times)
+        reason = problem.kink if segment.reason == "end" and problem.kink else segment.reason
+        whole = np.concatenate(rows) if len(rows) > 1 else rows[0]
+        return Run(whole, reason, counts, segment.singular, segment.component, events, segments, last)
+
+    def _warn_of(self, segment: Segment, along: bool) -> None:
+        """Warn of switches, for derivatives or because they were passed late; `along` tells whether there are derivatives."""
+        if segment.grazed:
+            warn(touched(segment.opened.manifest, segment.grazed - 1))
+        if segment.not_held and along:
+            warn(not_held(segment.opened.manifest, segment.not_held - 1))
+        if segment.late:
+            warn(passed_late(segment.opened.manifest, *segment.late))
+        if segment.ordered and segment.together:
+            warn(order_matters(segment.opened.manifest, *segment.together))
+        if segment.event_ordered and segment.together:
+            output, level, *_ = segment.problem.events[segment.event_together - 1]
+            event = f"{self.output_names[output]} = {level:g}"
+            warn(event_order_matters(segment.opened.manifest, *segment.together[:2], event))
+
+    def _counts(self, problem: Problem, segments: list[Segment], times: dict[str, float]) -> dict[str, Any]:
+        """Counts and times of all segments, of what the method and the model have."""
+        counts = segments[-1].counts | {"partitions_changed": len(segments) - 1} | times
         if len(segments) > 1:
             of_segments = [s.counts for s in segments]
             counts |= {name: sum(c[name] for c in of_segments) for name in SUMMED}
             counts |= {name: max(c[name] for c in of_segments) for name in ("condition", "stiffness")}
-        unused: tuple[str, ...] = () if several else ("partitions_changed",)
+        unused: tuple[str, ...] = () if len(partitions_of(self._manifest)) > 1 else ("partitions_changed",)
         if not self.closure_names:
             unused += ("closing_steps", "condition")
         if problem.method != "radau":
@@ -149,9 +147,7 @@ class MotionRun(Room):
             unused += ("stiffness",)
         for name in unused:
             del counts[name]
-        reason = problem.kink if segment.reason == "end" and problem.kink else segment.reason
-        whole = np.concatenate(rows) if len(rows) > 1 else rows[0]
-        return Run(whole, reason, counts, segment.singular, segment.component, events, segments, last)
+        return counts
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
@@ -264,49 +260,10 @@ class MotionRun(Room):
         if 1 < left <= 4 and problem.method != "radau" and (address := _four(opened)):
             ffi.cast("void (*)(ordernm_system *)", address)(system)
         c = problem.in_c(ffi, system)
-        doubles, from_buffer = ffi.typeof("double[]"), ffi.from_buffer
-        room = from_buffer(doubles, np.empty(library.ordernm_room(c)))
+        room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
-        size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c) if keep_steps else 1
-        r = ffi.new("ordernm_results *")
-        flat = NO_POSES
-        if self.closure_names:
-            flat = np.empty((FLAT_POSES, 1 + 2 * self.nq))
-            r.flat, r.flat_capacity = from_buffer(doubles, flat), len(flat)
-        lost = np.empty((max(len(problem.dp), 1) if len(problem.dp) or keep_steps else 0, size))
-        why = ffi.new("int[]", 2 * len(lost) + 1)
-        if len(lost):
-            r.lost, r.lost_why, r.lost_capacity = from_buffer(doubles, lost), why, len(lost)
-        full: list[Array] = []
-        steps: list[Array] = []
-        known: list[Array] = []
-        heads: list[Array | None] = []
-        events: list[tuple[int, Array]] = []
-        most = max(memory // (4 * 8 * step_size), 2)  # rows of a part: two are whole at a time, others are let go
-        if problem.events:
-            places = np.empty((ROWS + 2 * len(problem.events), library.ordernm_event_size(c)))
-            which = ffi.new("int[]", len(places))
-            r.events, r.which, r.events_capacity = from_buffer(doubles, places), which, len(places)
-
-        def more_rows() -> Array:
-            rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
-            r.rows, r.capacity, r.count = from_buffer(doubles, rows), len(rows), 0
-            return rows
-
-        def more_steps() -> Array:
-            rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
-            r.steps, r.steps_capacity, r.steps_count = from_buffer(doubles, rows), len(rows), 0
-            known.append(np.zeros(library.ordernm_known_size(c)))
-            r.known = from_buffer(doubles, known[-1]) if known[-1].size else ffi.NULL
-            return rows
-
-        def more_events() -> None:
-            events.extend((which[i], places[i].copy()) for i in range(r.events_count))
-            r.events_count = 0
-
-        rows = more_rows()
-        kept = more_steps() if keep_steps else None
-        told, precise = time.perf_counter(), 0
+        results = Results(library, ffi, c, problem, self.nq if self.closure_names else 0, keep_steps, memory)
+        r, told, precise = results.r, time.perf_counter(), 0
         while True:
             try:
                 reason = REASONS[library.ordernm_go(motion, r, SLICE)]
@@ -320,63 +277,14 @@ class MotionRun(Room):
                 r.as_is = not precise
                 system.precise = ffi.cast("const ordernm_precise *", precise)
             elif reason == "full":
-                if r.count == r.capacity:
-                    full.append(rows)
-                    rows = more_rows()
-                if kept is not None and r.steps_count == r.steps_capacity:
-                    steps.append(kept[: r.steps_count])
-                    heads.append(None)
-                    if 8 * sum(x.size for x in steps) > memory // 2:
-                        let_go(steps, heads, library.ordernm_head_size(c))
-                    kept = more_steps()
-                if problem.events and r.events_count + 2 * len(problem.events) > r.events_capacity:
-                    more_events()
+                results.grow()
             elif reason != "paused":
                 break
-        if problem.events:
-            more_events()
-        if kept is not None:
-            steps.append(kept[: r.steps_count])
-            heads.append(None)
-        last = rows[:0]
+        rows = results.rows()
         # where a constant step is poor it is one of its stages that is, not the state from which a row is made
         poor = r.condition_here if reason == "poor" else None
-        if reason not in ("end", "event", "interrupted"):
-            state = np.zeros(size)
-            if not library.ordernm_row(motion, r, from_buffer(doubles, state)):
-                last = state
-        counts = {
-            "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
-            "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,
-            "factorizations": r.factorizations, "stiffness": r.stiffness,
-        }  # fmt: skip
-        found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
-        segment = Segment(
-            opened,
-            problem,
-            reason,
-            counts,
-            r.singular,
-            r.component,
-            steps,
-            known,
-            heads,
-            events,
-            r.condition_here if poor is None else poor,
-            r.next_step,
-            precise,
-            r.grazed,
-            r.not_held,
-            (r.together_at, r.together_with - 1, r.together - 1) if r.together_with else None,
-            bool(r.ordered),
-            r.event_together,
-            bool(r.event_ordered),
-            (r.coarse, r.coarsest, r.coarse_at),
-            (r.late_at, r.late - 1) if r.late else None,
-            flat[: r.flat_count].copy() if flat.size else flat,
-            [(lost[i], why[2 * i], why[2 * i + 1]) for i in range(r.lost_count)],
-        )
-        return segment, found, last
+        last = rows[:0] if reason in ("end", "event", "interrupted") else results.row_here(motion)
+        return results.segment(opened, reason, r.condition_here if poor is None else poor, precise), rows, last
 
 
 @lru_cache(64)
@@ -414,9 +322,12 @@ def _four(opened: Opened) -> int:
         return 0
 
 
-def let_go(steps: list[Array], heads: list[Array | None], head: int) -> None:
-    """Keep of the first part that is whole what it takes to make its steps again: of each so many numbers."""
-    for i, part in enumerate(steps):
-        if heads[i] is None and len(part) > 1:
-            steps[i], heads[i] = part[:1].copy(), part[:, :head].copy()
-            return
+def _warn_of_coarse(problem: Problem, segments: list[Segment]) -> None:
+    """Warn of constant steps that do not resolve the motion."""
+    coarse = [s.coarse for s in segments]
+    if (total := math.fsum([errors for errors, *_ in coarse])) > COARSE:
+        _, t = max([(worst, at) for _, worst, at in coarse])
+        warn(
+            f"steps of {problem.step:g} s do not resolve the motion, least at t = {t:.9g} s, where loops may come near "
+            f"a loss of rank: errors of steps add up to about {total:.1g} of the state; take smaller ones, or method='dop853'"
+        )

@@ -1,0 +1,161 @@
+"""Why a motion has ended early, in words: when, and what was in the way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..calls.non_finite import culprit
+from ..calls.targets import partitions_of
+from ..errors import SingularJointError
+from ..files.manifest import ALLOWED
+from .problem import Problem, Run
+from .run import MotionRun
+from .switches import switch_words
+
+DEAD_POINT = "as at a dead point"
+"""Words in the reason why a motion ended where other independent coordinates may serve."""
+
+HARDLY_DETERMINED = 1e6
+"""Condition of loops from which on an early end is said to have to do with it."""
+
+BEHIND = np.logspace(-12, -3, 10)
+"""s, behind the end of a motion, in parts of later times: where forces are looked at that may have no value there."""
+
+
+class Reasons(MotionRun):
+    """Runs motions, and says why they end early."""
+
+    def _state_of(self, row: Array, problem: Problem) -> dict[str, Any]:
+        """The arguments of functions at a row of results."""
+        t = float(row[0])
+        q, u = self._of_rows(row, 1), self._of_rows(row, 2)
+        return {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
+
+    def _entries(self, problem: Problem) -> list[str]:
+        """Names of what is integrated."""
+        manifest = self._opened.manifest
+        names = [f"q.{n}" for n in manifest["independent_names"]]
+        names += [f"u.{n}" for n in manifest["independent_speed_names"]]
+        names += [f"integral {i}" for i in range(len(problem.integrals))]
+        if not self.independent_speed_names:  # dependent coordinates are followed by their rates
+            names += [f"q.{n}" for n in self.coordinate_names]
+        return names
+
+    def _why_it_ended(self, problem: Problem, run: Run) -> str:
+        """The cause in words, with time and what was in the way."""
+        condition = run.counts.get("condition", 0.0)
+        if condition < HARDLY_DETERMINED and run.reason != "undetermined":
+            return self._cause(problem, run)
+        choices = len(partitions_of(self._manifest))
+        way = (
+            "a package with two partitions (generate with --partitions 2) changes to other independent coordinates before"
+            if choices == 1
+            else f"none of the package's {choices} choices of independent coordinates serves there"
+        )
+        return (
+            f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "
+            f"{condition:.2g}), {DEAD_POINT}: {way}"
+        )
+
+    def _what_is_infinite(self, problem: Problem, run: Run) -> str:
+        """The force without a finite value, or derivative, at the end of a motion or just behind it; empty if there is none."""
+        last = run.last if len(run.last) else run.rows[-1] if len(run.rows) else None
+        if last is None:
+            last = np.concatenate([[problem.start], problem.q, problem.u])
+        state = self._state_of(last, problem)
+        t, q, u = state["t"], state["q"], state["u"]
+        elements = (
+            run.reason != "singular"
+        )  # a force element without direction is that itself, not what follows from it
+        if found := culprit(run.opened, state, along=elements and bool(len(problem.dq)), elements=elements):
+            return found
+        try:
+            qdot, udot = self._call("state_rates", tuple(state.values()))
+        except SingularJointError:
+            return ""
+        for h in BEHIND * (1.0 + abs(t)):
+            behind = {
+                "q": q + h * qdot,
+                "u": u + h * udot,
+                "p": problem.p,
+                "inputs": problem.inputs.at(t + h),
+                "t": t + h,
+            }
+            if found := culprit(run.opened, behind, along=False, elements=elements):
+                return f"just behind, {found}"
+        return ""
+
+    def _cause(self, problem: Problem, run: Run) -> str:
+        """The same without what loops have to do with it."""
+        at = f"at t = {run.counts['t']:.9g} s"
+        manifest = run.opened.manifest
+        names = self._entries(problem)
+        entry = names[min(run.component, len(names) - 1)] if names else "nothing"
+        match run.reason:
+            case "singular":
+                error = self._in_c(run.opened).singular(run.singular, f" {at}")
+                found = self._what_is_infinite(problem, run)
+                found = found and f"a result is not finite: {found}"
+                return f"the motion ends {at}: {found or error}"
+            case "open loop":
+                return (
+                    f"the motion ends {at}: Newton's method does not close the loops any more; they may be at the end of their "
+                    f"reach, or at a configuration where the dependent coordinates are not determined"
+                )
+            case "step collapsed":
+                found = self._what_is_infinite(problem, run)
+                return f"the motion ends {at}: steps have become too small to go on, because of {entry}; " + (
+                    f"a result is not finite: {found}"
+                    if found
+                    else "it may be without bounds there, jump, or be known less exactly than rtol and atol ask for"
+                )
+            case "undetermined":
+                constant = problem.fixed or problem.method == "rk4"
+                allowing = "steps of this size" if constant else "rounding, rtol and atol"
+                return (
+                    f"the motion ends {at}: there, or just behind, small errors of the independent speeds, as {allowing} "
+                    f"allow, become large ones of dependent speeds"
+                )
+            case "apart":
+                return f"the motion ends {at}: {self._why_apart(run)}"
+            case "not finite":
+                return f"the motion ends {at}: the time derivative of {entry} is not finite" + (
+                    f": {found}" if (found := self._what_is_infinite(problem, run)) else ""
+                )
+            case "too many steps":
+                made = run.counts["steps"] + run.counts["rejected"]
+                if problem.fixed or problem.method == "rk4":
+                    return f"the motion ends {at} after {made} constant steps; allow more with most_steps, or a larger step"
+                return (
+                    f"the motion ends {at} after {made} steps, kept small by {entry}; "
+                    f"allow more with most_steps, or loosen rtol and atol; method='radau' serves stiff models"
+                )
+            case "sliding":
+                return (
+                    f"the motion ends {at}: where {switch_words(manifest, run.component)} changes its branch, forces on both "
+                    f"sides push the motion back, so that it sticks or slides there, which is in neither branch; smooth the "
+                    f"change, as by tanh or step(x, from, to)"
+                )
+            case "accumulated":
+                return (
+                    f"the motion ends {at}: {switch_words(manifest, run.component)} changes its branch faster and faster; "
+                    f"smooth the change, as by tanh or step(x, from, to)"
+                )
+            case _:
+                return run.reason
+
+    def _why_apart(self, run: Run) -> str:
+        """Which dropped condition would open, and what to do."""
+        manifest = run.opened.manifest
+        condition = self.closure_names[run.component]
+        loop = condition.rpartition(".")[0]
+        allowed = ALLOWED * manifest["loop_tolerance"]
+        return (
+            f"behind it condition {condition} would be open by more than {allowed:g}. It was dropped since "
+            f"it follows from others within loop_tolerance where the package was generated, and it does not follow there: the "
+            f"motion would go on as one of another mechanism. Make the lengths of loop {loop} fit exactly, exchange its `from` "
+            f"and `to`, along whose axes conditions are kept, or generate from an initial state behind this pose"
+        )
