@@ -158,9 +158,9 @@ class Package:
     def batch_threads(self) -> int | None:
         """Number of threads that share the states of a batch in C, or None to choose by the batch.
 
-        None, the default, uses all processors of the process for batches that take one thread 0.2 ms or more, and one
-        for others. A number holds for batches that have at least 64 states for each thread. Results are the same to the
-        bit.
+        With None, the default, a batch has a thread for each 0.1 ms that one thread would take, at most one for each
+        processor, and one thread below 0.2 ms. In either case each thread has at least 64 states. Results are the same to
+        the bit.
         """
         return self._threads
 
