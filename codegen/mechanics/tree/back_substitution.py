@@ -1,6 +1,6 @@
 """Back substitution, outward: generalised accelerations. Eqs. 53-56.
 
-Only the part of the accelerations that is explicit in udot is carried (the bar of Eq. 19).
+Only the part of the accelerations that is explicit in udot is propagated (the bar of Eq. 19).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..structure.kinds import LinkKind
 
 
 def carry(joint: LinkJoint, A: Vector, tag: str, name: str = "b") -> Vector:
-    """``S^T A`` of the parent, in the link's frame: six components."""
+    """``S^T A`` of the parent, six components along the link's axes."""
     al, a = A[:3], A[3:]
     r = joint.offset()
     moved = add(a, cross(al, r))
@@ -35,7 +35,7 @@ def back_substitute(x: Scope, kind: LinkKind) -> None:
 
 
 def joint_accelerations(x: Scope, kind: LinkKind, A: Vector, store: Store, result: Store, lanes: bool) -> None:
-    """Solve for the joint's own freedoms, the one eliminated last first. Eq. 53. Changes A."""
+    """Solve for the joint's own speeds, the one eliminated last first. Eq. 53. Changes A."""
     partners = range(len(kind.partners.links)) if x.units else range(0)
     a = [*A, *(e for m in partners for e in partner_acceleration(x, kind, m, lanes))]
     if kind.joint.driven:

@@ -1,8 +1,8 @@
 """The balance ``M dudot = d(K - M udot)``: inward and outward sweeps over directions.
 
 Per direction (section 3 of the theory page) the tangent of the inverse dynamics at fixed udot goes outward
-(`inverse_dynamics.newton_euler_outward`). Inward, one sweep hands on its tangent and, in the same numbers, the bias-force
-recursion of the solve with the factors that the triangularization left. Outward again, back substitution.
+(`inverse_dynamics.newton_euler_outward`). Inward, one sweep propagates its tangent and, in the same six numbers, the
+recursion of the bias force, with the factors of the triangularization. Outward again, back substitution.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .triangularization import constants_of_inertia, force_to_parent, labels_of,
 
 
 def eliminate(x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, forces: Vector) -> dict[int, Vector]:
-    """The bias-force recursion at one joint, see `elimination`; gives what partners get. Changes P. Eqs. 45, 53."""
+    """Recursion of the bias force at one joint (`elimination`); returns contributions to partners. Changes P. Eqs. 45, 53."""
     partners = range(len(kind.partners.links)) if x.units else range(0)
     whole = [*P, *([0] * 6 * len(partners))]
     for j in reversed(range(len(columns))):
@@ -37,7 +37,7 @@ def eliminate(x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, fo
 
 
 def balance_inward(x: Scope, kind: LinkKind) -> None:
-    """Transmitted force, its tangent and the bias force of the solve, handed to the parent."""
+    """Propagate the transmitted force, its tangent and the bias force of the solution to the parent."""
     joint = kind.joint(x, kind)
     columns = joint.columns
     P: Vector = []
@@ -60,14 +60,14 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
         if kind.partners.first[m]:
             hand_force(x, kind, m, [0] * 6, fields.transmitted)
     if kind.carried_on:
-        # in equilibrium a joint transmits its own force along its freedoms, less what its rotor takes
+        # in equilibrium a joint transmits its own force along its degrees of freedom, minus that of its rotor
         for j, s in enumerate(columns):
             phi[s.lead] = s.completed(phi, transmitted_along(x, kind, j))
         transfer(x, kind, joint, phi, P, of_partners.get(kind.partners.base))
 
 
 def solve_inward(x: Scope, kind: LinkKind) -> None:
-    """The same recursion for a given right side: ``M x = b``, several b at once."""
+    """The same recursion for a given right side: ``M x = b``, for several b at once."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(LME, fields.articulated_force)
     if joint.driven:
@@ -86,7 +86,7 @@ def balance_outward(x: Scope, kind: LinkKind) -> None:
 
 
 def mass_outward(x: Scope, kind: LinkKind) -> None:
-    """``M x`` over directions, outward: accelerations from x alone and the force they need."""
+    """``M x`` over directions, outward: accelerations from x alone, and the forces that they require."""
     joint = kind.joint(x, kind, lanes=True)
     rates = (x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms))
     A = moved_by(x, joint, x.load(LUP, fields.explicit_acceleration), rates, "Eq. 19")
@@ -96,7 +96,7 @@ def mass_outward(x: Scope, kind: LinkKind) -> None:
 
 
 def moved_by(x: Scope, joint: LinkJoint, before: Vector, rates: Iterable[Value], tag: str) -> Vector:
-    """A link's acceleration over directions from its parent's and rates of its freedoms alone; kept for its children. Eq. 19."""
+    """A link's acceleration over directions from its parent's and its own joint rates alone; stored for its children. Eq. 19."""
     A = carry(joint, before, tag)
     for s, rate in zip(joint.columns, rates, strict=True):
         for i, value in s.added(A, rate).items():
@@ -106,7 +106,7 @@ def moved_by(x: Scope, joint: LinkJoint, before: Vector, rates: Iterable[Value],
 
 
 def add_inertial_force(x: Scope, force: Vector, A: Vector) -> None:
-    """Add what a link's inertia takes to accelerate by A. Eq. 23."""
+    """Add the force that the acceleration A of a link's inertia requires. Eq. 23."""
     for i, j, field, sign in constants_of_inertia():
         value = sign * x.load(CONSTANTS, field)
         force[i] = force[i] + value * A[j]
@@ -115,7 +115,7 @@ def add_inertial_force(x: Scope, force: Vector, A: Vector) -> None:
 
 
 def mass_inward(x: Scope, kind: LinkKind) -> None:
-    """``M x`` over directions, inward: the sum of those forces along the freedoms."""
+    """``M x`` over directions, inward: the components of the summed forces along the degrees of freedom."""
     P = [
         x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "Eq. 45", lanes=True)
         for own, handed in zip(fields.needed.scalars(), fields.articulated_force.scalars(), strict=True)

@@ -1,14 +1,14 @@
-"""Columns of Jacobians and mass matrices, all of them at once: every link works on those that concern it only.
+"""Columns of Jacobians and mass matrices, all at once: every link computes only the columns that concern it.
 
-A column belongs to a coordinate or a speed of one link. With the factors of the triangularization and the response to turning
-(`turning`) at hand, nothing of the inverse dynamics is differentiated along it:
+A column belongs to a coordinate or a speed of one link. Given the factors of the triangularization and the response to
+rotation (`turning`), nothing of the inverse dynamics is differentiated along it:
 
-    inward    from its own link on, the force P that it brings: r = -P^T P_k, handed on as in Eq. 45
-    outward   on links that it does not turn, ``d udot = r/D - G . (X dA_pr)``, as for any right side (Eqs. 53-55)
+    inward    from its own link on, the force P that it causes: r = -P^T P_k, propagated as in Eq. 45
+    outward   on links that it does not rotate, ``d udot = r/D - G . (X dA_pr)``, as for any right side (Eqs. 53-55)
     outward   on its own link and those outboard, ``- t . dw_pr`` too, and ``dA = X dA_pr + C dw_pr + P d udot``
 
-What a coordinate or a speed of a link changes in its own motion, with udot held, is the tangent of the kinematics of that link
-alone; of the force, ``I dA + W dw``, and on the parent the turning of what the joint transmits.
+A coordinate or a speed of a link changes the link's own motion, with udot held, by the tangent of the link's kinematics
+alone. It changes the force by ``I dA + W dw``, and on the parent by the rotation of the transmitted force.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from .triangularization import articulated_inertia, force_to_parent
 from .turning import carried_change
 
 OF_COLUMNS = replace(OF_FREEDOMS, right_side=fields.column_drive, moving="P")
-"""The factors of the triangularization, and where right sides of columns are kept."""
+"""The factors of the triangularization, and the stores of right sides of columns."""
 
 
 def column_clear(x: Scope, kind: LinkKind) -> None:
-    """No force yet."""
+    """The force of a column is zero at first."""
     nothing: Vector = [0] * 6
     x.store(MY_COLUMNS, fields.column_force, nothing)
 
 
 def column_rest(x: Scope, kind: LinkKind) -> None:
-    """Nothing drives the freedoms of links that are not inboard of a column's own."""
+    """The right side is zero on links that are not inboard of a column's own link."""
     for j in range(kind.joint.freedoms):
         x.store(MY_COLUMNS, fields.column_drive(j), 0)
 
 
 def column_begin(x: Scope, kind: LinkKind) -> None:
-    """The parent does not turn with a column of the link."""
+    """The parent does not rotate with a column of the link."""
     x.store(UP_COLUMNS, fields.column_turning, ZERO)
 
 
@@ -62,7 +62,7 @@ def column_turns(x: Scope, kind: LinkKind) -> None:
 
 
 def column_seed(x: Scope, kind: LinkKind) -> None:
-    """What the link's own coordinates and speeds change in its motion, and the forces that this brings."""
+    """Changes of the link's motion by its own coordinates and speeds, and the forces that they cause."""
     joint = kind.joint(x, kind)
     carried, w = angular_velocity(x, joint)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))
@@ -88,7 +88,7 @@ def column_seed(x: Scope, kind: LinkKind) -> None:
 
 
 def column_unit(x: Scope, kind: LinkKind) -> None:
-    """A unit force along each freedom: a wrench on the link, and the opposite one on its parent."""
+    """A unit force along each degree of freedom: a wrench on the link, and its opposite on the parent."""
     joint = kind.joint(x, kind, lanes=True)
     wrench: Vector = [0] * 6
     for j, s in enumerate(joint.columns):
@@ -99,7 +99,7 @@ def column_unit(x: Scope, kind: LinkKind) -> None:
 
 
 def column_in(x: Scope, kind: LinkKind) -> None:
-    """The force of a column at one joint, and what is handed on. Eqs. 45, 53."""
+    """The force of a column at one joint, and the force propagated to the parent. Eqs. 45, 53."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j in reversed(range(joint.freedoms)):
@@ -110,7 +110,7 @@ def column_in(x: Scope, kind: LinkKind) -> None:
 
 
 def column_back(x: Scope, kind: LinkKind) -> None:
-    """Back substitution on links that a column does not turn. Eqs. 53-55."""
+    """Back substitution on links that a column does not rotate. Eqs. 53-55."""
     joint = kind.joint(x, kind, lanes=True)
     A = _carried(x, joint)
     drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
@@ -119,7 +119,7 @@ def column_back(x: Scope, kind: LinkKind) -> None:
 
 
 def column_turn(x: Scope, kind: LinkKind) -> None:
-    """The same on links that a column turns."""
+    """Back substitution on links that a column rotates."""
     joint = kind.joint(x, kind, lanes=True)
     A = _carried(x, joint)
     drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
@@ -139,7 +139,7 @@ def column_turn(x: Scope, kind: LinkKind) -> None:
 
 
 def column_add(x: Scope, kind: LinkKind) -> None:
-    """The link's own changes, which its joint's freedoms have answered already."""
+    """The link's own changes, including the response of its joint."""
     for field, seed in (
         (fields.column_turning, fields.seed_turning),
         (fields.column_acceleration, fields.seed_acceleration),
@@ -153,7 +153,7 @@ def column_add(x: Scope, kind: LinkKind) -> None:
 
 
 def composite_seed(x: Scope, kind: LinkKind) -> None:
-    """The force that everything outboard needs for a unit acceleration of a freedom."""
+    """The force that a unit acceleration of a degree of freedom requires of everything outboard."""
     freedoms = range(kind.joint.freedoms)
     forces = [x.load(ME, fields.composite_force(j)) for j in freedoms]
     units = [x.entry(RIGHT_SIDE, j) for j in freedoms]
@@ -161,7 +161,7 @@ def composite_seed(x: Scope, kind: LinkKind) -> None:
 
 
 def composite_in(x: Scope, kind: LinkKind) -> None:
-    """Components of that force along the freedoms of links inboard: the mass matrix."""
+    """Components of that force along the degrees of freedom of inboard links: the mass matrix."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j, s in enumerate(joint.columns):
@@ -172,19 +172,19 @@ def composite_in(x: Scope, kind: LinkKind) -> None:
 
 
 def _add(x: Scope, store: Store, value: Vector) -> None:
-    """Add to the force of columns; what is not there yet is zero."""
+    """Add to the force of columns, taking a missing force as zero."""
     for part, e in zip(fields.column_force.scalars(), value, strict=True):
         if not is_zero(e):
             x.store(store, part, x.let("P", x.load(store, part) + e, "d Eq. 45", lanes=True))
 
 
 def _carried(x: Scope, joint: LinkJoint) -> Vector:
-    """``X dA_pr``: the parent's change of accelerations, in the link's frame."""
+    """``X dA_pr``: the change of the parent's accelerations, along the link's axes."""
     return carry(joint, x.load(UP_COLUMNS, fields.column_acceleration), "d Eq. 54", "d")
 
 
 def _substitute(x: Scope, kind: LinkKind, joint: LinkJoint, A: Vector, drive: Vector) -> Vector:
-    """Accelerations of the freedoms, the one eliminated last first. Eq. 53."""
+    """Accelerations of the degrees of freedom, the one eliminated last first. Eq. 53."""
     a = list(A)
     found: Vector = []
     for j, s in enumerate(joint.columns):
@@ -195,7 +195,7 @@ def _substitute(x: Scope, kind: LinkKind, joint: LinkJoint, A: Vector, drive: Ve
 
 
 def _moved(x: Scope, joint: LinkJoint, A: Vector, found: Vector) -> Vector:
-    """Accelerations with those of the freedoms."""
+    """Accelerations of the link, including those of its own degrees of freedom."""
     a = list(A)
     for s, value in zip(joint.columns, found, strict=True):
         for i, moved in s.added(a, value).items():

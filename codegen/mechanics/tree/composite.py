@@ -1,4 +1,4 @@
-"""Composite inertias, inward: of a link and everything outboard, its joints held (Featherstone 2008, section 6.2)."""
+"""Composite inertias, inward: of a link and everything outboard with its joints locked (Featherstone 2008, section 6.2)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .triangularization import is_first
 
 
 def composite(x: Scope, kind: LinkKind) -> None:
-    """Mass, first moment and inertia handed on, and the force that a unit acceleration of each freedom takes. Eq. 23."""
+    """Mass, first moment and inertia for the parent, and the force of a unit acceleration of each degree of freedom. Eq. 23."""
     tag = "Eq. 23"
     joint = kind.joint(x, kind)
     m, h, J = own_inertia(x)

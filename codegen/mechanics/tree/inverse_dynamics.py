@@ -1,7 +1,7 @@
 """Inverse dynamics with given udot, and its tangent: the right side of the balance.
 
 Forward dynamics is ``M udot = K``; so ``M dudot = d(K - M udot)`` at fixed udot (Eq. 9 without constraints), and the right
-side is minus the tangent of the inverse dynamics at the acceleration just found. It has vectors only.
+side is minus the tangent of the inverse dynamics at the acceleration just found. It contains vectors only.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .triangularization import force_to_parent, is_first
 
 
 def joint_acceleration(x: Scope, joint: LinkJoint, al: Vector, a: Vector) -> tuple[Vector, Vector]:
-    """Add the joint's own udot. Eq. 19."""
+    """Add the acceleration due to the joint's own udot. Eq. 19."""
     A = list(al) + list(a)
     for j, s in enumerate(joint.columns):
         for i, value in s.added(A, joint.x.entry(UDOT, j)).items():
@@ -32,10 +32,10 @@ def joint_acceleration(x: Scope, joint: LinkJoint, al: Vector, a: Vector) -> tup
 
 
 def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[Vector, Vector, dict[Symbol, Value]]:
-    """The accelerations of a link as the forward dynamics has found them, and what they are the same as: `al` and `a`.
+    """The accelerations of a link found by forward dynamics, and the values that they equal: `al` and `a`.
 
-    It solves for udot and accelerations together. Those that are summed up from udot alone have the errors of every udot inboard,
-    which have grown against what is left of them far out on a long chain.
+    Forward dynamics solves for udot and the accelerations together. Accelerations summed up from udot alone would contain the
+    errors of every inboard udot, which are large relative to the accelerations at the end of a long chain.
     """
     same: dict[Symbol, Value] = {}
     found: list[Vector] = []
@@ -54,12 +54,12 @@ def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[V
 
 
 def balance_start(x: Scope, kind: LinkKind) -> None:
-    """`newton_euler_outward` with the udot of the forward dynamics; links that carry others accelerate as it has found."""
+    """`newton_euler_outward` with the udot of forward dynamics; links with children have the accelerations that it has found."""
     newton_euler_outward(x, kind, kind.carries)
 
 
 def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
-    """Total accelerations and the force each link's inertia needs, from given udot. Eqs. 19, 24."""
+    """Total accelerations and the force that each link's inertia requires, from given udot. Eqs. 19, 24."""
     joint = kind.joint(x, kind)
     carried, w = angular_velocity(x, joint)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))
@@ -82,7 +82,7 @@ def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
 
 
 def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
-    """Forces transmitted by the joints; their components along the freedoms are the joint forces."""
+    """Forces transmitted by the joints; their components along the degrees of freedom are the joint forces."""
     let = x.let
     joint = kind.joint(x, kind)
     phi: Vector = []
@@ -108,7 +108,7 @@ def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
 def transfer(
     x: Scope, kind: LinkKind, joint: LinkJoint, phi: Vector, d_phi: Vector, beside: Vector | None = None
 ) -> None:
-    """Hand the transmitted force on to the parent, and its tangent, with what the parent gets `beside` as a partner."""
+    """Propagate the transmitted force and its tangent to the parent, with the parent's contributions as a partner (`beside`)."""
     r = joint.offset()
     named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
     force = force_to_parent(x, joint, named, "Eq. 45", r)
@@ -128,5 +128,5 @@ def transfer(
 
 
 def hand_on_lanes(x: Scope, kind: LinkKind, force: Vector) -> None:
-    """Add a tangent, or the bias force of a solve, to what the parent collects."""
+    """Add a tangent, or the bias force of a solution, to the sum of the parent."""
     accumulate_force(x, LUP, fields.articulated_force, force, is_first(x, kind), "Eq. 45", lanes=True)

@@ -15,7 +15,7 @@ from .tangents import differentiate, store_motion, tangent
 
 
 def acceleration_matrix(x: Scope, w: Vector, al: Vector, name: str = "B") -> Matrix:
-    """``B = alpha x + omega x omega x``: acceleration of a point r of the link is ``a + B r`` (part of Eq. 21)."""
+    """``B = alpha x + omega x omega x``: the acceleration of a point r of the link is ``a + B r`` (part of Eq. 21)."""
     tag = "Eq. 21"
     sq = [x.let(f"{name}_w{i}{i}", w[k] * w[k], tag) for k, i in enumerate(XYZ)]
     B: Matrix = [[0] * 3 for _ in range(3)]
@@ -29,15 +29,15 @@ def acceleration_matrix(x: Scope, w: Vector, al: Vector, name: str = "B") -> Mat
 
 
 def angular_velocity(x: Scope, joint: LinkJoint, field: VectorField = fields.angular_velocity) -> tuple[Vector, Vector]:
-    """Angular velocity of the parent in the link's axes, and of the link. Eq. 18."""
+    """Angular velocity of the parent along the link's axes, and of the link. Eq. 18."""
     carried = joint.to_child(x.load(UP, field), "wp", "Eq. 18")
     return carried, joint.turning(carried)
 
 
 def body_force(x: Scope, w: Vector, al: Vector, a: Vector, B: Matrix, inertia: tuple[Value, Vector, Matrix]) -> Vector:
-    """Moment and force that a link's own inertia needs: minus Eq. 24, about the frame's origin.
+    """Moment and force that a link's own inertia requires: minus Eq. 24, about the frame's origin.
 
-    `inertia` is mass, first moment and inertia about that origin, in the axes of the others.
+    `inertia` is mass, first moment and inertia about that origin, along the axes of the other arguments.
     """
     m, h, J = inertia
     force = x.let_vector("f", [m * a[k] + matvec(B, h)[k] for k in range(3)], "Eq. 24")
@@ -46,7 +46,7 @@ def body_force(x: Scope, w: Vector, al: Vector, a: Vector, B: Matrix, inertia: t
 
 
 def less_external(x: Scope, kind: LinkKind, needed: Vector, lanes: bool = False) -> Vector:
-    """What is left of the moment and force that a link needs when force elements have acted on it (R of Eq. 24)."""
+    """The moment and force of a link minus those of force elements (R of Eq. 24)."""
     if not kind.pulled:
         return needed
     acting = x.load(MY_LANE if lanes else ME, fields.external)
@@ -54,7 +54,7 @@ def less_external(x: Scope, kind: LinkKind, needed: Vector, lanes: bool = False)
 
 
 def gyroscopic_moment(x: Scope, w: Vector, J: Matrix) -> Vector:
-    """``omega x J omega`` with the products of omega named, so that they are shared with `acceleration_matrix`."""
+    """``omega x J omega`` with named products of omega, which `acceleration_matrix` shares."""
     sq = [x.let(f"B_w{i}{i}", w[k] * w[k], "Eq. 24") for k, i in enumerate(XYZ)]
     out: Vector = []
     for i in range(3):
@@ -69,7 +69,7 @@ def gyroscopic_moment(x: Scope, w: Vector, J: Matrix) -> Vector:
 
 
 def own_inertia(x: Scope) -> tuple[Value, Vector, Matrix]:
-    """Mass, first moment and inertia of a link, in its own axes about its origin."""
+    """Mass, first moment and inertia of a link about its origin, along its own axes."""
     return x.load(CONSTANTS, fields.mass), x.load(CONSTANTS, fields.first_moment), x.load(CONSTANTS, fields.inertia)
 
 
@@ -78,7 +78,7 @@ def accelerate(
 ) -> tuple[Vector, Vector]:
     """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
 
-    `motion` is what of the parent it starts from: the remainders, or the total accelerations.
+    `motion` selects the motion of the parent: its remainder, or its total accelerations.
     """
     return accelerated(x, joint, carried, (x.load(UP, motion.al), x.load(UP, motion.a), x.load(UP, motion.B)))
 
@@ -86,7 +86,7 @@ def accelerate(
 def accelerated(
     x: Scope, joint: LinkJoint, carried: Vector, before: tuple[Vector, Vector, Matrix]
 ) -> tuple[Vector, Vector]:
-    """The same from the parent's angular acceleration, acceleration and B, in the parent's axes."""
+    """The same from the parent's angular acceleration, acceleration and B, along the parent's axes."""
     al_bias, a_bias = joint.bias(carried)
     al = joint.to_child(before[0], "alp", "Eq. 21")
     a = joint.to_child(add(before[1], matvec(before[2], joint.offset())), "ap", "Eq. 21")
@@ -96,7 +96,7 @@ def accelerated(
 
 
 def kinematics(x: Scope, kind: LinkKind) -> None:
-    """Outward block of the forward dynamics: motion with udot = 0 and the force it needs."""
+    """Outward block of forward dynamics: motion with udot = 0 and the force that it requires."""
     joint = kind.joint(x, kind)
     carried, w = angular_velocity(x, joint)
     al, a = accelerate(x, joint, carried)
@@ -142,7 +142,7 @@ def origin_velocity(
     w: VectorField = fields.angular_velocity,
     velocity: VectorField = fields.velocity,
 ) -> Vector:
-    """Velocity of the link's origin in its own axes. Eq. 18."""
+    """Velocity of the link's origin along its own axes. Eq. 18."""
     moved = add(x.load(UP, velocity), cross(x.load(UP, w), joint.offset()))
     return joint.sliding(joint.to_child(moved, "v", "Eq. 18"))
 

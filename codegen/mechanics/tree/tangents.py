@@ -1,4 +1,4 @@
-"""Tangents of blocks: which symbols have one, which are functions of others, and the statements that follow."""
+"""Tangents of blocks: symbols with tangents, symbols that are functions of others, and the resulting statements."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from ..structure.kinds import LinkKind
 
 
 def tangent(d: Tangents | None, value: Value) -> Value:
-    """Tangent of a value. On zero patterns (no `d`) it may differ from zero where the value does, unless that is a number."""
+    """Tangent of a value. On zero patterns (no `d`) it may be nonzero where the value may be, unless the value is a number."""
     return d.value(value) if d else pattern(value)
 
 
 def pattern(value: Value) -> Value:
-    """Where the tangent of a structural value can differ from zero."""
+    """Positions at which the tangent of a structural value may be nonzero."""
     return 0 if isinstance(value, int) else value
 
 
@@ -61,7 +61,7 @@ def store_tangents(x: Scope, d: Tangents | None, stores: Iterable[Store], parts:
 def store_motion(
     x: Scope, kind: LinkKind, joint: LinkJoint, parts: Sequence[Part], also: Mapping[Store, Store] | None = None
 ) -> None:
-    """Store what describes a link's motion in its record; of a block that is differentiated the tangents, for its children too.
+    """Store a link's motion in its record; if the block is differentiated, store the tangents, for its children too.
 
     `also`: see `differentiate`.
     """
@@ -84,15 +84,15 @@ UP_TANGENTS = {
         (fields.moving.al, fields.moving.al), (fields.moving.a, fields.moving.a), (fields.moving.B, fields.moving.B),
     )
 }  # fmt: skip
-"""Fields of the parent that have a tangent, and the name of it."""
+"""Fields of the parent that have a tangent, with their names."""
 
 
 OWN_SEEDS = (COORDINATES, SPEEDS, TURNS)
-"""Whose tangents are those of a link's own coordinates and speeds."""
+"""Stores of the tangents of a link's own coordinates and speeds."""
 
 
 def seeds(x: Expansion, kind: LinkKind, own: bool = False) -> dict[Symbol, Expr]:
-    """Tangents of everything that the block has loaded; of the `own` coordinates and speeds only."""
+    """Tangents of everything that the block has loaded; with `own`, of the link's coordinates and speeds only."""
     result: dict[Symbol, Expr] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
         stem, _, component = name.partition(".")
@@ -110,7 +110,7 @@ def seeds(x: Expansion, kind: LinkKind, own: bool = False) -> dict[Symbol, Expr]
 
 
 def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Symbol, Expr]]:
-    """A link's constants as functions of the design parameters that they depend on."""
+    """A link's constants as functions of the design parameters on which they depend."""
     result: dict[Symbol, dict[Symbol, Expr]] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
         if store is CONSTANTS and "/" not in name:
@@ -129,10 +129,10 @@ def differentiate(
     own: bool = False,
     also: Mapping[Store, Store] | None = None,
 ) -> Tangents | None:
-    """Append the tangents of all statements so far, but for values whose tangents are given (`extra`). None on zero patterns.
+    """Append the tangents of all statements so far, except given ones (`extra`). None on zero patterns.
 
-    What is the `same` as a value that was computed before has its tangent. Of `own`: along the link's own coordinates and speeds
-    only. `also` are stores whose components have tangents, and where these are.
+    A value that is the `same` as an earlier one has its tangent. With `own`, tangents are along the link's own coordinates
+    and speeds only. `also` maps further stores to the stores of their tangents.
     """
     if not isinstance(x, Expansion):
         return None

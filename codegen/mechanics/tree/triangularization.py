@@ -1,9 +1,9 @@
 """Triangularization, inward: articulated inertias and forces. Eqs. 42-47.
 
-The joint's own row and column of the inertia that is handed on are structural zeros and the joint's entry of the force
-is the joint force itself (T_k annihilates P_k exactly): neither is ever computed. A rotor that turns with the joint changes both,
-see `elimination`. A joint of several freedoms is
-eliminated one unit column after the other, which is the LDL^T factorisation of its M_k.
+The joint's own row and column of the propagated inertia are structural zeros, and the joint's entry of the force
+is the joint force itself (T_k annihilates P_k exactly): neither is ever computed. The rotor of a joint changes both,
+see `elimination`. A joint with several degrees of freedom is eliminated one unit column after the other: the LDL^T
+factorisation of its M_k.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def to_blocks(I: Matrix) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def constants_of_inertia() -> list[tuple[int, int, ScalarField, int]]:
-    """Where the constants of a rigid body stand in its 6x6 inertia: row, column, field, sign (Eq. 23 about the joint)."""
+    """Positions of the constants of a rigid body in its 6x6 inertia: row, column, field, sign (Eq. 23 about the joint)."""
     J, h = dict(zip(PLACES, fields.inertia.scalars(), strict=True)), fields.first_moment.scalars()
     places = [(i, j, J[i, j], 1) for i in range(3) for j in range(i, 3)]
     places += [(3 + i, 3 + i, fields.mass, 1) for i in range(3)]
@@ -43,13 +43,13 @@ def constants_of_inertia() -> list[tuple[int, int, ScalarField, int]]:
 
 
 def articulated_parts(x: Scope) -> tuple[Matrix, Matrix, Matrix, Vector]:
-    """Inertia and force that a link's children have handed on."""
+    """Sum of the inertia and force that a link's children have propagated."""
     J, M, H = (x.load(ME, f) for f in (fields.articulated.J, fields.articulated.M, fields.articulated.H))
     return J, H, M, x.load(ME, fields.articulated_force)
 
 
 def articulated_inertia(x: Scope) -> Matrix:
-    """The body's inertia plus what its children handed on. Eq. 44."""
+    """The body's inertia plus the contributions of its children. Eq. 44."""
     I: Matrix = [[0] * 6 for _ in range(6)]
     J, H, M, _ = articulated_parts(x)
     for i in range(3):
@@ -66,14 +66,14 @@ def articulated_inertia(x: Scope) -> Matrix:
 
 
 def is_first(x: Scope, kind: LinkKind) -> bool:
-    """Whether a link is the first, on the way inward, to hand something to its parent."""
+    """Whether a link is the first, on the way inward, to contribute to its parent."""
     return bool(kind.first_unit if x.units else kind.first)
 
 
 def force_to_parent(x: Scope, joint: LinkJoint, force: Vector, tag: str, r: Vector | None = None) -> Vector:
-    """A moment and force about the link's origin, in the parent's axes about its origin: ``S F``.
+    """A moment and force about the parent's origin, along the parent's axes: ``S F``.
 
-    `r` is from there to the link's origin, if that is known.
+    `r` is the vector from there to the link's origin, if it is known.
     """
     r = joint.offset() if r is None else r
     n = joint.to_parent(force[:3], "pn", tag)
@@ -82,7 +82,7 @@ def force_to_parent(x: Scope, joint: LinkJoint, force: Vector, tag: str, r: Vect
 
 
 def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
-    """Inertia and force of all that a joint moves, over the link's six components and those of its partners."""
+    """Inertia and force over the link's six components and those of its partners."""
     needed, handed = fields.needed, fields.articulated_force
     I = articulated_inertia(x)
     p = add(x.load(ME, needed.angular), x.load(ME, handed.angular)) + add(
@@ -96,20 +96,20 @@ def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
 
 
 def labels_of(kind: LinkKind) -> list[str]:
-    """Labels of the unknowns of a link: its components by number, those of partners by a letter."""
+    """Labels of the unknowns of a link: numbers for its own components, letters for those of partners."""
     return [*map(str, SIX), *("p" for _ in kind.partners.links for _ in SIX)]
 
 
 def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
-    """Unknowns, of `count`, that matter when a freedom has gone; after the last of a joint on the ground not the link's."""
+    """Unknowns, of `count`, that remain after a degree of freedom; after the last one of a joint on the ground not the link's."""
     return range(0 if j > 0 or kind.carried_on else 6, count)
 
 
 def inertia_scales(x: Scope, kind: LinkKind, I: Matrix, pivot: int) -> Vector:
-    """What pivots are measured against, angular and linear: traces of the articulated inertia (`zero pivot`).
+    """Sizes that pivots are compared with, angular and linear: traces of the articulated inertia (`zero pivot`).
 
-    Where nothing else needs an entry of these, the body's own inertia and what the children hand on for this take their place.
-    `pivot` is the entry that is the only pivot itself, and is left out; -1 if there is none.
+    If nothing else needs an entry of these, the body's own inertia and sizes from the children take its place.
+    `pivot` is the entry that is itself the only pivot and is left out; -1 if there is none.
     """
     turning, mass = (_total([I[i][i] for i in range(n, n + 3) if i != pivot]) for n in (0, 3))
     tag = "zero pivot"
@@ -126,7 +126,7 @@ def _total(entries: Vector) -> Value:
 
 
 def _pivot_entry(x: Scope, kind: LinkKind, joint: LinkJoint) -> int:
-    """The entry of the articulated inertia that is the pivot of a joint with one freedom; -1 if none is."""
+    """The entry of the articulated inertia that is the pivot of a joint with one degree of freedom; -1 if there is none."""
     alone = joint.freedoms == 1 and not joint.columns[0].others and is_zero(rotor(x, kind, 0))
     return joint.columns[0].lead if alone else -1
 
@@ -158,7 +158,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
     J, H, M = shift_inertia(x, r, J, H, M, "Eq. 44")
     parent = kind.partners.base
     if parent >= 0:
-        # the parent is a partner itself: what the coupling was is inertia now
+        # the parent is a partner itself: the coupling becomes part of its inertia
         at = places[parent]
         more = to_blocks(_symmetrized(x, couplings[parent], system.block(at, at)))
         J, H, M = (_sum(x, block, by) for block, by in zip((J, H, M), more, strict=True))
@@ -184,9 +184,9 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
 
 
 def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> None:
-    """What the force along a prescribed coordinate is made of: ``s . (I^ A + p^) - tau``, A the explicit accelerations.
+    """Terms of the force along a prescribed coordinate: ``s . (I^ A + p^) - tau``, A the explicit accelerations.
 
-    What its rotor takes is known: no freedom moves it.
+    The share of its rotor is known, since no degree of freedom moves it.
     """
     for i, row in enumerate(I):
         x.store(ME, fields.driving_gain(i), x.let("dG", s.along(row), "Eq. 53"))

@@ -1,13 +1,13 @@
-"""How the articulated force changes with a link's angular velocity, and what joints transmit: inward, once for a state.
+"""Response of the articulated force to a link's angular velocity, and transmitted forces: inward, once for a state.
 
-The articulated force of a link and everything outboard of it (Eq. 45) depends on how the link turns: with the accelerations A of
-the link and its angular velocity w, the joint transmits ``phi = I A + p(w)``. Its derivative W with respect to w, six rows of
-three, climbs like the articulated inertia. With ``dA = X dA_pr + C dw_pr`` for a link that its parent carries along,
+The articulated force of a link and everything outboard of it (Eq. 45) depends on the link's rotation: with the accelerations
+A and the angular velocity w of the link, the joint transmits ``phi = I A + p(w)``. The derivative W with respect to w, six
+rows of three, is propagated like the articulated inertia. With ``dA = X dA_pr + C dw_pr`` for a link that moves with its parent,
 
     W_pr += S (T (W + I C)) R^T,    d udot = -G . (X dA_pr) - t . dw_pr,    t = P^T (W + I C) / D:
 
-T takes away what the joint yields to (section 3 of the theory page). So whatever changes at a link, the response of all links
-outboard follows from two vectors, dA and dw, and needs no sweep inward (`columns`).
+T removes the part to which the joint yields (section 3 of the theory page). So for any change at a link, the response of all
+links outboard follows from two vectors, dA and dw, and needs no sweep inward (`columns`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def centrifugal_change(x: Scope, w: Vector, r: Vector) -> Matrix:
 
 
 def carried_change(x: Scope, joint: LinkJoint, carried: Vector) -> Matrix:
-    """C: what the parent's angular velocity, in the link's axes, changes in the link's accelerations; six rows of three."""
+    """C: change of the link's accelerations with the parent's angular velocity along the link's axes; six rows of three."""
     r = joint.to_child(joint.offset(), "rc", "d Eq. 21")
     E = centrifugal_change(x, carried, r)
     units = [[int(i == k) for i in range(3)] for k in range(3)]
@@ -48,7 +48,7 @@ def carried_change(x: Scope, joint: LinkJoint, carried: Vector) -> Matrix:
 
 
 def own_change(x: Scope, w: Vector) -> Matrix:
-    """The derivative of the force that a link's own inertia needs with respect to its angular velocity: six rows of three."""
+    """Derivative of the force that a link's own inertia requires with respect to its angular velocity: six rows of three."""
     _, h, J = own_inertia(x)
     tag = "d Eq. 24"
     Jw = [x.let("Jw", e, tag) for e in matvec(J, w)]
@@ -58,7 +58,7 @@ def own_change(x: Scope, w: Vector) -> Matrix:
 
 
 def turning(x: Scope, kind: LinkKind) -> None:
-    """The force that a joint transmits, and how the articulated force changes with the link's angular velocity."""
+    """The force that a joint transmits, and the change of the articulated force with the link's angular velocity."""
     joint = kind.joint(x, kind)
     _transmitted(x, kind, joint)
     w = x.load(ME, fields.angular_velocity)
@@ -100,10 +100,10 @@ def turning(x: Scope, kind: LinkKind) -> None:
 def _transmitted(x: Scope, kind: LinkKind, joint: LinkJoint) -> None:
     """The force that a joint transmits with all accelerations known."""
     if not kind.carried_on:
-        return  # nobody asks what the ground carries
+        return  # forces on the ground are not needed
     own, handed = x.load(ME, fields.total_needed), x.load(ME, fields.transmitted)
     phi = [x.let("phi", a + b, "Eq. 45") for a, b in zip(own, handed, strict=True)]
-    # in equilibrium a joint transmits its own force along its freedoms, less what its rotor takes
+    # in equilibrium a joint transmits its own force along its degrees of freedom, minus that of its rotor
     for j, s in enumerate(joint.columns):
         phi[s.lead] = s.completed(phi, transmitted_along(x, kind, j))
     x.store(ME, fields.joint_force, phi)
