@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from motion.models import Made, parsed
 
-from codegen.runtime import Final
+from codegen.runtime import Final, Integral
 
 LAWS = {
     "k*max(0, -q.{0})**1.1": 1.1,
@@ -70,3 +70,35 @@ def test_steps_are_graded_where_derivatives_are_taken_only(made: Callable[..., M
     alone, along = solver.simulate(1.5), solver.simulate(1.5, sensitivities=BY)
     assert alone.stats["steps"] < along.stats["steps"] < 6 * alone.stats["steps"]
     np.testing.assert_allclose(alone.q[-1], along.q[-1], atol=1e-7)
+
+
+DRIVEN = """
+model: driven
+parameters: {k: 90.0, a: 0.07, w: 3.0}
+bodies:
+  x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  r: {parent: x, joint: {type: revolute, axis: y}, mass: 0.3, com: [0.2, 0, 0.1], inertia: {xx: 0.02, yy: 0.02, zz: 0.02}}
+forces:
+  x: {type: joint, joint: x, value: "k*sqrt(max(0, a - q.x))*max(0, a - q.x) + 0.3*cos(w*t)"}
+  r: {type: joint, joint: r, value: "-u.r*sqrt(abs(u.r)) - 9*q.r"}
+initial: {q: {x: 0.3, r: 0.2}, u: {x: -0.7, r: 2}}
+outputs: {x: {value: q.x}, r: {value: q.r}, work: {value: "u.x*sqrt(max(0, a - q.x))"}}
+"""
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_roots_beside_forces_over_time(made: Callable[..., Made], integrator: str) -> None:
+    """Forward and adjoint are the same to rounding, and what differences of motions are."""
+    solver, names = made(parsed, DRIVEN).solver, ["k", "a", "w", "q0.x", "u0.r"]
+    wanted = [Final("x"), Final("r"), Integral("work")]
+    forward, adjoint = (
+        solver.judge(0.9, wanted, wrt=names, method=m, integrator=integrator).gradients for m in ("forward", "adjoint")
+    )
+    np.testing.assert_allclose(forward, adjoint, atol=1e-11)
+    p = np.array([90.0, 0.07, 3.0])
+    for i in range(3):
+        h = 1e-4 * p[i]
+        high, low = (
+            solver.judge(0.9, wanted, p=p + s * h * np.eye(3)[i], rtol=1e-13, atol=1e-13).values for s in (1, -1)
+        )
+        np.testing.assert_allclose(forward[:, i], (high - low) / (2 * h), atol=3e-6)

@@ -75,7 +75,7 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
         return INFINITY;
     }
     if (roots > 1) m->root = MANY_ROOTS;
-    if (roots) m->root_end = step->end;
+    if (roots) m->root_end = m->t + step->h;
     return 0.0;
 }
 
@@ -83,9 +83,10 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
  * the same otherwise: S+ = S + (f - f+) dt. Other changes of derivatives are as short as the step. Returns what a function returned. */
 int ordernm_beside_root(ordernm_motion *m, const trial *step)
 {
-    const scalar *const before = m->rate[0], *const after = m->rate[m->method->stages];
-    scalar speed;
-    int status = ordernm_switch_speed(m, m->t, m->z, before, m->root, &speed);
+    scalar *const before = m->error[0], *const after = m->error[1], speed;
+    int status = ordernm_rates_of(m, m->t + step->h, m->next, after, 0, 0, RATES | INTEGRALS);
+    if (!status) status = ordernm_rates_of(m, m->t, m->z, before, 0, 0, RATES | INTEGRALS);
+    if (!status) status = ordernm_switch_speed(m, m->t, m->z, before, m->root, &speed);
     if (!status) status = ordernm_switch_along(m, m->t, m->z, m->root);
     for (int n = 0; n < m->ngroups && !status; ++n) {
         const group *const g = m->groups + n;
@@ -95,7 +96,7 @@ int ordernm_beside_root(ordernm_motion *m, const trial *step)
                 m->next[at] = m->z[at] - (before[i] - after[i])*m->switch_along[n*LANES + l]/speed;
             }
     }
-    return status ? status : ordernm_rates(m, step->end, m->next, m->rate[m->method->stages]);
+    return status ? status : ordernm_rates(m, m->t + step->h, m->next, m->rate[m->method->stages]);
 }
 
 /* ---- Where no step is as short. ---- */
