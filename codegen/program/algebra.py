@@ -433,6 +433,8 @@ def add(*args: Expr) -> Expr:
 
 
 def _sum(args: tuple[Expr, ...]) -> Expr:
+    if _are_apart(args):
+        return raw_sum(*sorted(args, key=_key))
     terms: dict[Expr, Real] = {}
     number: Real = 0
     waiting = list(args)
@@ -462,6 +464,22 @@ def _sum(args: tuple[Expr, ...]) -> Expr:
     if len(found) < 2:
         return found[0] if found else ZERO
     return raw_sum(*found)
+
+
+def _are_apart(terms: tuple[Expr, ...]) -> bool:
+    """Whether terms of a sum stay as they are: none is a number or a sum, and no two differ in a number alone."""
+    found = set()
+    for e in terms:
+        if e.is_Add or e.is_Number:
+            return False
+        factors = e.args if e.is_Mul else (e,)
+        first = factors[0]
+        if isinstance(first, Number):
+            if first is ZERO or first is ONE:
+                return False
+            factors = factors[1:]
+        found.add(factors)
+    return len(found) == len(terms)
 
 
 def _with_digits(a: Real, b: Real, add: bool) -> Real:
@@ -532,6 +550,8 @@ def _keep(c: Number, e: Expr) -> Expr:
 def _product(args: tuple[Expr, ...]) -> Expr:
     if len(args) == 2:
         a, b = args
+        if a is not b and not (a.is_Number or a.is_Mul or a.is_Pow or b.is_Number or b.is_Mul or b.is_Pow):
+            return raw_product(a, b) if a.key <= b.key else raw_product(b, a)
         if isinstance(b, Number):
             a, b = b, a
         if isinstance(a, Number) and a is not ZERO:

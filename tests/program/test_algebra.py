@@ -51,6 +51,37 @@ def test_the_same_operations_give_the_same_expressions(seed: int) -> None:
             other.append(expected)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_operands_that_are_apart_need_no_collecting(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What takes the short way comes to the same expression as what is collected, signs, doubles and powers too."""
+    rng = random.Random(seed)
+    x, y, z = map(Symbol, "xyz")
+    with expressions_kept():
+        known: list[Expr] = [
+            x,
+            y,
+            z,
+            x + y,
+            2 * x,
+            -y,
+            x * y,
+            0.3 * z,
+            z**2,
+            1 / x,
+            algebra.function("sin", x + z),
+            Number(3),
+        ]
+        for _ in range(300):
+            operands = tuple(rng.choice(known) for _ in range(rng.choice((2, 2, 3))))
+            total, product = algebra._sum(operands), algebra._product(operands)
+            with monkeypatch.context() as patched:
+                patched.setattr(algebra, "_are_apart", lambda terms: False)
+                assert algebra._sum(operands) is total
+            assert algebra._product((algebra.ONE, *operands)) is product
+            if len(str(total) + str(product)) < 120:
+                known += [total, product]
+
+
 def test_equal_expressions_are_the_same() -> None:
     a, b = Symbol("a"), Symbol("b")
     with expressions_kept():
