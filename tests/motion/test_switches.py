@@ -423,3 +423,19 @@ def test_conditions_that_are_zero_on_one_side(made: Callable[..., Made], options
             ]
             assert abs(found.values[i] - after_contact(x0, 1.7, *law)) < 1e-6
             np.testing.assert_allclose(found.gradients[i], wanted, atol=1e-5)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_a_force_without_a_value_at_its_switch(made: Callable[..., Made], integrator: str) -> None:
+    """x^3/abs(x) has no value at zero, where a step would end; it is the same force as x*abs(x)."""
+    text = "model: quotient\nparameters: {k: 40, x0: -0.3}\nbodies:\n" + "".join(
+        f"  {n}: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}\n" for n in "ab"
+    )
+    text += 'forces:\n  a: {type: joint, joint: a, value: "-k*q.a**3/abs(q.a)"}\n'
+    text += '  b: {type: joint, joint: b, value: "-k*q.b*abs(q.b)"}\n'
+    text += "initial: {q: {a: x0, b: x0}, u: {a: 1, b: 1}}\noutputs: {a: {value: q.a}, b: {value: q.b}}\n"
+    solver = made(parsed, text).solver
+    for method in ("forward", "adjoint"):
+        found = solver.judge(2.0, [Final("a"), Final("b")], wrt=["k", "x0"], method=method, integrator=integrator)
+        assert abs(found.values[0] - found.values[1]) < 1e-8
+        np.testing.assert_allclose(found.gradients[0], found.gradients[1], atol=1e-6)

@@ -15,6 +15,10 @@ static const scalar SAME_PLACE = 1e-7; /* in parts of the step */
 /* A switching function that turns as near to zero, in parts of its range in the step, touches it. */
 static const scalar TOUCHING = 1e-12;
 
+/* Where a step ends behind an event at which there are no rates, in parts of the step. */
+enum { PLACES_BEHIND = 3 };
+static const scalar JUST_BEHIND[PLACES_BEHIND] = {1e-13, 1e-12, 1e-11};
+
 /* Beside a pose where a loop loses rank, in parts of the step. */
 static const scalar CUT_BEHIND = 0.1;
 
@@ -230,6 +234,21 @@ static int step_to_event(ordernm_motion *m, int e, scalar *h)
     return status;
 }
 
+/* A step to an event whose end has rates, which are finite: just behind the event, if there are none at it, as those of x^3/abs(x) at
+ * zero. */
+static int step_with_rates(ordernm_motion *m, int e, scalar whole, scalar *h)
+{
+    const scalar at = *h;
+    int status = step_to_event(m, e, h);
+    for (int n = 0;; ++n) {
+        if (!status) status = rates_at_end(m, *h);
+        if (!status && ordernm_all_finite(m->rate[m->method->stages], m->values)) return 0;
+        if (n == PLACES_BEHIND || at*(1.0 + JUST_BEHIND[n]) > whole) return status ? status : -1;
+        *h = at*(1.0 + JUST_BEHIND[n]);
+        status = step_of_size(m, *h);
+    }
+}
+
 /* Outputs between the ends of the step. */
 static int take_samples(ordernm_motion *m, scalar h)
 {
@@ -306,9 +325,8 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
         if ((status = event_at_pose(m, whole, part, step))) return status;
     } else {
         step->h = part*whole;
-        if ((status = step_to_event(m, step->event, &step->h))) return status;
+        if ((status = step_with_rates(m, step->event, whole, &step->h))) return status;
         step->event_time = m->t + step->h;
-        if ((status = rates_at_end(m, step->h))) return status;
         if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
     }
     /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that
