@@ -158,6 +158,7 @@ class Theirs:
         self.system = system
         self.q, self.u = list(system.q), list(system.u)
         self.free = sorted({x for x, n in parameters.items() if not n.startswith(("q.", "u."))}, key=str)
+        self.free.append(dynamicsymbols._t)
         arguments = [*self.q, *self.u, *self.free]
         self.equations = s.lambdify(arguments, [system.mass_matrix, system.forcing], cse=True)
 
@@ -182,8 +183,9 @@ def errors(system: Any, values: Values, folder: Path, states: int = 3, spread: f
         names |= {f"u.{n}": x for n, x in zip(found.model.speed_names, u, strict=True)}
         names |= dict(zip(found.model.inputs, given, strict=True))
         names |= {p.name: p.value for p in found.model.parameters}
-        expected = theirs.accelerations({x: names[n] for x, n in found.symbols.items() if n in names})
-        udot = dict(zip(found.model.speed_names, solver.accelerations(q, u, None, given), strict=True))
+        at = {x: names[n] for x, n in found.symbols.items() if n in names}
+        expected = theirs.accelerations({**at, dynamicsymbols._t: 0.7})
+        udot = dict(zip(found.model.speed_names, solver.accelerations(q, u, None, given, 0.7), strict=True))
         ours = np.array([udot[found.symbols[x][2:]] for x in theirs.u])
         result.append(float(np.abs(ours - expected).max() / np.abs(expected).max()))
     return result

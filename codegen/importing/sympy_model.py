@@ -111,10 +111,8 @@ def _parts(system: Any) -> tuple[list[Any], Any, Any]:
     if isinstance(system, JointsMethod):
         return list(system._joints), system.frame, None
     kind = type(system).__name__
-    kept = " keeps no joints; pass the System that it was made from" if kind.endswith("Method") else ""
-    raise TypeError(
-        f"from_sympy takes a sympy.physics.mechanics.System, not {kind}{';' if kept else ''}{kind if kept else ''}{kept}"
-    )
+    kept = f"; {kind} keeps no joints; pass the System that it was made from" if kind.endswith("Method") else ""
+    raise TypeError(f"from_sympy takes a sympy.physics.mechanics.System, not {kind}{kept}")
 
 
 def _check_speeds(found: SympySystem, system: Any) -> None:

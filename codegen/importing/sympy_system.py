@@ -224,37 +224,43 @@ def read_bodies(found: SympySystem, joints: Iterable[Any], bodies: Iterable[Any]
     origin : Point or None
         A point at rest; left out: the mass centre of the first body on the ground.
     """
-    listed, every = list(joints), list(bodies)
-    carried = {id(j.child) for j in listed}
-    roots = [b for b in _in_order(every, listed) if id(b) not in carried and _is_at_rest(b, inertial)]
-    if not roots:
+    waiting = list(joints)
+    known, carried = _in_order(list(bodies), waiting), {id(j.child) for j in waiting}
+    roots = [b for b in known if b.masscenter is origin or getattr(b, "frame", None) is inertial]
+    at_rest = [b for b in known if b not in roots and id(b) not in carried and _is_at_rest(b, inertial)]
+    if not roots and not at_rest:
         message = (
-            "no body is at rest in the inertial frame; carry the first body by a joint to one, System.from_newtonian"
+            "no body is at rest in the inertial frame; a joint has to carry the first body, see System.from_newtonian"
         )
         raise ModelError([Problem(FILE, None, None, "bodies", message)])
-    ground = Frame(GROUND, inertial, roots[0].masscenter if origin is None else origin)
-    for body in roots:
-        found.frames[body] = ground
-    names = names_for(dict.fromkeys(str(b.name) for b in _in_order(every, listed) if b not in found.frames))
-    waiting, before = listed, -1
-    while waiting and len(waiting) != before:
-        before = len(waiting)
-        for joint in waiting:
+    ground = Frame(GROUND, inertial, (roots or at_rest)[0].masscenter if origin is None else origin)
+    names = names_for(dict.fromkeys(str(b.name) for b in known if b not in roots))
+    for on_ground in (roots, at_rest):  # bodies that joints carry may be at rest, too
+        found.frames |= {body: ground for body in on_ground if body not in found.frames}
+        waiting = _follow(found, waiting, names)
+    for body in known:
+        if body not in found.frames:
+            message = f"no joint carries this body; every body needs one of sympy's joints: {JOINTS}"
+            found.report(f"bodies.{body.name}", message)
+
+
+def _follow(found: SympySystem, joints: list[Any], names: Mapping[str, str]) -> list[Any]:
+    """Read the joints that known bodies carry, from the inside to the outside; the others are left."""
+    waiting, count = joints, -1
+    while len(waiting) != count:
+        count, joints, waiting = len(waiting), waiting, []
+        for joint in joints:
             ends = [b in found.frames for b in (joint.parent, joint.child)]
             if all(ends):
-                found.report(
-                    f"joints.{joint.name}", "closes a loop; a loop is closed by holonomic constraints in sympy"
-                )
+                found.report(f"joints.{joint.name}", "closes a loop; in sympy, holonomic constraints close loops")
             elif any(ends):
                 try:
                     _read_joint(found, joint, names, 1 if ends[0] else -1)
                 except Trouble as error:
                     found.report(f"joints.{joint.name}", str(error))
-        waiting = [j for j in waiting if j.parent not in found.frames and j.child not in found.frames]
-    for body in every:
-        if body not in found.frames:
-            message = f"no joint carries this body; every body needs one of sympy's joints: {JOINTS}"
-            found.report(f"bodies.{body.name}", message)
+            else:
+                waiting.append(joint)
+    return waiting
 
 
 def _in_order(bodies: list[Any], joints: list[Any]) -> list[Any]:
