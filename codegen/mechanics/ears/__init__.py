@@ -1,1 +1,1 @@
-"""Loops: the links that close them, in the axes of their region."""
+"""Loops: the links that close them, along the axes of their region."""

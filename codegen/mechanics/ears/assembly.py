@@ -1,7 +1,7 @@
-"""How far loops are open, and the step that closes them: residuals of position and velocity, Newton's step for the dependents.
+"""Residuals of loops in position and velocity, and Newton's step of the dependents, which closes them.
 
 Conditions are fixed in the start face of a loop joint and taken at the origin of its end face; linear ones are divided by the
-characteristic length. A rotation is measured by 2 sin(t/2), which grows up to half a turn, where a sine would vanish again.
+characteristic length. The residual of a rotation is 2 sin(t/2), which grows up to half a turn; a sine would vanish there again.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from .motions import Twist
 from .orthogonal import Factor
 
 HALF_TURN = 1e-14
-"""Square of the cosine of half an angle below which rounding hides the direction that leads back from half a turn."""
+"""Squared cosine of half the angle below which rounding hides the direction that leads back from half a turn."""
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
-    """``1 / sqrt(value)`` of the square of a cosine; and 1 at half a turn, where that is one too, else 0."""
+    """``1 / sqrt(value)`` for the square of a cosine; at half a turn 1 if that is one too, otherwise 0."""
     square = x.let("square", value, "Eq. 32")
     half = x.let("half", x.call("at_least", x.number(limits().rounding(HALF_TURN)), square), "Eq. 32")
     under = x.let("under", square + half, "Eq. 32")
@@ -41,7 +41,7 @@ def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
 def face_differences(x: Scope, ear: EarGeometry) -> tuple[list[Twist], Vector]:
     """Rotation vector, near closure, and displacement from the start face to the end face of every loop.
 
-    And which loops are half a turn open, 1 or 0: the direction of the rotation vector, of length 2, is arbitrary there.
+    Also 1 or 0 for each loop that is half a turn open: the direction of its rotation vector, of length 2, is arbitrary.
     """
     found: list[Twist] = []
     halves: Vector = [0] * len(ear.kind.closures)
@@ -70,7 +70,7 @@ def face_differences(x: Scope, ear: EarGeometry) -> tuple[list[Twist], Vector]:
 
 
 def residuals(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
+    """Outward block of an ear: position residuals of its loops, and velocity residuals at the given speeds."""
     ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps, halves = face_differences(x, ear)
     roots = [root.measured_velocity() for root in ear.roots]
@@ -108,7 +108,7 @@ def newton_step(x: Scope, kind: EarKind) -> None:
         for i, row in enumerate(rows):
             if row.surface is not None:
                 b[i] = x.let("b", row.gap + dot(row.n, moved[row.loop].linear), "Eq. 32")
-            if row.turning:  # what is open in this condition alone
+            if row.turning:  # the residual of this condition alone
                 sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
                 b[i] = x.let("b", sine + dot(row.n, moved[row.loop].angular), "Eq. 32")
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "Eq. 35")
@@ -133,7 +133,7 @@ def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:
 
 
 def link_step(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link that ears start from: its rotation vector and displacement against the origin, in its axes."""
+    """Outward block of a link from which ears start: rotation vector and displacement against the origin, along its axes."""
     if kind.closed_on == "origin":
         _store_step(x, ME, ZERO, ZERO)
         return
@@ -144,7 +144,7 @@ def link_step(x: Scope, kind: LinkKind) -> None:
 
 
 def far_steps(x: Scope, kind: RegionKind) -> None:
-    """Outward block of a region: displacements of far links against its base, in its axes."""
+    """Outward block of a region: displacements of far links relative to its base, along the base's axes."""
     for f, m in enumerate(kind.far):
         W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
         base, d_base = x.load(BASE, fields.step.angular), x.load(BASE, fields.step.linear)
@@ -184,7 +184,7 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
-    """Scales of the columns, in the order of the factor: displacements, and rows, in parts of the characteristic length."""
+    """Scales of the columns, in the order of the factor: displacements, and rows, in units of the characteristic length."""
     found = []
     for column in f.order:
         k, j = dependents(kind)[column]
@@ -199,7 +199,7 @@ def _divided(x: Scope, value: Value, unit: Number) -> Value:
 
 
 def _inverse(x: Scope, R: dict[tuple[int, int], Value], diagonal: Vector) -> dict[tuple[int, int], Value]:
-    """Of an upper triangular matrix."""
+    """Frobenius norm of an upper triangular matrix."""
     n = len(diagonal)
     found: dict[tuple[int, int], Value] = {}
     for j in range(n):

@@ -1,4 +1,4 @@
-"""Back substitution in regions and ears: accelerations of sources, of dependent joints, of links that carry others.
+"""Back substitution in regions and ears: accelerations of sources, of dependent joints, and of links with children.
 
 Eqs. 53-56, over directions too.
 """
@@ -21,7 +21,7 @@ from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def outer_accelerations(x: Scope, kind: RegionKind, lanes: bool) -> dict[int, Value]:
-    """What is known of a region's unknowns before its own are: motions of far links, base and partners, by place."""
+    """Accelerations that are known before a region's own: of far links, base and partners, by position."""
     base = x.load(LBASE if lanes else BASE, fields.explicit_acceleration) if kind.carried else []
     of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
     found = {place_of_base(kind) + i: value for i, value in enumerate(base)}
@@ -44,7 +44,7 @@ def region_back_substitute(x: Scope, kind: RegionKind) -> None:
 
 
 def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
-    """Back substitution among the sources, and the relative accelerations of far links; all are kept."""
+    """Back substitution among the sources, and the relative accelerations of far links; all are stored."""
     outer = outer_accelerations(x, kind, lanes)
     a: Vector = [outer.get(i, 0) for i in range(unknowns(kind))]
     for c in kind.locked:
@@ -59,7 +59,7 @@ def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
 
 
 def source_accelerations(x: Scope, kind: EarKind, lanes: bool) -> Vector:
-    """Accelerations of all sources as an ear sees them."""
+    """Accelerations of all sources as an ear reads them."""
     store, own = LREGION if lanes else REGION, kind.total if kind.rigid else kind.sources
     found = [x.load(store, fields.source_acceleration(c)) for c in range(own)]
     if kind.total > len(found):
@@ -78,7 +78,7 @@ def ear_balance_back(x: Scope, kind: EarKind) -> None:
 
 
 def find_joints(x: Scope, kind: EarKind, lanes: bool) -> None:
-    """Accelerations of an ear's joints from those of the sources, and what prescribed ones take."""
+    """Accelerations of an ear's joints from those of the sources, and driving forces of prescribed ones."""
     store, driving, udot = (LREGION, DDRIVING, DUDOT) if lanes else (REGION, DRIVING, UDOT)
     name, tag = ("dudot", "d Eq. 53") if lanes else ("udot", "Eq. 53")
     a = source_accelerations(x, kind, lanes)
@@ -98,7 +98,7 @@ def find_joints(x: Scope, kind: EarKind, lanes: bool) -> None:
 
 
 def carried_accelerations(x: Scope, kind: EarKind, a: Vector, lanes: bool) -> None:
-    """The explicit part of the accelerations of links that carry others, in their own axes. Eq. 54."""
+    """The explicit part of the accelerations of links with children, along their own axes. Eq. 54."""
     ear = EarGeometry(x, kind)
     store, base = (LME, LBASE) if lanes else (ME, BASE)
     rigid = x.load(base, fields.explicit_acceleration) if kind.carried and kind.rigid else None

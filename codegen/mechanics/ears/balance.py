@@ -1,9 +1,9 @@
 """The balance through an ear: tangents of its inverse dynamics at fixed udot. Section 4.6 of the theory page.
 
-Motions and forces are components in the links' own axes, as those of plain links are: there a link's inertia is constant, and
-nothing but its joint turns. Only what meets at a cut is turned into the region's axes, and the loops' wrenches back.
-Outward, the acceleration closure is differentiated; inward, the loops carry the wrench that closes them, and what is left
-along the dependent joints is projected on the sources by the same map ``Y``: no multiplier is ever solved for along a
+Motions and forces have components along the links' own axes, like those of plain links: a link's inertia is constant there, and
+only its joint rotates. Only quantities at a cut are rotated into the region's axes, and the loops' wrenches back.
+Outward, the acceleration closure is differentiated. Inward, the loops carry the wrench that closes them, and the residual
+along the dependent joints is projected onto the sources by the same map ``Y``: no multiplier is ever solved for along a
 direction.
 """
 
@@ -38,7 +38,7 @@ from .tangents import EarTangents, ear_tangents, tangents_of
 
 @dataclass(slots=True)
 class Handed:
-    """A moment and force on a root, about its origin and in its own axes, and its tangent: six components each."""
+    """A moment and force on a root, about its origin and along its own axes, and its tangent: six components each."""
 
     root: int
     force: Vector
@@ -49,7 +49,7 @@ class Handed:
 
 
 def motion_tangents(motion: Motion, tangent: Motion) -> dict[Symbol, Value]:
-    """Tangents by symbol of a motion that is loaded."""
+    """Tangents, by symbol, of a motion that is loaded."""
     seeds: dict[Symbol, Value] = {}
     for vector, moved in ((motion.w, tangent.w), (motion.al, tangent.al), (motion.a, tangent.a)):
         seeds.update(tangents_of(vector, moved))
@@ -59,7 +59,7 @@ def motion_tangents(motion: Motion, tangent: Motion) -> dict[Symbol, Value]:
 
 
 def own_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
-    """Motion of a link in its own axes from that of its parent, with the joint's udot. Eqs. 18-21."""
+    """Motion of a link along its own axes from that of its parent, with the joint's udot. Eqs. 18-21."""
     view, joint = member.view, member.joint
     carried = joint.to_child(before.w, "wp", "Eq. 18")
     w = joint.turning(carried)
@@ -71,7 +71,7 @@ def own_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Moti
 def turned_face_motion(
     x: Scope, ear: EarGeometry, motions: list[Motion], roots: list[Motion], c: int, side: int
 ) -> tuple[Vector, Vector, Vector]:
-    """Angular velocity, angular acceleration and acceleration of a loop's face, in the region's axes."""
+    """Angular velocity, angular acceleration and acceleration of a loop's face, along the region's axes."""
     place = ear.kind.closures[c].faces[side]
     m = motions[place] if place >= 0 else roots[-1 - place]
     r, _ = ear.face(c, side)
@@ -81,7 +81,7 @@ def turned_face_motion(
 
 
 def dependent_accelerations(x: Scope, ear: EarGeometry, rates: Vector) -> list[tuple[Vector, Vector]]:
-    """Angular and linear accelerations of the links that the dependent joints cause, in the links' axes. Eq. 31."""
+    """Angular and linear accelerations of the links due to the dependent joints, along the links' axes. Eq. 31."""
     tag = "d Eq. 31"
     found: list[tuple[Vector, Vector]] = []
     along = {(k, freedom.index): value for (k, freedom), value in zip(ear.dependents(), rates, strict=True)}
@@ -100,7 +100,7 @@ def dependent_accelerations(x: Scope, ear: EarGeometry, rates: Vector) -> list[t
 
 
 def ear_balance_out(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
+    """Outward block over directions: tangents of the motion with the sources' udot held, and of its force. Eqs. 25-29."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     angles = kept_rotations(ear)
@@ -151,13 +151,13 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
 
 
 def kept_rotations(ear: EarGeometry) -> dict[int, Vector]:
-    """Rotation vectors of links, and by negative places of roots, where seeds are complete."""
+    """Rotation vectors of links and, at negative positions, of roots, for complete seeds."""
     found = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     return found | {k: ear.x.load(MY_LANE[k], fields.shift.angular) for k in range(len(ear.members))}
 
 
 def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
-    """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
+    """Tangents of the roots' positions, if sliding joints need them, for complete seeds."""
     found: dict[Symbol, Value] = {}
     for root in ear.roots if ear.slides else ():
         found.update(tangents_of(root.position(), root.displacement(True)))
@@ -173,7 +173,7 @@ def slip_tangents(ear: EarGeometry, velocities: list[Twist]) -> dict[Symbol, Val
 
 
 def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> None:
-    """The roots' velocities and positions are given, where sliding joints ask for them."""
+    """Take the roots' velocities and positions as given, if sliding joints need them."""
     for t, root in enumerate(ear.roots if ear.slides else ()):
         if velocities:
             d.hold(velocities[t].six)
@@ -207,8 +207,10 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
 def let_wrench_act(
     x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, phi: list[Vector], d_phi: list[Vector], d: EarTangents
 ) -> tuple[list[Handed], CouplingForces]:  # fmt: skip
-    """Forces at the links, and their tangents, with the wrenches that close the loops, handed on from link to link; what roots
-    get, and what couplings take. Changes phi and d_phi. Eqs. 9, 45."""
+    """Forces at the links and their tangents, with the wrenches that close the loops, propagated inward.
+
+    Returns the forces on the roots, and those of couplings. Changes phi and d_phi. Eqs. 9, 45.
+    """
     handed: list[Handed] = []
     taken = CouplingForces()
     for c, closure in enumerate(ear.kind.closures if rows else ()):
@@ -223,9 +225,9 @@ def let_wrench_act(
 def begin_inward(
     x: Scope, kind: EarKind, moving_shares: bool = False
 ) -> tuple[EarGeometry, list[Condition], EarTangents]:
-    """Geometry and conditions of an ear, and tangents of what forces pass along, seeds and motions being known.
+    """Geometry and conditions of an ear, and tangents of the paths of forces, for known seeds and motions.
 
-    `moving_shares`: what the gradients of conditions on points are divided by is differentiated too.
+    `moving_shares`: the factors of conditions on points, one over their gradients, are differentiated, too.
     """
     ear = EarGeometry(x, kind)
     if moving_shares:
@@ -242,7 +244,7 @@ def begin_inward(
 
 
 def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Vector], list[Vector]]:
-    """What the motions of links need and what is handed to them, and its tangents: of what they need themselves, by name."""
+    """Forces that the motions of links require, with contributions of other links, and the tangents of the former by name."""
     phi: list[Vector] = []
     d_phi: list[Vector] = []
     for k in range(len(kind.links)):
@@ -257,8 +259,8 @@ def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Ve
 
 
 def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
-    """The loops' multipliers: with them dependent joints transmit their own force along their freedoms. Eqs. 9, 53."""
-    # what the joints would transmit without the loops' wrenches
+    """The loops' multipliers: with them, dependent joints transmit their own force along their degrees of freedom. Eqs. 9, 53."""
+    # forces that the joints would transmit without the loops' wrenches
     held = transmitted(x, ear, phi)
     gamma = [
         x.let("gamma", column_of(ear, k, j).along(held[k]) - tau(x, ear.kind, k, j), "Eq. 53")
@@ -270,7 +272,7 @@ def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
 def missed(
     x: Scope, ear: EarGeometry, k: int, j: int, phi: Vector, d_phi: Vector, taken: CouplingForces, found: bool = False
 ) -> Value:  # fmt: skip
-    """Tangent of what the force that a joint transmits misses along a freedom; `found` as of `own_force_tangent`. Eq. 53."""
+    """Tangent of the residual of a transmitted force along a degree of freedom; `found` as of `own_force_tangent`. Eq. 53."""
     dtau = own_force_tangent(x, ear.kind, k, j, found)
     s = column_of(ear, k, j)
     change = s.change(ear.members[k].view, phi)
@@ -279,29 +281,29 @@ def missed(
 
 
 def column_of(ear: EarGeometry, k: int, j: int) -> Column:
-    """Partial velocity of a freedom, in its link's axes."""
+    """Partial velocity of a degree of freedom, along its link's axes."""
     return ear.members[k].joint.all_columns[j]
 
 
 def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int, found: bool = False) -> Value:
-    """The tangent of the model's own force along a freedom, or along what is prescribed, less what a rotor takes.
+    """Tangent of the model's own force along a degree of freedom, or a prescribed coordinate, minus that of its rotor.
 
-    The balance holds udot of the independent freedoms, and dependent ones follow; once the tangent of udot has been `found`,
-    that is what a rotor resists.
+    The balance holds udot of the independent degrees of freedom, and dependent ones follow. Once the tangent of udot has been
+    `found`, the rotor resists that.
     """
     link, view = kind.links[k], MemberView(x, k)
     if link.joint.driven:
         return (x.entry(DHELD[k], 0) if link.held else 0) - driven_rotor_change(view, link)
     force = (x.entry(DTAU[k], j) if link.forced[j] else 0) - rotor_force_change(view, link, j)
     a = rotor(view, link, j)
-    if is_zero(a) or j not in kind.dependent[k]:  # the others' accelerations are held
+    if is_zero(a) or j not in kind.dependent[k]:  # the accelerations of the others are held
         return force
     rate = x.entry(DUDOT[k], j) if found else x.load(MY_LANE[k], fields.dependent_acceleration(j))
     return force - a * rate
 
 
 def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
-    """The model's own force along a freedom, less what a rotor takes."""
+    """The model's own force along a degree of freedom minus that of its rotor."""
     return transmitted_along(MemberView(x, k), kind.links[k], j)
 
 
@@ -321,13 +323,13 @@ def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
 def transmit(
     x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents, taken: CouplingForces
 ) -> list[Handed]:
-    """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
+    """The same with the loops' wrenches, and its tangent, stored in `phi` and `d_phi`; returns the forces on the roots."""
     kind = ear.kind
     handed: list[Handed] = []
     for k in reversed(range(len(phi))):
         member = ear.members[k]
         for j in kind.dependent[k]:
-            # in equilibrium a dependent joint transmits its own force along its freedom, and what couplings exert
+            # in equilibrium a dependent joint transmits its own force along its degree of freedom, plus that of couplings
             s = column_of(ear, k, j)
             own = tau(x, kind, k, j)
             if (k, j) in taken.forces:
@@ -362,9 +364,9 @@ def apply_wrench(
     d_phi: list[Vector],
     d: EarTangents,
 ) -> list[Handed]:
-    """Let a loop's wrench act on its two faces; it keeps to the directions that the joint holds, which turn with the links.
+    """Add a loop's wrench on its two faces. It stays along the directions that the joint constrains, which rotate with the links.
 
-    What it does to links of the ear is added to `phi` and `d_phi`; what it does to roots is returned.
+    Its effect on links of the ear is added to `phi` and `d_phi`; its effect on roots is returned.
     """
     wrenches = of_loop(rows, c, wrench, [row.n for row in rows])
     tangents = of_loop(rows, c, wrench, [d.vector(row.n) if row.loop == c else row.n for row in rows])
@@ -398,7 +400,7 @@ def apply_wrench(
 def turned_back(
     x: Scope, ear: EarGeometry, place: int, theta: Vector | None, v: Vector, dv: Vector
 ) -> tuple[Vector, Vector]:
-    """Components in a link's axes of a vector given in the region's, and their tangents ``W^T (dv - theta x v)``."""
+    """Components along a link's axes of a vector given along the region's, and their tangents ``W^T (dv - theta x v)``."""
     W = ear.attitude(place)
     if W is UNIT or theta is None:
         return v, dv
@@ -410,7 +412,7 @@ def turned_back(
 
 
 def hand_to_roots(x: Scope, ear: EarGeometry, handed: list[Handed]) -> None:
-    """Sum up what the roots get, in their axes."""
+    """Add the forces on the roots, along their axes."""
     for t, root in enumerate(ear.roots):
         parts = [h for h in handed if h.root == t]
         if parts and root.feels:

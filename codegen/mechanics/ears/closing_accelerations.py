@@ -1,4 +1,4 @@
-"""The closure of loops in accelerations: what the conditions see of those of the faces. Eq. 31."""
+"""Closure of loops in accelerations: residuals of the conditions for given accelerations of the faces. Eq. 31."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def closing_accelerations(
     name: str,
     root_speeds: list[Twist] | None = None,
 ) -> Vector:
-    """What the conditions see of the accelerations of faces, and of joints, with what their turning adds. Eq. 31."""
+    """Values of the conditions for accelerations of faces and joints, including the rotation of their directions. Eq. 31."""
     slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear)) if ear.slides else []
     at_cuts, relative = cut_accelerations(x, ear, face, joints, slips)
     result: Vector = []
@@ -33,7 +33,7 @@ def closing_accelerations(
             result.append(x.let(name, value + row.share * bent, "Eq. 31"))
             continue
         w = relative[row.loop]
-        for weight, c, d in row.turning:  # c turns with the end: ((w x c) x d) . w
+        for weight, c, d in row.turning:  # c rotates with the end: ((w x c) x d) . w
             turned = [x.let("nd", v, "Eq. 31") for v in cross([x.let("nc", v, "Eq. 31") for v in cross(w, c)], d)]
             value = value + weight * x.let("nrate", dot(turned, w), "Eq. 31")
         result.append(x.let(name, value, "Eq. 31") if row.turning else value)
@@ -43,9 +43,9 @@ def closing_accelerations(
 def cut_accelerations(
     x: Scope, ear: EarGeometry, face: FaceMotion, joints: Sequence[Vector], slips: list[Twist]
 ) -> tuple[list[Twist], list[Vector]]:
-    """What the faces' accelerations differ by at every cut, and their angular velocities. Eq. 31.
+    """Differences of the faces' accelerations at every cut, and their angular velocities. Eq. 31.
 
-    The joint's own remainder is taken off, for conditions that turn with the start face.
+    For conditions that rotate with the start face, the joint's own remainder is subtracted.
     """
     found = []
     turning: list[Vector] = []
@@ -91,7 +91,7 @@ def universal_bias(
 ) -> Vector:
     """For a universal joint with axes a and b: ``d/dt (n . w_rel)``, n = a x b, as an angular vector along n.
 
-    `angular` comes with ``- w_a x w_rel`` in it, which is right for directions fixed in the start face; n turns with both.
+    `angular` contains ``- w_a x w_rel``, which is right for directions fixed in the start face; n rotates with both faces.
     """
     a, b = ear.universal_axes(c)
     # d n/dt = (w_a x a) x b + a x (w_b x b) = w_a x n + a x (w_rel x b)

@@ -1,4 +1,4 @@
-"""Closure of an ear, outward: attitudes, closure matrix, how everything moves with the sources, dependent speeds. Eqs. 30-38.
+"""Closure of an ear, outward: attitudes, closure matrix, motion per unit of the sources, dependent speeds. Eqs. 30-38.
 
 With ``E x + (difference of the roots) = 0`` the dependent speeds are ``x = Y s``, s the sources of the region (independent
 speeds, the six components of a link's motion, those of far links against it), and every link moves with ``Z s``: the paper's
@@ -28,12 +28,12 @@ from .orthogonal import Factor, factor, load_factor
 
 
 def own_sources(kind: EarKind) -> dict[int, tuple[int, int]]:
-    """Sources that are freedoms of the ear's own links: number to link and freedom."""
+    """Sources that are degrees of freedom of the ear's own links: number to link and degree of freedom."""
     return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
 
 
 def dependents(kind: EarKind) -> list[tuple[int, int]]:
-    """Link and freedom of the dependent freedoms."""
+    """Link and index of the dependent degrees of freedom."""
     return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
 
 
@@ -42,14 +42,16 @@ def _of_unit(own: tuple[int, int] | None, k: int, j: int) -> int:
 
 
 def closures(x: Scope, kind: EarKind) -> FactorForm:
-    """Outward block of an ear: see the module. Gives the form of the factor, for the blocks that load it."""
+    """Outward block of an ear: see the module. Returns the form of the factor, for the blocks that load it."""
     ear = EarGeometry(x, kind, fresh=True)
     tag = "Eq. 34"
     rows = counted_conditions(ear)
     dependents = ear.dependents()
     columns = [seen_by(ear, rows, ear.column(k, f), "E", tag) for k, f in dependents]
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
-    length = float(algebra.ratio(kind.scale, kind.per_length))  # of linear conditions; 1 where they are divided by it
+    length = float(
+        algebra.ratio(kind.scale, kind.per_length)
+    )  # factor of linear conditions; 1 where they are divided by it
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35", length)
     checked = len(dependents)
     for row in rows:
@@ -68,7 +70,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
                 at_cuts[n] = at_cuts[n].plus(moved)
         b = seen_by(ear, kept_rows, at_cuts, "b", "Eq. 36")
         if own is None and all(root.vanishes for root in roots):
-            # zeros are written too: the links' kinds may be those of other ears, which the source moves
+            # zeros are stored too: the links' kinds may be those of other ears, which the source moves
             for d in range(len(dependents)):
                 x.store(EAR, fields.dependent_rate(d, c), 0)
             for k in range(len(ear.members)):
@@ -98,13 +100,13 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
 
 
 def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
-    """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
+    """Attitude, position and velocity, as from `link_motion`, of links of an ear on which other loops close. Eqs. 18, 22."""
     kind = ear.kind
     for k, link in enumerate(kind.links):
         if link.closed_on == "origin":
             at_rest(x, ME[k])
     moving = [k for k, link in enumerate(kind.links) if link.closed_on == "moving"]
-    if not moving:  # then the base need not be known against the origin either
+    if not moving:  # then the base need not be known relative to the origin either
         return
     W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
     velocities = member_velocities(x, ear, rates)
@@ -119,7 +121,7 @@ def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
 
 
 def member_velocities(x: Scope, ear: EarGeometry, rates: Vector) -> list[Twist]:
-    """Velocities of an ear's links against the origin, in region axes."""
+    """Velocities of an ear's links relative to the origin, along the region's axes."""
     kind = ear.kind
     roots = root_velocities(ear)
     speeds = ear.coefficients(rates, lambda k, j: ear.members[k].joint.speed(j))
@@ -137,7 +139,7 @@ def member_velocities(x: Scope, ear: EarGeometry, rates: Vector) -> list[Twist]:
 
 
 def root_velocities(ear: EarGeometry) -> list[Twist]:
-    """Velocities of the roots, relative to a base that carries the region rigidly. Eq. 30."""
+    """Velocities of the roots relative to a base that carries the region rigidly. Eq. 30."""
     found = []
     for root in ear.roots:
         total = Twist.zero()
@@ -150,7 +152,7 @@ def root_velocities(ear: EarGeometry) -> list[Twist]:
 
 
 def named_root_velocities(ear: EarGeometry) -> list[Twist]:
-    """Velocities of the roots as symbols of their own, even for copies: their tangents are known."""
+    """Velocities of the roots as symbols of their own, even if they are copies: their tangents are known."""
     found = []
     for twist in root_velocities(ear):
         named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]
@@ -159,7 +161,7 @@ def named_root_velocities(ear: EarGeometry) -> list[Twist]:
 
 
 def source_speed(x: Scope, kind: EarKind, c: int, own: tuple[int, int] | None) -> Value:
-    """The speed that a source stands for."""
+    """The speed that a source represents."""
     if own is not None:
         k, j = own
         return kind.links[k].joint(MemberView(x, k), kind.links[k]).speed(j)
@@ -178,14 +180,14 @@ def stored_factor(x: Scope, kind: EarKind) -> Factor:
 
 
 def at_rest(x: Scope, store: Store) -> None:
-    """The motion of the origin."""
+    """The motion of the origin: zero."""
     x.store(store, fields.closing_attitude, identity())
     for field in (fields.closing_position, fields.closing_twist.angular, fields.closing_twist.linear):
         x.store(store, field, ZERO)
 
 
 def link_motion(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link that ears start from: attitude, position and velocity against the origin. Eqs. 18, 22."""
+    """Outward block of a link from which ears start: attitude, position and velocity relative to the origin. Eqs. 18, 22."""
     if kind.closed_on == "origin":
         at_rest(x, ME)
     if kind.closed_on != "moving":

@@ -1,7 +1,7 @@
 """Completion of seeds: dq and du of the dependent joints, by differentiated closure. Section 4.6 of the theory page.
 
-Position and velocity closure are differentiated one after the other; each gives what the dependent joints must do by the
-same factored closure matrix. Links that ears start from hand on how a direction displaces and turns them.
+Position and velocity closure are differentiated one after the other; each gives the dependent entries by the
+same factored closure matrix. Links from which ears start pass on their displacement and rotation along a direction.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from .tangents import ear_tangents, tangents_of
 
 
 def link_displacement(x: Scope, kind: LinkKind) -> None:
-    """Outward block over directions of a link that ears start from: rotation vector, displacement, tangents of its velocity.
+    """Outward block over directions of a link from which ears start: rotation vector, displacement, tangents of its velocity.
 
-    All are components in the link's axes, against the origin.
+    All have components along the link's axes, relative to the origin.
     """
     if kind.closed_on == "origin":
         undisplaced(x, LME, MY_LANE)
@@ -62,14 +62,14 @@ def link_displacement(x: Scope, kind: LinkKind) -> None:
 
 
 def undisplaced(x: Scope, *stores: Store) -> None:
-    """The origin's."""
+    """The displacement of the origin: zero."""
     for store in stores:
         for field in (fields.closing_shift, fields.closing_twist):
             clear(x, store, field)
 
 
 def parameter_displacement(x: Scope, kind: LinkKind, joint: LinkJoint) -> tuple[Vector, Vector]:
-    """Displacement and rotation vector of the joint in its parent that the design parameters cause, in the parent's axes."""
+    """Displacement and rotation vector of the joint in its parent due to design parameters, along the parent's axes."""
     local: Vector = [0, 0, 0]
     about: Vector = [0, 0, 0]
     way, tag = joint.way(), "d Eq. 22"
@@ -90,7 +90,7 @@ def parameter_displacement(x: Scope, kind: LinkKind, joint: LinkJoint) -> tuple[
 
 
 def rotation_vector(dR: Matrix, R: Matrix) -> Vector:
-    """Of ``dR R^T``."""
+    """Rotation vector of ``dR R^T``."""
     return [dot(dR[i - 1], R[i - 2]) for i in range(3)]
 
 
@@ -111,7 +111,7 @@ def complete(x: Scope, kind: EarKind) -> None:
 def complete_positions(
     x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector]
 ) -> dict[tuple[int, int], Value]:
-    """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
+    """Displacements of the ear's links, added to `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
     kind, tag = ear.kind, "d Eq. 22"
     for k, member in enumerate(ear.members):
         view = member.view
@@ -195,7 +195,7 @@ def complete_velocities(
 def member_displacement(
     x: Scope, ear: EarGeometry, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
 ) -> None:
-    """The same as `link_displacement` gives, of a link of an ear that other loops close on, from what is relative to the base."""
+    """As `link_displacement`, for a link of an ear on which other loops close, from its motion relative to the base."""
     kind, tag = ear.kind, "d Eq. 22"
     theta, d = displaced
     W, o = ear.members[k].W, ear.position(k)
@@ -228,7 +228,7 @@ def member_displacement(
 def dependent_displacements(
     x: Scope, ear: EarGeometry, rates: Vector, lanes: bool = True
 ) -> dict[tuple[int, int], Value]:
-    """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
+    """dq of dependent joints from displacements along their degrees of freedom; for a quaternion ``e (0, theta) / 2``."""
     result: dict[tuple[int, int], Value] = {}
     values: dict[int, dict[int, Value]] = {}
     for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
@@ -242,7 +242,7 @@ def dependent_displacements(
 def cut_displacements(
     x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector], complete: bool
 ) -> list[Twist]:
-    """Displacements of the end faces against the start faces; with the dependent joints where seeds are complete."""
+    """Displacements of the end faces relative to the start faces, with those of the dependent joints for complete seeds."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:
@@ -269,16 +269,16 @@ def cut_displacements(
 
 
 def with_parameters(x: Scope, row: Condition, value: Value) -> Value:
-    """What a condition sees of a displacement, with what parameters change of its equation if it is one on a point."""
+    """Value of a condition for a displacement, including the change of its equation with parameters."""
     if row.surface is None:
         return value
     return x.let("b", value + row.share * row.surface.by_parameters(), "d Eq. 30", lanes=True)
 
 
 def seed_residuals(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions: by how much complete seeds open the loops, in all conditions of their joints.
+    """Outward block over directions: residuals that complete seeds leave in all conditions of the loops' joints.
 
-    Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
+    Only redundant conditions can have one, with a parameter, for example, that bends a planar loop out of its plane.
     """
     ear = EarGeometry(x, kind)
     angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
@@ -293,7 +293,7 @@ def seed_residuals(x: Scope, kind: EarKind) -> None:
 
 
 def face_displacement(x: Scope, ear: EarGeometry, c: int, side: int) -> tuple[Vector, Vector]:
-    """Displacement and rotation vector of a face in its link that the design parameters cause."""
+    """Displacement and rotation vector of a face in its link due to the design parameters."""
     name = "AB"[side]
     local: Vector = [0, 0, 0]
     about: Vector = [0, 0, 0]

@@ -1,4 +1,4 @@
-"""Closing conditions: what the joint of a loop holds together, and what of a motion at the cut each of its conditions sees.
+"""Closing conditions: the directions that the joint of a loop constrains, and their components of a motion at the cut.
 
 Linear conditions are divided by the characteristic length. Section 4.1 of the theory page.
 """
@@ -26,16 +26,16 @@ class Condition:
         Among the ear's.
     angular : bool
     n : Vector
-        What it sees of a motion at the cut, in region axes: the component along n, scaled.
+        Direction at the cut, in region axes, scaled: the condition is the component of the motion along n.
     turning : list of (weight, Vector, Vector)
-        Where the loop may be open in others: an angular condition is that a sum of weight c . d is zero, c fixed in the end, d
-        in the start, and n the sum of weight c x d.
+        For loops that may be open in other conditions: the angular condition is that a sum of weight c . d is zero, with c fixed
+        in the end face, d in the start face, and n the sum of weight c x d.
     axis : Vector or None
-        A direction of the start face in the place of n where what is open is told.
+        A direction of the start face in place of n, for residuals.
     surface : SurfaceCondition or None
         Of a condition on a point, whose n is a gradient.
     share : Value
-        What that has been multiplied by.
+        The factor of that condition.
     """
 
     loop: int
@@ -48,13 +48,13 @@ class Condition:
 
     @property
     def gap(self) -> Value:
-        """Of a condition on a point: by how much it is open, scaled."""
+        """Scaled residual of a condition on a point."""
         assert self.surface is not None
         return self.surface.x.let("gap", self.share * self.surface.value, "Eq. 32")
 
 
 def counted_conditions(ear: EarGeometry) -> list[Condition]:
-    """The conditions of all loops that count. Linear ones are divided by the characteristic length."""
+    """All conditions of all loops that count. Linear ones are divided by the characteristic length."""
     found: list[Condition] = []
     for c, closure in enumerate(ear.kind.closures):
         rows = _of_joint(ear, c, ear.x.number(ear.kind.scale), True)
@@ -64,7 +64,7 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
 
 
 def kept_conditions(ear: EarGeometry) -> list[Condition]:
-    """Those of the conditions that count which can matter, as the block of the closures has found."""
+    """The conditions that count and that can be nonzero, as found by the block of the closures."""
     kept = ear.kind.form.rows
     rows = counted_conditions(ear) if kept else []
     return [rows[i] for i in kept]
@@ -76,9 +76,9 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
 
 
 def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Condition]:
-    """Conditions of a loop joint, along the axes of the region (`counted`) where all are held, or else along the start face's."""
+    """Conditions of a loop joint: along the region's axes if all directions are constrained (`counted`), or the start face's."""
     closure = ear.kind.closures[c]
-    if closure.is_coupling:  # what it sees is the first of three components, see `ears.couplings`
+    if closure.is_coupling:  # its value is the first of three components, see `ears.couplings`
         return [Condition(c, True, [1, 0, 0])]
     if closure.surfaces:
         return surface_conditions(ear, c, share)
@@ -94,7 +94,7 @@ def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Con
 
 
 def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Condition]:
-    """Those of a condition on a point, linear ones along the gradients of its equations."""
+    """Conditions on a point: linear ones along the gradients of its equations."""
     found = []
     for i in range(len(ear.kind.closures[c].surfaces)):
         surface = SurfaceCondition(ear, c, i)
@@ -105,7 +105,7 @@ def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Conditio
 
 
 def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
-    """Directions that a joint holds, by how many: all, those across its axis, the one along it, none."""
+    """Directions that a joint constrains, by their number: all, those across its axis, the one along it, none."""
     if count == 3:
         return every
     if count == 2:
@@ -114,7 +114,7 @@ def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> l
 
 
 def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
-    """Directions about which a joint does not turn; where its two axes are perpendicular, their normal."""
+    """Directions about which a joint does not rotate; if its two axes are perpendicular, their normal."""
     closure = ear.kind.closures[c]
     if closure.holds.angular != 1:
         return held(closure.holds.angular, closure.axis, columns, every)
@@ -123,7 +123,7 @@ def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list
 
 
 def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
-    """All conditions of a loop joint whose faces may be apart: they hold, and so do their rates, where others do not."""
+    """All conditions of a loop joint whose faces may be apart: they and their rates hold where others do not."""
     closure = ear.kind.closures[c]
     s = ear.face_axes(c, 0)
     found = [Condition(c, False, scale(share, n)) for n in held(closure.holds.linear, closure.axis, s, s)]
@@ -161,7 +161,7 @@ def seen_by(
 
 
 def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:
-    """Moment and force of a loop from its multipliers, along directions of the conditions or what these change by."""
+    """Moment and force of a loop from its multipliers, along the directions of the conditions or their changes."""
     found: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
     for row, value, n in zip(rows, multipliers, along, strict=True):
         if row.loop == c:

@@ -1,9 +1,9 @@
-"""Couplings of coordinates: a closing condition that sees the joints themselves, not what they do at a cut.
+"""Couplings of coordinates: a closing condition on the joints themselves, without a cut.
 
-``sum of factor q - offset = 0`` is a row of the closure matrix whose entries are the factors. What it sees of displacements,
-speeds and accelerations stands where that of faces does, as the first component of an angular part (`motions.Twist`): so
-conditions, factors and solutions are those of loops. Its multiplier is a force along the coordinates, in the same proportion.
-All coupled links are of the ear (`structure/regions.py`). Section 4.11 of the theory page.
+``sum of factor q - offset = 0`` is a row of the closure matrix whose entries are the factors. Its values for displacements,
+speeds and accelerations are stored as the first component of an angular part (`motions.Twist`), where other conditions have
+those of faces. Conditions, factors and solutions are then those of loops. Its multiplier is a force along the coordinates, in
+the same proportion. All coupled links belong to the ear (`structure/regions.py`). Section 4.11 of the theory page.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def _seen(value: Value) -> Twist:
 
 
 def open_by(ear: EarGeometry, c: int) -> Twist:
-    """By how much the coordinates miss a coupling. Eq. 32."""
+    """Residual of a coupling. Eq. 32."""
     x = ear.x
     total: Value = -x.load(LOOP_CONSTANTS[c], fields.coupling_offset)
     for t, (k, j) in enumerate(ear.kind.closures[c].terms):
@@ -36,7 +36,7 @@ def open_by(ear: EarGeometry, c: int) -> Twist:
 
 
 def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
-    """What a direction changes of that, by parameters and joints; only `complete` seeds have the dependent ones. d Eq. 30."""
+    """Change of that residual with parameters and joints; only `complete` seeds include dependent ones. d Eq. 30."""
     x, closure = ear.x, ear.kind.closures[c]
     total: Value = 0
     for j in range(closure.parameters):
@@ -53,16 +53,16 @@ def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
 
 @dataclass(slots=True)
 class CouplingForces:
-    """What couplings take along coordinates, the opposite of what they exert, by link and freedom; and its tangents.
+    """Forces of couplings along coordinates, with opposite sign, by link and degree of freedom; and their tangents.
 
-    These are with the multipliers held, as those of loops' wrenches are.
+    The tangents are those with the multipliers held, as for the loops' wrenches.
     """
 
     forces: dict[tuple[int, int], Value] = field(default_factory=dict)
     tangents: dict[tuple[int, int], Value] = field(default_factory=dict)
 
     def add(self, ear: EarGeometry, c: int, rows: Sequence[Condition], multipliers: Vector, d: EarTangents) -> None:
-        """What one coupling takes. Eq. 9."""
+        """The forces of one coupling, with opposite sign. Eq. 9."""
         for row, value in zip(rows, multipliers, strict=True):
             if row.loop == c:
                 for t, place in enumerate(ear.kind.closures[c].terms):

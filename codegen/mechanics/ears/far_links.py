@@ -1,9 +1,9 @@
-"""Far links of a region: where they are and how they move against the region's base, in the base's axes.
+"""Far links of a region: their positions and motions relative to the region's base, along the base's axes.
 
-A region that starts from several links hangs on one of them, its base, which carries it rigidly; the motion of the others
-relative to that are sources of the region (`structure.Region.far`). The ground can be one of them. Fields of the region:
+A region that starts from several links hangs on one of them, its base, which carries it rigidly. The motions of the others
+relative to the base are sources of the region (`structure.Region.far`). The ground can be one of them. Fields of the region:
 ``far0.W`` attitude, ``far0.o`` origin, ``far0.w`` and ``far0.v`` relative velocity, ``far0.aw``, ``far0.al``, ``far0.a``,
-``far0.B`` motion against the ground.
+``far0.B`` motion relative to the ground.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TWIST = (fields.closing_twist.angular, fields.closing_twist.linear)
 
 
 def _store(kind: RegionKind, m: int, lanes: bool = False) -> Store:
-    """The record (or slot) of a far link; m is its place among the partners, -1 for the ground."""
+    """The record (or slot) of a far link; m is its position among the partners, -1 for the ground."""
     return (LGROUND if lanes else GROUND) if m < 0 else partner_store(kind, m, lanes)
 
 
@@ -63,7 +63,7 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
         theta = x.let_vector("th", minus(theta, theta_base), "d Eq. 22", lanes=True)
         d = x.let_vector("d", minus(d, add(d_base, cross(theta_base, o))), "d Eq. 22", lanes=True)
         if m >= 0:
-            # W v turns with theta besides
+            # W v rotates with theta as well
             w, v = (x.let_vector("own", rotate(W, x.load(partner_store(kind, m), f)), "Eq. 18") for f in TWIST)
             dw, dv = add(dw, cross(theta, w)), add(dv, cross(theta, v))
         carried = add(dv_base, cross(dw_base, o), cross(w_base, d))
@@ -76,7 +76,7 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
 def far_motions(
     x: Scope, kind: RegionKind, own: MotionFields = fields.remainder, found: MotionFields = fields.far_remainder
 ) -> None:
-    """Angular velocity and accelerations of far links against the ground: from `own` of them to `found` of the region."""
+    """Angular velocity and accelerations of far links relative to the ground, from their `own` fields to those of the region."""
     for f, m in enumerate(kind.far):
         far, W = _store(kind, m), x.load(REGION, fields.far_attitude(f))
         w, al = [list(ZERO) for _ in range(2)]
@@ -90,7 +90,7 @@ def far_motions(
 
 
 def far_own_motions(x: Scope, kind: RegionKind) -> None:
-    """Motion of far links against the ground in their own axes, with all of the accelerations, and its tangents.
+    """Motion of far links relative to the ground along their own axes, with total accelerations, and its tangents.
 
     Fields ``far0.ow``, ``far0.oal``, ``far0.oa``, ``far0.oB``; the ground has its acceleration only.
     """
@@ -99,7 +99,7 @@ def far_own_motions(x: Scope, kind: RegionKind) -> None:
         own, found = fields.total, fields.far_own(f)
         x.store(REGION, found.a, x.load(record, own.a))
         x.store(LREGION, found.a, x.load(slot, fields.remainder.a))
-        if m < 0:  # it does not turn
+        if m < 0:  # it does not rotate
             for store in (REGION, LREGION):
                 x.store(store, found.w, list(ZERO))
                 x.store(store, found.al, list(ZERO))

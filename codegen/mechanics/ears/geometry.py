@@ -1,8 +1,8 @@
-"""Ears in the axes of their region: attitudes, levers, and motions from its roots to the cuts of its loops.
+"""Ears along the axes of their region: attitudes, levers, and motions from its roots to the cuts of its loops.
 
-All vectors of a region's links are in the axes of its base (but for the balance, `ears.balance`). So nothing is turned from
-link to link: a joint of a link contributes its axis e, the column ``(e, e x lever)`` to a loop (section 4.1 of the theory
-page), and a velocity, an acceleration or a displacement goes from link to link by ``a + alpha x rho``.
+All vectors of a region's links have components along the axes of its base (except in `ears.balance`). Nothing is rotated from
+link to link: a joint of a link contributes its axis e, the column ``(e, e x lever)``, to a loop (section 4.1 of the theory
+page), and a velocity, an acceleration or a displacement is propagated by ``a + alpha x rho``.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from .roots import roots_of
 
 @dataclass(slots=True)
 class FixedVector:
-    """A vector that is fixed in a link (or, its place negative, in a root).
+    """A vector that is fixed in a link (or, with a negative position, in a root).
 
     Attributes
     ----------
     found, local : Vector
         In region and in link components.
     kept : (Store, VectorField) or None
-        Where its tangent is kept once the seeds are complete.
+        Where its tangent is stored once the seeds are complete.
     """
 
     place: int
@@ -52,13 +52,13 @@ class EarGeometry:
     fresh : bool
         Attitudes are computed; otherwise they are loaded.
     positions : VectorField
-        Of the roots.
+        Positions of the roots.
 
     Attributes
     ----------
     shares : {"found", "held", "moving"}
-        By what the gradients of conditions on points are divided: it is computed and kept, loaded and held along directions, or
-        computed and differentiated.
+        The factors of conditions on points, one over the length of their gradients: computed and stored, loaded and held along
+        directions, or computed and differentiated.
     """
 
     def __init__(self, x: Scope, kind: EarKind, fresh: bool = False, positions: VectorField = fields.ear_position):
@@ -111,19 +111,19 @@ class EarGeometry:
         tag: str = "Eq. 22",
         kept: tuple[Store, VectorField] | None = None,
     ) -> Vector:
-        """Region components of a vector given in a link's; remembered for differentiation."""
+        """Region components of a vector given along a link's axes; recorded for differentiation."""
         found = self.x.let_vector(name, rotate(self.attitude(place), v), tag)
         self.fixed.append(FixedVector(place, found, v, kept))
         return found
 
     def face(self, c: int, side: int) -> tuple[Vector, Matrix]:
-        """Origin and axes of a loop joint's face in the components of its link: the joint's axis is a coordinate axis."""
+        """Origin and axes of a loop joint's face along the axes of its link: the joint's axis is a coordinate axis."""
         name = "AB"[side]
         r = self.x.load(LOOP_CONSTANTS[c], fields.face_place(name))
         return r, self.x.load(LOOP_CONSTANTS[c], fields.face_axes(name))
 
     def arm(self, c: int, side: int) -> Vector:
-        """From the origin of a face's link to the face."""
+        """Vector from the origin of a face's link to the face."""
         r, _ = self.face(c, side)
         place = self.kind.closures[c].faces[side]
         kept = (MY_LANE[place], fields.arm_tangent(c, "AB"[side])) if place >= 0 else None
@@ -131,16 +131,16 @@ class EarGeometry:
 
     @property
     def slides(self) -> bool:
-        """The way between the faces of some loop matters."""
+        """Whether the displacement between the faces of some loop is needed."""
         return any(c.slides for c in self.kind.closures)
 
     @cached_property
     def levers(self) -> list[tuple[dict[int, Vector], dict[int, Vector]]]:
-        """For each loop, from the origins of the links on both sides to the cut."""
+        """For each loop, the vectors from the origins of the links on both sides to the cut."""
         return [self._levers(c) for c in range(len(self.kind.closures))]
 
     def _levers(self, c: int) -> tuple[dict[int, Vector], dict[int, Vector]]:
-        """From the origins of the links on both sides of a loop to the cut. The root's has the key -1."""
+        """Vectors from the origins of the links on both sides of a loop to the cut. That of the root has the key -1."""
         result: tuple[dict[int, Vector], dict[int, Vector]] = ({}, {})
         if self.kind.closures[c].is_coupling:
             return result
@@ -156,19 +156,19 @@ class EarGeometry:
         return result
 
     def slip(self, c: int) -> Vector | None:
-        """From the origin of the start face to that of the end face; None where they coincide."""
+        """Vector from the origin of the start face to that of the end face; None where they coincide."""
         if not self.kind.closures[c].slides:
             return None
         a, b = (self.position_of_face(c, side) for side in (0, 1))
         return self.x.let_vector("slip", minus(b, a), "Eq. 32")
 
     def position_of_face(self, c: int, side: int) -> Vector:
-        """In region axes, from the region's base."""
+        """Position of a face along region axes, from the region's base."""
         place = self.kind.closures[c].faces[side]
         return self.x.let_vector("face", add(self.position(place), self.arm(c, side)), "Eq. 22")
 
     def position(self, place: int) -> Vector:
-        """Of a link's origin, or a root's, in region axes, from the region's base."""
+        """Position of the origin of a link or root along region axes, from the region's base."""
         if place >= 0:
             m = self.members[place]
             return self.x.let_vector("o", add(self.position(m.parent), m.rho), "Eq. 22")
@@ -179,7 +179,7 @@ class EarGeometry:
     def step(
         self, before: Twist, member: Member, coefficients: Vector, name: str, tag: str, lanes: bool = False
     ) -> Twist:
-        """The motion of a link from its parent's, the joint's freedoms moving with the given coefficients."""
+        """The motion of a link from its parent's, with the given rates of the joint's degrees of freedom."""
         angular, linear = before.angular, before.at(member.rho)
         turning, sliding = joint_motion(member.freedoms, coefficients)
         angular = angular if turning is None else add(angular, turning)
@@ -192,7 +192,7 @@ class EarGeometry:
     def walk(
         self, roots: list[Twist], coefficients: list[Vector], name: str, tag: str, lanes: bool = False
     ) -> list[Twist]:
-        """Motions of all links of the ear, from those of its roots and the rates of its freedoms."""
+        """Motions of all links of the ear, from those of its roots and the rates of its degrees of freedom."""
         found: list[Twist] = []
         for member, values in zip(self.members, coefficients, strict=True):
             before = found[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
@@ -200,13 +200,13 @@ class EarGeometry:
         return found
 
     def still(self) -> list[Twist]:
-        """Twists of the roots where these do not move."""
+        """Zero twists of the roots."""
         return [Twist.zero() for _ in self.roots]
 
     # -- motion at the cuts ----------------------------------------------------------------------------------------
 
     def face_axes(self, c: int, side: int) -> list[Vector]:
-        """The three axes of a face in region components."""
+        """The three axes of a face along region axes."""
         _, F = self.face(c, side)
         place = self.kind.closures[c].faces[side]
         return [self.fixed_vector("n", place, [F[i][j] for i in range(3)], "Eq. 33") for j in range(3)]
@@ -217,18 +217,18 @@ class EarGeometry:
         return self.face_axes(c, 0)[closure.axis], self.face_axes(c, 1)[closure.end_axis]
 
     def ratio(self, c: int, t: int) -> Value:
-        """What a coupling multiplies one of its coordinates by."""
+        """Factor of a coordinate in a coupling."""
         return self.x.load(LOOP_CONSTANTS[c], fields.coupling_factor(t))
 
     def coupled(self, c: int, values: Sequence[Vector], name: str, tag: str) -> Twist:
-        """What a coupling sees of speeds, or of accelerations, of joints, by link and freedom; see `ears.couplings`."""
+        """Value of a coupling for speeds or accelerations of joints, by link and degree of freedom; see `ears.couplings`."""
         total: Value = 0
         for t, (k, j) in enumerate(self.kind.closures[c].terms):
             total = total + self.ratio(c, t) * values[k][j]
         return Twist([self.x.let(name, total, tag), 0, 0], [0, 0, 0])
 
     def face_difference(self, motions: list[Twist], roots: list[Twist], speeds: Sequence[Vector]) -> list[Twist]:
-        """Motion of the end face against the start face at every cut, from motions of links and roots, and of joints."""
+        """Motion of the end face relative to the start face at every cut, from motions of links, roots and joints."""
         found = []
         for c, closure in enumerate(self.kind.closures):
             if closure.is_coupling:
@@ -246,7 +246,7 @@ class EarGeometry:
         return found
 
     def column(self, member: int, freedom: Freedom) -> list[Twist]:
-        """What a freedom contributes to the difference at every cut."""
+        """Contribution of a degree of freedom to the difference at every cut."""
         found = []
         for c, closure in enumerate(self.kind.closures):
             total = Twist([0, 0, 0], [0, 0, 0])
@@ -266,7 +266,7 @@ class EarGeometry:
         return found
 
     def root_difference(self, roots: list[Twist]) -> list[Twist]:
-        """What the motion of the roots, all joints of the ear held, contributes at every cut."""
+        """Contribution of the motion of the roots at every cut, with all joints of the ear locked."""
         found = []
         for c, closure in enumerate(self.kind.closures):
             start, end = (
@@ -277,11 +277,11 @@ class EarGeometry:
         return found
 
     def dependents(self) -> list[tuple[int, Freedom]]:
-        """The dependent freedoms, in the order of the closure matrix's columns."""
+        """The dependent degrees of freedom, in the order of the closure matrix's columns."""
         return [(k, m.freedoms[j]) for k, m in enumerate(self.members) for j in self.kind.dependent[k]]
 
     def coefficients(self, dependent: Vector, independent: Callable[[int, int], Value] | None = None) -> list[Vector]:
-        """For each link, values of its freedoms: the dependent ones as listed, the others by a function of link and freedom."""
+        """For each link, values of its degrees of freedom: listed for dependent ones, by a function for the others."""
         found = [
             [0 if independent is None else independent(k, f.index) for f in m.freedoms]
             for k, m in enumerate(self.members)

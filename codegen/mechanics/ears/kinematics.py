@@ -1,6 +1,6 @@
-"""How the links of ears move with their sources at rest, and the force that this needs. Eqs. 18-24, 31, 38.
+"""Motion of an ear's links with the sources at rest, and the force that it requires. Eqs. 18-24, 31, 38.
 
-The dependent joints accelerate as closure asks. What links carry goes on from there in their own axes.
+The dependent joints have the accelerations that closure requires. Links beyond the ear continue along their own axes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .motions import Motion
 
 
 def link_constants(x: Scope, ear: EarGeometry, k: int) -> tuple[Value, Vector, Matrix]:
-    """Mass, first moment and inertia about the origin of a link, in region axes."""
+    """Mass, first moment and inertia of a link about its origin, along region axes."""
     member = ear.members[k]
     m = member.view.load(CONSTANTS, fields.mass)
     h = ear.fixed_vector("h", k, member.view.load(CONSTANTS, fields.first_moment), "Eq. 23")
@@ -36,14 +36,14 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
     """``W J W^T``."""
     axis = None if x.structural else _axis_of_symmetry(J)
     if axis is not None:
-        # J = a (U - e e^T) + c e e^T, the first bracket by sums of squares: nothing cancels in its entries
+        # J = a (U - e e^T) + c e e^T, with the first bracket as sums of squares, so that nothing cancels in its entries
         e = [W[i][axis] for i in range(3)]
         c, a = J[axis][axis], J[axis - 1][axis - 1]
         squares = [x.let("ee", v * v, tag) for v in e]
         across = [a * x.let("es", squares[i - 2] + squares[i - 1], tag) + c * squares[i] for i in range(3)]
         for i, row in enumerate(W):
             if (j := _kept_axis(row)) is not None:
-                across[i] = J[j][j]  # and not a sum of squares that is one: zero patterns have this number
+                across[i] = J[j][j]  # and not a sum of squares that equals one: zero patterns contain this number
         more = x.let("ca", c - a, tag)
         mixed = [more * x.let("ee", e[i] * e[j], tag) for i, j in ((0, 1), (0, 2), (1, 2))]
         return symmetric([x.let("J", v, tag) for v in (*across, *mixed)])
@@ -64,7 +64,7 @@ def _axis_of_symmetry(J: Matrix) -> int | None:
 
 
 def _kept_axis(row: Sequence[Value]) -> int | None:
-    """The axis of a link that is along, or against, an axis of the region in every state; None where there is none."""
+    """The axis of a link that is parallel to an axis of the region in every state; None if there is none."""
     places = [j for j, v in enumerate(row) if not is_zero(v)]
     return places[0] if len(places) == 1 and row[places[0]] in (1, -1) else None
 
@@ -79,7 +79,7 @@ def joint_bias(x: Scope, member: Member, w_before: Vector, speeds: Vector) -> tu
 
 
 def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None = None) -> Motion:
-    """Motion of a link from its parent's; `extra` are the joint's udot, none if left out; a prescribed joint has its own."""
+    """Motion of a link from its parent's; `extra` are the joint's udot, zero by default; a prescribed joint has its own."""
     speeds = member.speeds
     turning, _ = joint_motion(member.freedoms, speeds)
     w = x.let_vector("w", add(before.w, turning or ZERO), "Eq. 18")
@@ -105,7 +105,7 @@ def face_motion(
 
 
 def ear_kinematics(x: Scope, kind: EarKind) -> None:
-    """Outward block: motion with the sources at rest, dependent joints accelerating as closure asks, and the force it needs."""
+    """Outward block: motion with the sources at rest and dependent joints from closure, and the force that it requires."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     roots = [root.motion(False) for root in ear.roots]
@@ -128,7 +128,7 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
 
 
 def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool) -> None:
-    """Motions of an ear's links, with the sources at rest or (`total`) all of them, and the forces that they need. Eq. 24."""
+    """Motions of an ear's links, with the sources at rest or (`total`) all of them, and the forces that they require. Eq. 24."""
     motion, needed = (fields.ear_total, fields.ear_total_needed) if total else (fields.ear_remainder, fields.ear_needed)
     for k, m in enumerate(motions):
         me, constants = ME[k], link_constants(x, ear, k)
@@ -143,7 +143,7 @@ def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool
 
 
 def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: Vector) -> Vector:
-    """What is left of the force that a link needs when force elements have acted on it, in region axes."""
+    """The force of a link minus that of force elements, along region axes."""
     if not ear.kind.links[k].pulled:
         return needed
     acting = turned(ear.members[k].W, x.load(ME[k], fields.external))
@@ -151,7 +151,7 @@ def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: Vector) -> Vect
 
 
 def hand_outward(x: Scope, store: Store, W: Matrix, m: Motion, total: bool) -> None:
-    """Motion in the link's own axes, for the links that it carries."""
+    """Motion along the link's own axes, for the links that it carries."""
     back = transpose(W)
     w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (m.w, m.al, m.a))
     motion = fields.total if total else fields.remainder

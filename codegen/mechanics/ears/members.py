@@ -1,4 +1,4 @@
-"""Links of an ear as its blocks see them: what their coordinates give, and how their joints move them."""
+"""Links of an ear in its blocks: functions of their coordinates, and motions by their joints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..structure.kinds import LinkKind
 
 
 class MemberView(Scope):
-    """The expansion of an ear as one of its links sees it: constants, coordinates and records are the link's own."""
+    """The expansion of an ear as one of its links reads it: constants, coordinates and records are the link's own."""
 
     def __init__(self, x: Scope, place: int):
         super().__init__(x.title, x.tangents, x.units)
@@ -57,14 +57,14 @@ class MemberView(Scope):
 
 @dataclass(slots=True)
 class Freedom:
-    """How a link moves with one freedom of its joint, in region axes.
+    """Motion of a link per unit of one degree of freedom of its joint, along region axes.
 
     Attributes
     ----------
     angular, linear : Vector or None
-        None where it does not turn, or slide.
+        None without rotation, or without translation.
     index : int
-        Among the joint's freedoms.
+        Among the joint's degrees of freedom.
     """
 
     angular: Vector | None
@@ -72,7 +72,7 @@ class Freedom:
     index: int
 
     def along(self, angular: Vector, linear: Vector) -> Value:
-        """What a moment and a force, or the like, are along it."""
+        """Power of a moment and a force along it."""
         total: Value = 0
         for own, v in ((self.angular, angular), (self.linear, linear)):
             if own is not None:
@@ -81,7 +81,7 @@ class Freedom:
 
 
 def joint_motion(freedoms: Sequence[Freedom], values: Sequence[Value]) -> tuple[Vector | None, Vector | None]:
-    """Angular and linear part of a joint's motion with given rates of its freedoms; None where there is none."""
+    """Angular and linear part of a joint's motion with given rates; None where there is none."""
     angular: Vector | None = None
     linear: Vector | None = None
     for f, value in zip(freedoms, values, strict=True):
@@ -98,16 +98,16 @@ def joint_motion(freedoms: Sequence[Freedom], values: Sequence[Value]) -> tuple[
 
 @dataclass(slots=True)
 class Member:
-    """A link of an ear: what its coordinates give.
+    """A link of an ear: functions of its coordinates.
 
     Attributes
     ----------
     W : Matrix
         Region components from link components.
     rho : Vector
-        From the parent's origin to the link's.
+        Vector from the parent's origin to the link's.
     r : Vector
-        The same in the parent link's components.
+        The same along the parent link's axes.
     freedoms : list of Freedom
     """
 
@@ -122,10 +122,10 @@ class Member:
 
     @property
     def speeds(self) -> Vector:
-        """Of the joint's freedoms, or of a joint that is prescribed."""
+        """Axes of the joint's degrees of freedom, or of a prescribed joint."""
         return [self.joint.speed(f.index) for f in self.freedoms]
 
     @property
     def given_accelerations(self) -> Vector | None:
-        """Of a joint that is prescribed."""
+        """Axis of a prescribed joint."""
         return [self.joint.known(ACCELERATION)] if isinstance(self.joint, Driven) else None

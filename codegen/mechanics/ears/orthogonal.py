@@ -1,8 +1,8 @@
 """The closure matrix of an ear as Q R: modified Gram-Schmidt with a second pass, the stable form of Eqs. 33-38.
 
-The paper's recursion projects one joint's motion after the other out of what is left to close. Here each column is
-projected twice, which leaves Q orthogonal to rounding whatever the condition; a column with one entry, and the second of
-two columns in a plane, need neither projection nor root. With more conditions than rank, ``E x = b`` is solved in the
+The paper's recursion projects the motions of joints, one after the other, out of the remaining conditions. Here each column is
+projected twice, which leaves Q orthogonal to rounding for any condition. A column with one entry, and the second of
+two columns in a plane, need neither projection nor square root. With more conditions than rank, ``E x = b`` is solved in the
 least-squares sense: on consistent motion the redundant conditions agree.
 """
 
@@ -20,7 +20,7 @@ from ..stores import EAR, RANK
 from ..structure.factor_form import FactorForm, Step
 
 SMALLEST = 1e-28
-"""Squared part of a column that must be left after projection, and in all: below it the closure matrix has lost rank."""
+"""Part of a squared column that must remain after projection, and in all; below it the closure matrix has lost rank."""
 
 
 class RankLossError(ValueError):
@@ -81,7 +81,7 @@ class Factor:
         return result
 
     def store(self, rows: list[int], count: int) -> FactorForm:
-        """Keep the factor in the ear's record; gives its form, for `load_factor`.
+        """Store the factor in the ear's record; returns its form, for `load_factor`.
 
         `rows` are the numbers of E's rows among all `count` conditions. Fields are called after those and after columns. On zero
         patterns all fields are taken to be there: statements may show more zeros, and then another order of elimination.
@@ -120,7 +120,7 @@ def load_factor(x: Scope, form: FactorForm) -> Factor:
 
 
 def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
-    """The unit vector normal to one, two or three orthonormal ones in as many dimensions and one more."""
+    """The unit vector normal to one, two or three orthonormal ones, in one dimension more than their number."""
     let = x.let
     if len(q) == 1:
         return [-q[0][1], q[0][0]]
@@ -137,7 +137,7 @@ def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
 
 
 def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Factor:
-    """Factor a matrix given by its columns, the ones with fewest entries first; columns are of that size, but near rank loss."""
+    """Factor a matrix given by its columns, those with fewest entries first; columns are of order one except near rank loss."""
     let = x.let
     f = Factor(x)
     support = [[i for i, v in enumerate(c) if v != 0] for c in columns]
@@ -155,7 +155,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
         wide = [i for i, q in enumerate(f.q) if not any(e == 1 for e in q) and any(q[k] != 0 for k in left)]
         spans = sorted({k for i in wide for k in range(rows) if f.q[i][k] != 0})
         if wide and len(wide) == len(spans) - 1 <= 3 and set(left) <= set(spans):
-            # only one direction is left: it follows from the others
+            # only one direction remains: it follows from the others
             last = _complement(x, [[f.q[i][k] for k in spans] for i in wide], tag)
             f.q.append([last[spans.index(k)] if k in spans else 0 for k in range(rows)])
             for i in wide:
@@ -167,7 +167,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
                 for i in wide:
                     q = f.q[i]
                     c = let("R", inner(q, v), tag)
-                    if not again:  # what the second pass finds is rounding, for R too
+                    if not again:  # the second pass finds rounding errors, also for R
                         f.R[i, j] = c
                     v = [let("E", v[k] - product(c, q[k]), tag) for k in range(rows)]
             left = [k for k in range(rows) if v[k] != 0]
@@ -186,7 +186,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        # a column that is all but zero, of a joint that has come to move nothing, is told too
+        # a column that is nearly zero, of a joint that no longer moves anything, is reported too
         margin = let(
             "margin", square - x.number(limits().rounding(SMALLEST, 2)) * (x.number(size * size) + above), "rank"
         )

@@ -1,10 +1,10 @@
 """Tangents of reactions, once the balance has found the tangent of udot. Section 6 of the theory page.
 
-Outward, the force that every link's motion needs gets what the change of udot adds to it: the balance had held udot.
-Inward, these forces are summed up as the balance does, in the links' own axes. A loop's wrench changes with the directions
-that its joint holds and by a change of its multipliers, ``E^T dW = -dgamma``: what the dependent joints miss while W is
-held, by the factor at hand. Where conditions are redundant W is the shortest, ``W = E z``, and ``dE z`` stays as far as E does
-not reach it.
+Outward, the contribution of the change of udot is added to the force that every link's motion requires: the balance held udot.
+Inward, these forces are summed as in the balance, along the links' own axes. A loop's wrench changes with the directions
+that its joint constrains and by a change of its multipliers, ``E^T dW = -dgamma``: the residual of the dependent joints with W
+held, solved by the stored factor. Where conditions are redundant, W is the shortest, ``W = E z``, and the part of ``dE z`` that
+E does not reach is added.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ from .tangents import EarTangents
 
 
 def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]) -> Vector:
-    """Let the freedoms of a link accelerate by `rates` besides, its parent by `before`: what that adds to the force it needs.
+    """Add accelerations `rates` of a link's degrees of freedom, and `before` of its parent, to the force that it requires.
 
-    Gives what it adds to the link's acceleration. Eqs. 19, 23.
+    Returns the added acceleration of the link. Eqs. 19, 23.
     """
     A = moved_by(x, joint, before, rates, "d Eq. 19")
     force: Vector = list(x.load(MY_LANE, fields.needed))
@@ -69,14 +69,14 @@ def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]
 
 
 def needed(x: Scope, kind: LinkKind) -> None:
-    """Outward block over directions of a link: tangent of the force that all of its motion needs."""
+    """Outward block over directions of a link: tangent of the force that its total motion requires."""
     joint = kind.joint(x, kind, lanes=True)
     rates = [x.entry(DUDOT, j) for j in range(joint.freedoms)]
     needed_by(x, joint, x.load(LUP, fields.explicit_acceleration), rates)
 
 
 def ear_needed(x: Scope, kind: EarKind) -> None:
-    """The same of an ear's links. What dependent joints do while the sources' udot are held, the balance has counted."""
+    """The same for an ear's links. The balance has included the dependent joints with the sources' udot held."""
     ear = EarGeometry(x, kind)
     added: list[Vector] = []
     for k, member in enumerate(ear.members):
@@ -91,7 +91,7 @@ def ear_needed(x: Scope, kind: EarKind) -> None:
 
 
 def of_root(x: Scope, root: Root) -> Vector:
-    """What the change of udot adds to the acceleration of a root, in its own axes."""
+    """Contribution of the change of udot to the acceleration of a root, along its own axes."""
     if isinstance(root, Ground) or (isinstance(root, Frame) and not root.feels):
         return [0] * 6
     return x.load(LBASE if isinstance(root, Frame) else LROOTS[root.place], fields.explicit_acceleration)
@@ -101,13 +101,13 @@ def of_root(x: Scope, root: Root) -> Vector:
 
 
 def store_tangent(x: Scope, store: Store, W: Matrix, dW: Matrix, force: Vector, tangent: Vector) -> None:
-    """Tangent of a moment and a force in the ground frame from those in a link's axes: ``dW f + W df``."""
+    """Tangent of a moment and a force in the ground frame from those along a link's axes: ``dW f + W df``."""
     for i, value in enumerate(add(turned(W, tangent), turned(dW, force))):
         x.set_entry(store, i, x.let("dreaction", value, "d Eq. 45", lanes=True))
 
 
 def link_tangents(x: Scope, kind: LinkKind) -> None:
-    """Inward block over directions of a link: tangent of what its joint does to it."""
+    """Inward block over directions of a link: tangent of the reaction of its joint on it."""
     phi: Vector = []
     d_phi: Vector = []
     for i in SIX:
@@ -125,7 +125,7 @@ def link_tangents(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
-    """Inward block over directions of an ear: tangents of what its joints and loops transmit."""
+    """Inward block over directions of an ear: tangents of the reactions of its joints and loops."""
     redundant = len(kind.form.rows) > len(dependents(kind))
     ear, rows, d = begin_inward(x, kind, moving_shares=redundant)
     phi, d_phi = forces_at_links(x, kind, fields.total_needed)
@@ -151,7 +151,7 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
 
 
 def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, d: EarTangents) -> Vector:
-    """``dE z`` less what E reaches of it, where the shortest multipliers are ``W = E z``. Eq. 9."""
+    """``dE z`` minus the part that E reaches, where the shortest multipliers are ``W = E z``. Eq. 9."""
     factor = stored_factor(x, ear.kind)
     z = [x.name("z", v, "Eq. 9") for v in factor.solve(wrench, "z", "Eq. 9")]
     d.hold(z)
@@ -193,7 +193,7 @@ def store_loop(
 
 
 def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]) -> list[Handed]:
-    """Let changes of the multipliers act on the faces: what they add to `d_phi`, and to what the roots get."""
+    """Add the effect of changes of the multipliers on the faces to `d_phi`, and to the forces on the roots."""
     more: list[Vector] = [[0] * 6 for _ in d_phi]
     handed: list[Handed] = []
     for c, closure in enumerate(ear.kind.closures):
@@ -231,10 +231,10 @@ def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector,
 
 
 def region_reaction_tangents(x: Scope, kind: RegionKind) -> None:
-    """Inward block over directions of a region: the links that it hangs on feel all of it."""
+    """Inward block over directions of a region: add its forces to the links on which it hangs."""
     transmitted: dict[int, tuple[Vector, Vector]] = {m: ([0] * 6, [0] * 6) for m in others(kind)}
     for f, m in enumerate(kind.far):
-        if m >= 0:  # what ears have handed to it is in its own axes
+        if m >= 0:  # the contribution of ears is along its own axes
             transmitted[m] = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
     for m, (force, tangent) in transmitted.items():
         hand_force(x, kind, m, force, fields.transmitted)

@@ -1,7 +1,7 @@
 """Reactions: the wrenches that joints and loops transmit, by the force sweep, in the ground frame.
 
-With all accelerations known the force that every link's motion needs is summed inward. Loops carry the wrench that leaves
-the dependent joints with nothing but their own joint force: ``E^T W = gamma``, the shortest W where conditions are
+With all accelerations known, the forces that the motions of links require are summed inward. Loops carry the wrench that leaves
+the dependent joints with their own joint force only: ``E^T W = gamma``, with the shortest W where conditions are
 redundant.
 """
 
@@ -46,7 +46,7 @@ def store_reaction(x: Scope, store: Store, attitude: Matrix, force: Vector) -> N
 
 
 def transmitted(x: Scope, kind: LinkKind) -> None:
-    """Inward block of a link: what its joint does to it, about its origin."""
+    """Inward block of a link: the reaction of its joint on it, about its origin."""
     phi: Vector = []
     for own, handed in zip(fields.total_needed.scalars(), fields.transmitted.scalars(), strict=True):
         phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
@@ -59,7 +59,7 @@ def transmitted(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_motion(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: accelerations and the force that its links need."""
+    """Outward block of an ear: accelerations, and the force that its links require."""
     ear = EarGeometry(x, kind)
     roots = [root.motion(True) for root in ear.roots]
     motions: list[Motion] = []
@@ -71,14 +71,14 @@ def ear_motion(x: Scope, kind: EarKind) -> None:
 
 
 def region_motion(x: Scope, kind: RegionKind) -> None:
-    """Nothing is summed yet; how far links move."""
+    """Outward block of a region: sums are zero; motions of far links."""
     for whole, _ in transmitted_fields(kind):
         clear(x, REGION, whole)
     far_motions(x, kind, fields.total, fields.far_total)
 
 
 def ear_transmitted(x: Scope, kind: EarKind) -> None:
-    """Inward block of an ear: what its joints and loops do."""
+    """Inward block of an ear: reactions of its joints and loops."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     phi: list[Vector] = []
@@ -92,7 +92,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
     held = inward(x, ear, phi)
     on_roots: list[tuple[int, Vector]] = []
     if rows:
-        gamma: Vector = []  # what they miss along dependent freedoms: less the joint's own force and what a rotor takes
+        gamma: Vector = []  # residual along dependent degrees of freedom: minus the joint's own force and that of its rotor
         for k, freedom in ear.dependents():
             tau = transmitted_along(MemberView(x, k), kind.links[k], freedom.index)
             gamma.append(x.let("gamma", freedom.along(held[k][:3], held[k][3:]) - tau, "Eq. 53"))
@@ -130,7 +130,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
 
 
 def region_transmitted(x: Scope, kind: RegionKind) -> None:
-    """Inward block of a region: the links that it hangs on feel all of it."""
+    """Inward block of a region: add its forces to the links on which it hangs."""
     transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         if m >= 0:

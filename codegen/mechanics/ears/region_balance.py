@@ -1,4 +1,4 @@
-"""The balance through regions: the sources' right sides are eliminated, and what is left goes to the links that carry them.
+"""The balance through regions: the sources' right sides are eliminated, and the rest is propagated to the links that carry them.
 
 Section 4.6 of the theory page.
 """
@@ -22,7 +22,7 @@ from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def region_balance_start(x: Scope, kind: RegionKind) -> None:
-    """Outward block over directions: nothing is summed yet; how far links move, in their own axes."""
+    """Outward block over directions: sums are zero; motions of far links, along their own axes."""
     for c in range(kind.total):
         x.store(LREGION, fields.source_tangent_force(c), 0)
     clear_transmitted(x, kind)
@@ -30,7 +30,7 @@ def region_balance_start(x: Scope, kind: RegionKind) -> None:
 
 
 def clear_transmitted(x: Scope, kind: RegionKind) -> None:
-    """Outward block over directions of a region: no forces on the links that it hangs on yet, nor tangents."""
+    """Outward block over directions of a region: forces on the links on which it hangs, and their tangents, are zero."""
     for whole, balance in transmitted_fields(kind):
         for i in SIX:
             x.store(REGION, whole.scalars()[i], 0)
@@ -38,13 +38,13 @@ def clear_transmitted(x: Scope, kind: RegionKind) -> None:
 
 
 def transmitted_fields(kind: RegionKind) -> list[tuple[SixField, SixField]]:
-    """Where a region sums up forces on the links that it hangs on, and their tangents."""
+    """Where a region sums forces on the links on which it hangs, and their tangents."""
     of_base = [(fields.region_transmitted, fields.region_balance)] if kind.carried else []
     return of_base + [(fields.far_transmitted(f), fields.far_balance(f)) for f, m in enumerate(kind.far) if m >= 0]
 
 
 def region_balance_in(x: Scope, kind: RegionKind) -> None:
-    """Inward block over directions: the sources' right sides are eliminated; what is left goes to the links that carry them.
+    """Inward block over directions: eliminate the sources' right sides and propagate the rest to the links that carry them.
 
     Eqs. 45, 53.
     """
@@ -65,7 +65,7 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
             g[at + i] = x.let("g", g[at + i] - value, "d Eq. 45", lanes=True)
         if m < 0:
             continue
-        # what ears have handed to it is in its own axes
+        # the contribution of ears is along its own axes
         transmitted[m], b = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
         for i, value in enumerate(from_far(x, W, g[s : s + 6], "d Eq. 45", True)):
             g[where[m] + i] = x.let("g", g[where[m] + i] + value + b[i], "d Eq. 45", lanes=True)

@@ -1,4 +1,4 @@
-"""The system of a region: its sources, a base that carries it and partners, and the elimination of the sources. Eqs. 39-47."""
+"""The system of a region: its sources, the base that carries it, and partners; elimination of the sources. Eqs. 39-47."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .far_links import far_motions
 
 
 def place_of_base(kind: RegionKind) -> int:
-    """Where the base's six components begin among the unknowns of a region."""
+    """First of the base's six components among the unknowns of a region."""
     return int(kind.total if kind.rigid else kind.sources)
 
 
@@ -28,12 +28,12 @@ def system_size(kind: RegionKind) -> int:
 
 
 def unknowns(kind: RegionKind) -> int:
-    """All of them: the region's own, and six of each partner."""
+    """All unknowns: the region's own, and six of each partner."""
     return system_size(kind) + 6 * len(others(kind))
 
 
 def places_of_partners(kind: RegionKind) -> list[int]:
-    """Where the six components of each partner begin among the unknowns: after the region's own; the base has its place."""
+    """First of the six components of each partner among the unknowns: after the region's own; the base has its own place."""
     found, at = [], system_size(kind)
     for m in range(len(kind.partners.links)):
         found.append(place_of_base(kind) if m == kind.partners.base else at)
@@ -42,7 +42,7 @@ def places_of_partners(kind: RegionKind) -> list[int]:
 
 
 def sum_fields(kind: RegionKind) -> list[AnyField]:
-    """What the ears of a region sum up."""
+    """Sums of contributions of the ears of a region."""
     sources = range(kind.total)
     found: list[AnyField] = [fields.source_inertia(c, d) for c in sources for d in range(c, kind.total)]
     found += [fields.source_force(c) for c in sources]
@@ -54,7 +54,7 @@ def sum_fields(kind: RegionKind) -> list[AnyField]:
 
 
 def region_start(x: Scope, kind: RegionKind) -> None:
-    """Outward block of a region: nothing is summed yet; how its far links move."""
+    """Outward block of a region: sums are zero; motions of its far links."""
     for field in sum_fields(kind):
         clear(x, REGION, field)
     far_motions(x, kind)
@@ -90,20 +90,20 @@ def region_system(x: Scope, kind: RegionKind) -> SymmetricSystem:
                     Q[c][first + k] = Q[first + k][c] = value
                 elif not at <= c < at + 6:
                     Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + value, "Eq. 40")
-                elif c - at <= k:  # it stands on both sides of the base's own block
+                elif c - at <= k:  # it is on both sides of the base's own block
                     both = value + P[at + k][c - at]
                     Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + both, "Eq. 40")
     return SymmetricSystem(x, kind, Q, g, OF_SOURCES, [""] * size)
 
 
 def region_triangularize(x: Scope, kind: RegionKind) -> None:
-    """Inward block of a region: its sources are eliminated, the last one first; what is left goes to the link that carries it.
+    """Inward block of a region: eliminate its sources, the last one first, and propagate the rest to the link that carries it.
 
     Eqs. 44-47.
     """
     system = region_system(x, kind)
     for j in reversed(kind.free):
-        # what is left is measured against what the source's own inertia was before others were eliminated
+        # the pivot is compared with the source's own inertia before others were eliminated
         system.eliminate(j, Column(j), 0, x.load(REGION, fields.source_inertia(j, j)))
     Q, g = system.Q, system.p
     at = place_of_base(kind)
@@ -127,7 +127,7 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
 
 
 def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
-    """What forces along prescribed sources are made of: their rows, over what is known when the region's own are found."""
+    """Terms of forces along prescribed sources: their rows, times accelerations that are known before the region's own."""
     for c in kind.locked:
         x.store(REGION, fields.source_driving_rest(c), g[c])
         for i in range(kind.sources, len(g)):
@@ -137,7 +137,7 @@ def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
 def absolute_motions(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
     """From relative motions of far links to their accelerations and the base's: ``s = A_far - X A_base``, a congruence. Eq. 39.
 
-    Changes Q and g; the far links' columns are in their own axes then.
+    Changes Q and g; the far links' columns are then along their own axes.
     """
     tag = "Eq. 39"
     base, where = place_of_base(kind), places_of_partners(kind)
@@ -146,7 +146,7 @@ def absolute_motions(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
         W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
 
         def add_to(target: Vector, v: Vector, m: int = m, W: Matrix = W, o: Vector = o) -> None:
-            """Add what six components along s are along the base and the far link."""
+            """Add the contribution of six components along s to the base and the far link."""
             for i, value in enumerate(to_base(x, o, v, tag)):
                 target[base + i] = x.let("Q", target[base + i] - value, tag)
             if m >= 0:

@@ -1,11 +1,11 @@
-"""Roots of an ear: what its links and faces hang on, and how each sort of it stands, moves and takes forces.
+"""Roots of an ear: the links on which its links and faces hang, with their positions, motions and forces.
 
-A root is the *frame* of the region, its base, in whose axes everything is given; the *ground*, where the base is a link; a *link
-of the region*, which an earlier ear has resolved; or a *far link* (see `far_links`). What an ear asks of them is the same
-of all: attitude, position, how they move with the sources, velocity, accelerations, displacements, Newton's step, and that they
-take forces. Vectors are in the region's axes, against its base, unless a method says otherwise.
+A root is the *frame* of the region, its base, along whose axes everything is given; the *ground*, if the base is a link; a *link
+of the region*, which an earlier ear has resolved; or a *far link* (see `far_links`). An ear reads the same quantities
+of all of them: attitude, position, motion per unit of a source, velocity, accelerations, displacements and Newton's step; and it
+adds forces to them. Vectors are along the region's axes, relative to its base, unless a method says otherwise.
 
-Displacements along directions are handed on in slots while seeds are completed; `kept` are those that stay, in lanes.
+Displacements along directions are passed on in slots while seeds are completed; `kept` ones stay, in lanes.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ class Root(ABC):
     Attributes
     ----------
     x : Scope
-        The block that asks.
+        The block that reads the root.
     kind : EarKind
     place : int
         Among the ear's roots.
     positions : VectorField
-        Where positions of links of the region are.
+        Positions of links of the region.
     """
 
     x: Scope
@@ -52,7 +52,7 @@ class Root(ABC):
 
     @property
     def feels(self) -> bool:
-        """Forces on it matter: to the ground they do not."""
+        """Whether forces on it are needed; those on the ground are not."""
         return True
 
     @abstractmethod
@@ -61,28 +61,28 @@ class Root(ABC):
 
     @abstractmethod
     def position(self) -> Vector:
-        """Of its origin."""
+        """Position of its origin."""
 
     @abstractmethod
     def motion(self, total: bool) -> Motion:
-        """Motion against the ground: as far as it does not depend on udot, or (`total`) all of it."""
+        """Motion relative to the ground: the part that does not depend on udot, or (`total`) all of it."""
 
     @abstractmethod
     def own_motion(self) -> tuple[Motion, Motion]:
-        """All of the motion against the ground, and its tangent, in its own axes."""
+        """The total motion relative to the ground, and its tangent, along its own axes."""
 
     # -- against the base: a root that does not say otherwise is at rest ---------------------------------------------
 
     def twist(self, source: int) -> Twist:
-        """How it moves with a source."""
+        """Motion per unit of a source."""
         return Twist.zero()
 
     def measured_velocity(self) -> Twist:
-        """Velocity where what is open is measured, at the given speeds."""
+        """Velocity for residuals, at the given speeds."""
         return Twist.zero()
 
     def velocity_tangent(self, kept: bool) -> Vector:
-        """Tangent of the velocity that the sources give it, six components."""
+        """Tangent of the velocity due to the sources, six components."""
         return Twist.zero().six
 
     def rotation(self, kept: bool) -> Vector:
@@ -101,23 +101,23 @@ class Root(ABC):
 
     @property
     def sums(self) -> tuple[SixField, SixField]:
-        """Where the region sums up what it gets, and the tangents of that."""
+        """Where the region sums the forces on it, and their tangents."""
         raise TypeError(f"{type(self).__name__} takes no forces of a region")
 
     def receive(self, force: Vector) -> None:
-        """Take a moment and a force, about its origin."""
+        """Add a moment and a force, about its origin."""
         if self.feels:
             add_to_sum(self.x, REGION, self.sums[0], force, "to_root", "Eq. 45")
 
     def receive_own(self, force: Vector, tangent: Vector) -> None:
-        """Take a moment and a force, about its origin and in its own axes, and its tangent."""
+        """Add a moment and a force, about its origin and along its own axes, and its tangent."""
         for i in SIX if self.feels else ():
             self.x.store(REGION.sum, self.sums[0].scalars()[i], force[i])
             self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
 
 
 class Frame(Root):
-    """The region's base. Where it does not carry the region rigidly, the six components of its motion are sources."""
+    """The region's base. If it does not carry the region rigidly, the six components of its motion are sources."""
 
     @property
     def record(self) -> Store:
@@ -129,7 +129,7 @@ class Frame(Root):
 
     @property
     def moves(self) -> bool:
-        """Its motion is among the sources: the region moves against it."""
+        """Whether its motion is among the sources: the region then moves relative to it."""
         return not self.kind.rigid
 
     def attitude(self) -> Matrix:
@@ -161,7 +161,7 @@ class Frame(Root):
 
 
 class Ground(Root):
-    """The ground, seen from a base that moves: it is the ground that turns."""
+    """The ground, relative to a moving base: the ground then rotates."""
 
     @property
     def record(self) -> Store:
@@ -179,7 +179,7 @@ class Ground(Root):
         return self.x.let_vector("o", [-e for e in rotate(self.attitude(), o)], "Eq. 22")
 
     def rotation(self, kept: bool) -> Vector:
-        # while seeds are completed the displacement is asked for as well
+        # while seeds are completed the displacement is needed as well
         load = self.x.load
         theta = load(LANE_BASE, fields.closing_shift.angular) if kept else load(LBASE, fields.closing_shift)[:3]
         return [-v for v in theta]
@@ -258,7 +258,7 @@ class EarLink(Root):
 
 
 class FarLink(Root):
-    """A link, or the ground, that is resolved elsewhere: the six components of its motion against the base are sources."""
+    """A link, or the ground, that is resolved elsewhere: the six components of its motion relative to the base are sources."""
 
     @property
     def number(self) -> int:
@@ -316,5 +316,5 @@ def roots_of(x: Scope, kind: EarKind, positions: VectorField = fields.ear_positi
 
 
 def _unit(component: int) -> Twist:
-    """A unit of one of the six components of a motion; nothing where there is no such component."""
+    """A unit of one of the six components of a motion; zero without such a component."""
     return Twist.of([int(i == component) for i in SIX])

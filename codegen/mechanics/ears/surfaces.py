@@ -1,9 +1,9 @@
-"""Conditions on points: a function of where the end of a loop is in its start face is zero. Section 4.12 of the theory page.
+"""Conditions on points: a function of the end's position in the start face is zero. Section 4.12 of the theory page.
 
-With s the place in the start face, F its axes and n = F grad f the condition is linear as those of sliding joints are,
-``n . (velocity of the end as the start face sees it) = 0``, but n moves along the surface: the accelerations have ``v . H v``
-besides. A distance is ``(r . r - l^2)/2 = 0``, r the way between the points, for which no axes of a face are needed. Rows are
-divided by the size of the gradient at the present state, which is held where others differentiate: what it multiplies is zero.
+With s the position in the start face, F its axes and n = F grad f, the condition is linear like those of sliding joints,
+``n . (velocity of the end relative to the start face) = 0``, but n moves along the surface: accelerations contain ``v . H v``
+as well. A distance is ``(r . r - l^2)/2 = 0``, r the vector between the points, and needs no axes of a face. Rows are
+divided by the size of the gradient at the present state. It is held along directions, since it multiplies residuals of zero.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from ..structure.surface_forms import SurfaceForm, part_number
 from .geometry import EarGeometry
 
 TINY = 1e-200
-"""Added to the square of a gradient: where it vanishes a row of zeros is told, and nothing is divided by zero."""
+"""Added to the square of a gradient: a vanishing gradient is reported as a row of zeros, without a division by zero."""
 
 DIRECTED = 1e-16
-"""Squared: the part of characteristic lengths that a gradient's zero must be away, so that it has a direction."""
+"""Squared part of characteristic lengths by which a zero of the gradient must be away, so that it has a direction."""
 
 
 class SurfaceCondition:
-    """One condition on a point in a block; what is asked for is written once.
+    """One condition on a point in a block; each quantity is written once, when it is first read.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class SurfaceCondition:
 
     @cached_property
     def value(self) -> Value:
-        """What is zero where the condition is met."""
+        """The function, which is zero where the condition is met."""
         if self.is_distance:
             length = self._part(0)
             return self.x.let("f", self.x.half * (dot(self.place, self.place) - length * length), "Eq. 33")
@@ -80,7 +80,7 @@ class SurfaceCondition:
 
     @cached_property
     def gradient(self) -> Vector:
-        """In region axes."""
+        """The gradient along region axes."""
         if self.is_distance:
             return self.place
         own = [self.formula(e, "g") for e in self.form.gradient]
@@ -88,7 +88,7 @@ class SurfaceCondition:
 
     @cached_property
     def size(self) -> Value:
-        """One over the length of the gradient: held along directions, but where the ear's `shares` move."""
+        """One over the length of the gradient: held along directions, unless the ear's `shares` are differentiated."""
         field = fields.surface_share(self.c, self.i)
         if self.ear.shares == "held":
             return self.x.load(EAR, field)
@@ -100,7 +100,7 @@ class SurfaceCondition:
         return share
 
     def check_direction(self, entry: int) -> bool:
-        """Demand that the gradient has a direction, where it may vanish; whether that was needed."""
+        """Check that the gradient has a direction, where it may vanish; returns whether the check was needed."""
         x = self.x
         if self.is_distance:
             bend: Value = 1
@@ -118,7 +118,7 @@ class SurfaceCondition:
         return True
 
     def curvature(self, v: Vector) -> Value:
-        """Second derivative along a velocity that the start face sees, in region axes."""
+        """Second derivative along a velocity relative to the start face, along region axes."""
         if self.is_distance:
             return dot(v, v)
         own = self._own(v, "vs")
@@ -129,7 +129,7 @@ class SurfaceCondition:
         return self.x.let("vhv", total, "Eq. 31")
 
     def by_parameters(self) -> Value:
-        """What a direction changes of the function by parameters alone, the point held in the face. d Eq. 30."""
+        """Change of the function with parameters alone along a direction, with the point held in the face. d Eq. 30."""
         total: Value = 0
         x = self.x
         for j in range(self.ear.kind.closures[self.c].parameters):
@@ -143,9 +143,9 @@ class SurfaceCondition:
         return total
 
     def _parts(self) -> Sequence[int]:
-        """The parts that parameters may be in."""
+        """The parts that may contain parameters."""
         return [0] if self.is_distance else [i for i, _ in self.form.by_part]
 
     def _slope(self, i: int) -> Value:
-        """The derivative by a part."""
+        """The derivative with respect to a part."""
         return -self._part(0) if self.is_distance else self.formula(dict(self.form.by_part)[i], "fp")

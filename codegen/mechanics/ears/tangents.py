@@ -1,7 +1,7 @@
-"""Tangents of an ear's statements: what is fixed in a link turns with it, everything else by derivative primitives.
+"""Tangents of an ear's statements: vectors fixed in a link rotate with it, everything else follows by derivative primitives.
 
-A direction turns a link by a rotation vector theta (in region axes), so ``dv = theta x v`` for every vector v fixed in the
-link, plus what the design parameters change in its components: three numbers, not nine for each rotation matrix.
+A direction rotates a link by a rotation vector theta (along region axes), so ``dv = theta x v`` for every vector v fixed in the
+link, plus the change of its components with design parameters: three numbers, not nine for each rotation matrix.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .geometry import EarGeometry
 
 
 def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
-    """Tangents by symbol of values that are symbols, symbols with a minus sign, or numbers; nothing on zero patterns."""
+    """Tangents, by symbol, of values that are symbols, symbols with a minus sign, or numbers; none on zero patterns."""
     found: dict[Symbol, Value] = {}
     for value, moved in zip(values, tangents, strict=True):
         if isinstance(value, Symbol):
@@ -59,7 +59,7 @@ def ear_tangents(
 
 
 class EarTangents:
-    """What is asked for tangents of an ear's statements, and what comes of it on zero patterns."""
+    """Tangents of an ear's statements on zero patterns."""
 
     def __init__(self, angles: dict[int, Vector]):
         self.angles = angles
@@ -76,7 +76,7 @@ class EarTangents:
         return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
 
     def correct(self, found: list[tuple[Vector, Vector]]) -> None:
-        """Add what has been found since to the tangents of named values, and find those of what depends on them anew.
+        """Add later results to the tangents of named values, and recompute those of values that depend on them.
 
         A value that several links share is corrected once.
         """
@@ -85,10 +85,10 @@ class EarTangents:
         """Tangents of named values."""
 
     def turn_joints(self) -> None:
-        """Let vectors pass from link to link: what turns them are sines, cosines and matrices of the joints."""
+        """Let vectors pass from link to link: their rotations are sines, cosines and matrices of the joints."""
 
     def hold(self, v: Vector) -> None:
-        """Values whose tangents are given, or taken as zero until more is known: they are not differentiated."""
+        """Values with given tangents, or with zero tangents until more is known: they are not differentiated."""
 
 
 class WrittenTangents(EarTangents):
@@ -120,7 +120,7 @@ class WrittenTangents(EarTangents):
             self._attitude(place)
 
     def _scan(self) -> None:
-        """Seeds of what has been loaded since the last call."""
+        """Seeds of the values that have been loaded since the last call."""
         loads = list(self.x.block.loads.items())
         for symbol, (store, name) in loads[self.scanned :]:
             place = store.place
@@ -183,7 +183,7 @@ class WrittenTangents(EarTangents):
             turned: Vector = [0, 0, 0] if theta is None else cross(theta, v.found)
             changed = [self._of_local(e) for e in v.local]
             self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
-            # where W is known to be the unit matrix, it turns names into themselves
+            # where W is known to be the unit matrix, it maps names to themselves
             self.turned.difference_update(e for e in v.local if isinstance(e, Symbol))
 
     def _set(self, found: Vector, moved: Vector) -> None:
@@ -197,7 +197,7 @@ class WrittenTangents(EarTangents):
                 self.d.of[symbol] = value
 
     def _of_local(self, value: Value) -> Value:
-        """Tangent of a component in a link's own axes: of a constant, or of statements on constants and coordinates."""
+        """Tangent of a component along a link's own axes: of a constant, or of statements on constants and coordinates."""
         if isinstance(value, Symbol) and value not in self.d.of and value not in self.x.block.loads:
             for statement in self.x.block.statements:
                 if statement.target == value:
@@ -224,7 +224,7 @@ class WrittenTangents(EarTangents):
                 self.d.statement(statement)
 
     def _as_values(self, symbols: Iterable[Symbol]) -> None:
-        """Differentiate primitives that are values too: the slope of a sine is the cosine that a gradient is made of."""
+        """Differentiate primitives that are values too: the slope of a sine is the cosine in a gradient."""
         for symbol in sorted(symbols, key=str):
             statement = self.primitives.pop(symbol, None)
             if statement is not None:
@@ -248,7 +248,7 @@ class WrittenTangents(EarTangents):
                         before = self.d.of.get(symbol, 0)
                         self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
                         changed.add(symbol)
-        # what is turned into the region's axes has served
+        # vectors rotated into the region's axes are no longer needed
         right = listed | self.turned
         for statement in self.x.block.statements[: self.done]:
             if statement.lanes or statement.target in right:

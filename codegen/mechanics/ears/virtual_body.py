@@ -24,7 +24,7 @@ from .kinematics import rotated_inertia
 
 
 def ear_triangularize(x: Scope, kind: EarKind) -> None:
-    """Inward block: what the ear's links add to the inertia and force of their region. Eqs. 39-41."""
+    """Inward block: contributions of the ear's links to the inertia and force of their region. Eqs. 39-41."""
     ear = EarGeometry(x, kind)
     tag = "Eq. 40"
     own = own_sources(kind)
@@ -78,7 +78,7 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
 
 
 def own_force(x: Scope, kind: EarKind, k: int, j: int) -> Value:
-    """The model's own force along a freedom of a link, or along what is prescribed."""
+    """The model's own force along a degree of freedom of a link, or along a prescribed coordinate."""
     link = kind.links[k]
     if link.joint.driven:
         return x.entry(HELD[k], 0) if link.held else 0
@@ -86,7 +86,7 @@ def own_force(x: Scope, kind: EarKind, k: int, j: int) -> Value:
 
 
 def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, Matrix, Vector]:
-    """Inertia of a link with all that it carries, and the force that its motion needs, in region axes about its origin."""
+    """Inertia of a link with all that it carries, and the force of its motion, along region axes about its origin."""
     member = ear.members[k]
     m, J = member.view.load(CONSTANTS, fields.mass), x.load(ME[k], fields.ear_inertia)
     H = skew(x.load(ME[k], fields.ear_first_moment))
@@ -112,7 +112,7 @@ def apply_inertia(x: Scope, J: Matrix, H: Matrix, M: Matrix, A: Vector, name: st
 
 
 def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
-    """How a link of an ear moves with each source, those that do not move it left out."""
+    """Motion of a link of an ear per unit of each source, without sources that do not move it."""
     found = {
         c: x.load(ME[k], fields.per_source(c).angular) + x.load(ME[k], fields.per_source(c).linear)
         for c in range(kind.total)
@@ -121,7 +121,7 @@ def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
 
 
 def couplings_of_ear(x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value], K: dict[int, Vector]) -> None:
-    """What the couplings of an ear's links are in the sources of its region: inertia, or couplings of the region. Eq. 40."""
+    """Couplings of an ear's links in terms of the sources of its region: inertia, or couplings of the region. Eq. 40."""
     kind, tag = ear.kind, "Eq. 40"
     found: dict[tuple[int, int, int], Value] = {}
     for n, (j, other) in enumerate(kind.partners.between):
@@ -158,7 +158,7 @@ def couplings_of_ear(x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value]
 
 
 def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
-    """Add a coupling of two links that the base carries to what it carries."""
+    """Add a coupling of two links that the base carries to the base's inertia."""
     half = transpose([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
     whole = [to_base(x, o_other, row, "Eq. 39") for row in half]
     carried = fields.region_inertia
@@ -168,7 +168,7 @@ def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
 
 
 def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, force: Vector) -> None:
-    """Add a link's inertia and force, about the base's origin, to what the base carries."""
+    """Add a link's inertia and force, about the base's origin, to those of the base."""
     J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
     carried = fields.region_inertia
     for field, block in ((carried.J, J), (carried.M, M), (carried.H, H)):
