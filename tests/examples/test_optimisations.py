@@ -104,7 +104,7 @@ def test_a_suspension_gets_its_camber(script, tmp_path):
     assert len(forward.names) == 33 and forward.method == "forward" and adjoint.method == "adjoint"
     assert forward.gradients == pytest.approx(adjoint.gradients, abs=1e-10 * np.abs(forward.gradients).max())
     same_gradients(lambda method: example.camber_objective(solver, method))
-    f, best = example.design(solver, maxiter=15)
+    f, best = example.design(solver, maxiter=5)
     assert best.fun < 0.1 * f(f.x0)
     is_written(lambda folder: example.draw(solver, f, best, folder), tmp_path)
 
