@@ -27,7 +27,8 @@ def solvers(
         key = (model if isinstance(model, str) else id(model), target)
         if key not in known:
             folder = tmp_path_factory.mktemp("once") / "package"
-            known[key] = made(model, folder, target=target, functions=functions), model  # which keeps its id
+            solver = made(model, folder, target=target, functions=functions, compile="all")
+            known[key] = solver, model  # which keeps its id
         return known[key][0]
 
     return make

@@ -24,6 +24,14 @@ def script():
                 del sys.modules[name]
 
 
+def solver_of(name, folder):
+    """The solver of an example, with what an optimisation calls."""
+    functions = ("dynamics", "motion", "energies")
+    return codegen.load(
+        codegen.generate(EXAMPLES / f"{name}.yaml", folder / name, functions=functions, compile="all").folder
+    )
+
+
 def same_gradients(make, jacobian=False):
     """Gradients of what `make` makes for a method, at its start; of constraints too."""
     found = []
@@ -43,7 +51,7 @@ def is_written(draw, folder):
 
 def test_a_four_bar_learns_a_path(script, tmp_path):
     example = script("path_synthesis")
-    solver = script("pictures").solver_of("coupler", tmp_path)
+    solver = solver_of("coupler", tmp_path)
     same_gradients(lambda method: example.path_objective(solver, method))
     f, best = example.synthesise(solver, starts=1, maxiter=40)
     steps = [(f(f.x0 + h) - f(f.x0 - h)) / 2e-5 for h in 1e-5 * np.eye(10)]
@@ -57,7 +65,7 @@ def test_a_four_bar_learns_a_path(script, tmp_path):
 
 def test_a_double_pendulum_is_identified(script, tmp_path):
     example = script("identification")
-    solver = script("pictures").solver_of("double_pendulum", tmp_path)
+    solver = solver_of("double_pendulum", tmp_path)
     experiments = example.measure(solver, seconds=2.0)
     fit = example.identify(solver, experiments)
     true = example.truth(solver)
@@ -78,7 +86,7 @@ def test_a_double_pendulum_is_identified(script, tmp_path):
 
 def test_a_pole_is_swung_up(script, tmp_path):
     example = script("swing_up")
-    solver = script("pictures").solver_of("swing_up", tmp_path)
+    solver = solver_of("swing_up", tmp_path)
     same_gradients(lambda method: (lambda f, c: (f, [c]))(*example.swing_up_problem(solver, method)), jacobian=True)
     f, best = example.swing_up(solver)
     end = f.simulate(best.x, [0, example.SECONDS])
@@ -90,7 +98,7 @@ def test_a_pole_is_swung_up(script, tmp_path):
 
 def test_andrews_mechanism_has_the_same_gradient_twice(script, tmp_path):
     example = script("andrews_gradients")
-    solver = script("pictures").solver_of("andrews", tmp_path)
+    solver = solver_of("andrews", tmp_path)
     assert solver.np == 42
     assert max(example.difference(solver, output) for output in ("E_x", "E_y")) < 1e-10
     assert example.seconds(solver, "adjoint", 8, repeat=1) > 0
@@ -99,7 +107,7 @@ def test_andrews_mechanism_has_the_same_gradient_twice(script, tmp_path):
 
 def test_a_suspension_gets_its_camber(script, tmp_path):
     example = script("suspension")
-    solver = script("pictures").solver_of("double_wishbone", tmp_path)
+    solver = solver_of("double_wishbone", tmp_path)
     forward, adjoint = (example.camber_gradient(solver, method) for method in ("forward", "adjoint"))
     assert len(forward.names) == 33 and forward.method == "forward" and adjoint.method == "adjoint"
     assert forward.gradients == pytest.approx(adjoint.gradients, abs=1e-10 * np.abs(forward.gradients).max())
@@ -111,7 +119,7 @@ def test_a_suspension_gets_its_camber(script, tmp_path):
 
 def test_an_excavator_lifts_its_load(script, tmp_path):
     example = script("excavator_lift")
-    solver = script("pictures").solver_of("excavator", tmp_path)
+    solver = solver_of("excavator", tmp_path)
     same_gradients(lambda method: example.lift_problem(solver, method), jacobian=True)
     f, best = example.lift(solver)
     end = f.simulate(best.x, [0, example.SECONDS])

@@ -93,7 +93,7 @@ ALONG = {
 @pytest.fixture(scope="session")
 def rig_folder(tmp_path_factory) -> Path:
     """A package with parameters, inputs, time, gravity, outputs and nq != nu."""
-    return codegen.generate(parse_model(RIG), tmp_path_factory.mktemp("packages") / "rig").folder
+    return codegen.generate(parse_model(RIG), tmp_path_factory.mktemp("packages") / "rig", compile="all").folder
 
 
 @pytest.fixture(scope="session")
