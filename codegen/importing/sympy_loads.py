@@ -13,7 +13,7 @@ _AT_ORIGIN = ["0"] * 3
 
 def read_loads(found: SympySystem, loads: Iterable[Any], actuators: Iterable[Any]) -> None:
     """Fill the sections ``gravity`` and ``forces``."""
-    rest = list(loads)
+    rest = [_as_load(load) for load in loads]
     gravity = _gravity(found, rest)
     if gravity is not None:
         found.sections["gravity"] = [found.text(c) for c in gravity]
@@ -22,6 +22,15 @@ def read_loads(found: SympySystem, loads: Iterable[Any], actuators: Iterable[Any
     for number, actuator in enumerate(actuators, 1):
         kind = type(actuator).__name__
         _reported(found, f"actuators.{kind} {number}", _actuator, _spelled(kind) + f"_{number}", actuator)
+
+
+def _as_load(load: Any) -> Any:
+    """A force or a torque; older objects of sympy have pairs of a point or a frame and a vector."""
+    from sympy.physics.mechanics import Force, ReferenceFrame, Torque
+
+    if hasattr(load, "location"):
+        return load
+    return Torque(*load) if isinstance(load[0], ReferenceFrame) else Force(*load)
 
 
 def _reported(found: SympySystem, where: str, read: Any, *what: Any) -> None:
@@ -133,7 +142,9 @@ def _in_joint(found: SympySystem, name: str, actuator: Any) -> bool:
 
 def _along_line(found: SympySystem, name: str, kind: str, actuator: Any, ends: Sequence[Any]) -> bool:
     """Whether an element of the model acts along the line between two points; its entry is then written."""
-    if kind == "LinearSpring":
+    if kind == "LinearSpring" and actuator.equilibrium_length == 0:  # its force has a value where its ends coincide
+        keys = {"type": "bushing", "stiffness": actuator.stiffness}
+    elif kind == "LinearSpring":
         keys = {"type": "spring", "stiffness": actuator.stiffness, "free_length": actuator.equilibrium_length}
     elif kind == "LinearDamper":
         keys = {"type": "spring", "stiffness": 0, "damping": actuator.damping}
@@ -148,7 +159,9 @@ def _along_line(found: SympySystem, name: str, kind: str, actuator: Any, ends: S
     if places[0][0] is places[1][0]:
         return True  # it pulls a body by itself
     points = [b.name if at == _AT_ORIGIN else {"body": b.name, "at": at} for b, at in places]
-    written = {k: v if k == "type" else found.text(v) for k, v in keys.items()}
+    written: dict[str, Any] = {k: v if k == "type" else found.text(v) for k, v in keys.items()}
+    if keys["type"] == "bushing":
+        written["stiffness"] = [written["stiffness"]] * 3
     _add(found, name, **{"type": written.pop("type"), "from_": points[0], "to": points[1], **written})
     return True
 

@@ -224,6 +224,30 @@ def test_linear_constraints_are_couplings_and_constants(tmp_path: Path) -> None:
     assert [loop.type for loop in found.loops] == ["coupling"] and set(found.motion) == {"rod2"}
 
 
+def test_a_spring_without_free_length_has_a_force_where_its_ends_coincide(tmp_path: Path) -> None:
+    wall, bob = RigidBody("wall"), body("bob", M)
+    system = System.from_newtonian(wall)
+    system.add_joints(PlanarJoint("j", wall, bob))
+    bob.central_inertia = L * inertia(bob.frame, 1, 1, 1)
+    system.add_actuators(LinearSpring(3, LinearPathway(wall.masscenter, bob.masscenter.locatenew("end", L * bob.y))))
+    values = {M: 1.3, L: 0.4}
+    assert max(errors(system, values, tmp_path, 2)) < 1e-10
+    codegen.generate(codegen.from_sympy(system, values).model, tmp_path / "rest", target="numpy")
+    assert np.abs(codegen.load(tmp_path / "rest").accelerations([-0.4, 0, 0], [0, 0, 0])).max() < 1e-15
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_joints_methods_are_read() -> None:
+    from sympy.physics.mechanics import Body, JointsMethod
+
+    wall, rod = Body("wall"), Body("rod")
+    joint = PinJoint("pin", wall, rod, joint_axis=wall.z, child_point=L * rod.y)
+    rod.apply_force(-rod.mass * G * wall.y)
+    rod.apply_torque(M * wall.z)
+    found = codegen.from_sympy(JointsMethod(wall, joint), {L: 1, M: 1, G: 9.81, "rod_mass": 2})
+    assert "gravity: [0, -g, 0]" in found.text and "load_1: {type: torque, on: rod, value: [0, 0, M]}" in found.text
+
+
 def test_joints_may_be_listed_from_the_outside_to_the_inside_and_grounds_be_several() -> None:
     walls, one, two = [RigidBody(n) for n in ("wall", "other")], body("one", M, 0, 0, L), body("two", M, 0, 0, L)
     system = System.from_newtonian(walls[0])

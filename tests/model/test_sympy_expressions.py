@@ -241,6 +241,18 @@ def test_tables_are_functions() -> None:
     assert b.build().outputs[-1].expression.evaluate({"L": 0.25}) == 0.125
 
 
+def test_formulas_of_models_in_sympy() -> None:
+    import codegen.symbolic
+
+    q = dynamicsymbols("q")
+    names = {"q.arm": q}
+    assert codegen.symbolic.to_sympy("sin(q.arm)/3 + pi*max(q.arm, 2)", names) == s.sin(q) / 3 + s.pi * s.Max(
+        2, q, evaluate=False
+    )
+    assert codegen.symbolic.to_sympy("x", lambda name: s.Symbol(name.upper())) == s.Symbol("X")
+    assert to_sympy(0.5) == s.Float(0.5) and to_sympy("30 mm") == s.Float(0.03)
+
+
 def test_random_formulas_have_equal_values_in_both_algebras() -> None:
     compared = sum(compare(np.random.default_rng(seed)) for seed in range(60))
     assert compared > 150
