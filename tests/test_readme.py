@@ -50,7 +50,7 @@ def test_the_chain_loads(here):
 def test_the_crank_rocker(here, capsys):
     assert generate_main(["crank_rocker.yaml"]) == 0
     out = [line.strip() for line in capsys.readouterr().out.splitlines()]
-    (quoted,) = re.findall(r"says what it chose:\n\n```text\n(.*?)```", README, re.DOTALL)
+    (quoted,) = re.findall(r"prints its choice of dependent speeds:\n\n```text\n(.*?)```", README, re.DOTALL)
     assert [line for line in quoted.splitlines() if line.strip() not in out] == []
     names = python("closure(q, u)")
     assert names["q"][0] == 1.2 and np.abs(names["position"]).max() < 1e-12
