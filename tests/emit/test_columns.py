@@ -114,7 +114,7 @@ def test_only_what_is_asked_for(long_chain: codegen.Solver) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrt", "told"), [("q, v", "'v'"), ("input", "did you mean 'inputs'"), ([], "nothing is asked for")]
+    ("wrt", "told"), [("q, v", "'v'"), ("input", "did you mean 'inputs'"), ([], "wrt is empty")]
 )
 def test_unknown_names_are_told(long_chain: codegen.Solver, wrt: object, told: str) -> None:
     with pytest.raises(ValueError, match=told):

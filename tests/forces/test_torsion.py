@@ -115,7 +115,7 @@ forces:
         (
             "{type: torsion, from: a, to: b, axis: y, stiffness: 1, free_angle: position.tip.x}",
             "free_angle",
-            "'position.tip.x', which changes with the motion, is not*that have no potential energy",
+            "'position.tip.x', which changes with the motion, is not*without potential energy",
         ),
         (
             "{type: torsion, from: a, to: b, axis: y, stiffness: 1, free_length: 1}",

@@ -295,7 +295,7 @@ def test_what_mujoco_warns_of_is_told_and_no_file_is_left(tmp_path, monkeypatch)
 def test_the_base_of_mjcf_is_in_the_file(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(JOINTS)
-    with pytest.raises(codegen.ModelError, match="--base free is for URDF; MJCF says itself"):
+    with pytest.raises(codegen.ModelError, match="--base free is for URDF; an MJCF defines"):
         codegen.import_model(path, base="free")
 
 
