@@ -113,9 +113,7 @@ def test_only_what_is_asked_for(long_chain: codegen.Solver) -> None:
     assert repr(long_chain.jacobians(q, u, wrt="u")) == "<Jacobians of udot: u (40, 40)>"
 
 
-@pytest.mark.parametrize(
-    ("wrt", "told"), [("q, v", "'v'"), ("input", "did you mean 'inputs'"), ([], "wrt is empty")]
-)
+@pytest.mark.parametrize(("wrt", "told"), [("q, v", "'v'"), ("input", "did you mean 'inputs'"), ([], "wrt is empty")])
 def test_unknown_names_are_told(long_chain: codegen.Solver, wrt: object, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         long_chain.jacobians(np.zeros(40), np.zeros(40), wrt=wrt)  # type: ignore[arg-type]
