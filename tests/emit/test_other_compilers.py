@@ -13,6 +13,7 @@ import pytest
 
 import codegen
 from codegen.pipeline import write_solver
+from codegen.runtime.sections import carried_files
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TOLERANCE = {"float64": 1e-13, "float32": 1e-5}
@@ -39,7 +40,8 @@ def program(request, tmp_path):
     name, scalar = request.param
     model = codegen.model.load_model(EXAMPLES / f"{name}.yaml")
     source = write_solver(model, functions=["dynamics"], scalar=scalar)
-    for file, text in source.files.items():
+    for file, text in {**carried_files(source.manifest), **source.files}.items():
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).write_text(text)
     made = source.manifest
     q, u = made["initial"]["q"], made["initial"]["u"]
