@@ -74,38 +74,43 @@ LOOP_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A checked multibody model. Made by `codegen.load_model` or `codegen.ModelBuilder`, never by hand.
+    """A checked multibody model.
+
+    `codegen.load_model`, `codegen.parse_model` and `codegen.ModelBuilder` make models.
 
     Attributes
     ----------
     gravity : Vector or None
-        m/s^2 in the ground frame.
+        Gravity in the ground frame, m/s^2.
     bodies : tuple of Body
-        In file order after ``repeat``; arrays q and u follow it.
+        Bodies in the order of the file after ``repeat``. Arrays q and u follow it.
     initial_q, initial_u : dict of str to Expression
-        Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
+        Initial values by coordinate and speed name. Missing ones are 0, or the unit quaternion; dependent ones are
+        guesses.
     initial_at_rest : bool
         Whether the model begins in the equilibrium that the initial coordinates lead to.
     independent : tuple of str
-        Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
+        Coordinates that the model asks to be independent; possibly fewer than its degrees of freedom.
     forces : tuple of JointForce
+        Forces in joints, in the order of the file.
     loads : tuple of ForceElement
-        What acts on bodies; both in the order of the file.
+        Forces on bodies, in the order of the file.
     motion : dict of str to Expression
-        Coordinates that are prescribed, by name, as functions of t, parameters and inputs.
+        Prescribed coordinates by name, as functions of t, parameters and inputs.
     loop_tolerance : float
-        Conditions of loops that follow from others but for this part of them are taken to follow.
+        Relative tolerance within which conditions of loops count as redundant.
     warnings : tuple of str
+        Doubtful entries.
     file : str
-        Where the model was read, for messages: ``<string>`` and ``builder`` too.
+        File of the model, for messages; ``<string>`` for a text, ``builder`` for a builder.
     places : dict of str to dict of str to (str, int, int)
         File, line and column of entries by section and name.
     files : tuple of str
-        The other files that it was read from: included ones and those of submodels.
+        Other files of the model: included files and submodels.
     digest : str
-        SHA-256 of the texts of all its files as they were read; ``""`` for a model of the builder.
+        SHA-256 of the texts of all its files; ``""`` for a model of the builder.
     points : tuple of Point
-        Those that have a name, in the order of the file.
+        Named points, in the order of the file.
     """
 
     name: str
@@ -146,18 +151,38 @@ class Model:
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """The inputs that the file names: the first of `inputs`, without the time derivatives that follow from them."""
+        """Inputs of the file: the first of `inputs`, without the time derivatives that follow them."""
         rates = self._rates(set(self.inputs))
         return tuple(n for n in self.inputs if n not in rates)
 
     @cached_property
     def moving_inputs(self) -> tuple[str, ...]:
-        """The signals that prescribed motion reads, in the order in which their time derivatives follow the signals."""
+        """Inputs that prescribed motion reads, in the order of their time derivatives."""
         known = set(self.inputs)
         return tuple(n for n in self.inputs if rates_of(n)[0] in known)
 
     def problem(self, path: str, message: str) -> Problem:
-        """A problem found after loading, such as a force without a value, at the entry that a path leads to."""
+        """Return a problem that was found after loading, with the place of its entry.
+
+        Parameters
+        ----------
+        path : str
+            Keys that lead to the entry, such as ``forces.spring``.
+        message : str
+            What is wrong.
+
+        Returns
+        -------
+        Problem
+            The problem with file, line and column.
+
+        Examples
+        --------
+        >>> import ordernm
+        >>> model = ordernm.load_model("examples/pendulum.yaml")
+        >>> model.problem("gravity", "is too large").message
+        'is too large'
+        """
         section, _, rest = path.partition(".")
         file, line, column = self.places.get(section, {}).get(rest.partition(".")[0], (self.file, None, None))
         return Problem(file, line, column, path, message)
@@ -170,18 +195,19 @@ class Model:
 
     @cached_property
     def coordinate_names(self) -> tuple[str, ...]:
-        """Those of q: of all joints, but for what is prescribed."""
+        """Names of the coordinates q of all joints, without prescribed ones."""
         every = (q for b in self.bodies for q in joint_coordinates(b.name, b.joint.type)[0])
         return tuple(q for q in every if q not in self.motion)
 
     @cached_property
     def speed_names(self) -> tuple[str, ...]:
+        """Names of the speeds u of all joints, without prescribed ones."""
         every = (u for b in self.bodies for u in joint_coordinates(b.name, b.joint.type)[1])
         return tuple(u for u in every if u not in self.motion)
 
     @cached_property
     def prescribed(self) -> tuple[Prescribed, ...]:
-        """What is prescribed, body by body."""
+        """Prescribed coordinates, body by body."""
         found = []
         for k, b in enumerate(self.bodies) if self.motion else ():
             for i, name in enumerate(joint_coordinates(b.name, b.joint.type)[0]):
@@ -194,17 +220,21 @@ class Model:
 
     @property
     def prescribed_names(self) -> tuple[str, ...]:
-        """Coordinates that are prescribed, in array order."""
+        """Names of the prescribed coordinates, in array order."""
         return tuple(x.name for x in self.prescribed)
 
     @cached_property
     def places_of_prescribed(self) -> dict[tuple[int, int], int]:
-        """The number of what is prescribed, by body and coordinate of its joint."""
+        """Index of each prescribed coordinate, by body and coordinate of its joint."""
         return {(x.body, x.index): n for n, x in enumerate(self.prescribed)}
 
     @cached_property
     def released(self) -> Model:
-        """The model with nothing prescribed: what was is among q and u, wanted as independent, and begins as at t = 0."""
+        """The model with nothing prescribed.
+
+        Prescribed coordinates become coordinates that are asked to be independent, and begin with their values at t =
+        0.
+        """
         if not self.motion:
             return self
         start = self.defaults | dict.fromkeys(self.inputs, 0.0) | {"t": 0.0}
@@ -219,9 +249,27 @@ class Model:
         )
 
     def with_turned(self, loops: Collection[int]) -> Model:
-        """The model with ``from`` and ``to`` of some loops exchanged, whose conditions are along the axes of ``to`` then.
+        """Return the model with ``from`` and ``to`` of some loops exchanged.
 
-        Of joints that hold all three directions of the way between the faces, so that it is the same joint.
+        Their conditions are then along the axes of ``to``. Only joints that hold all three displacements between the
+        faces stay the same joint.
+
+        Parameters
+        ----------
+        loops : collection of int
+            Indices of the loops.
+
+        Returns
+        -------
+        Model
+            The other model.
+
+        Examples
+        --------
+        >>> import ordernm
+        >>> model = ordernm.load_model("examples/four_bar.yaml")
+        >>> model.with_turned([0]).loops[0].turned
+        True
         """
         if not loops:
             return self
@@ -233,11 +281,12 @@ class Model:
 
     @cached_property
     def coordinate_units(self) -> tuple[str, ...]:
-        """Empty for the entries of quaternions."""
+        """Units of the coordinates; empty for the entries of quaternions."""
         return self._free("coordinate_units")
 
     @cached_property
     def speed_units(self) -> tuple[str, ...]:
+        """Units of the speeds."""
         return self._free("speed_units")
 
     def _free(self, units: str) -> tuple[str, ...]:
@@ -248,22 +297,22 @@ class Model:
 
     @cached_property
     def output_units(self) -> tuple[str, ...]:
-        """Empty for what has none, and for expressions."""
+        """Units of the outputs; empty for expressions and for numbers without unit."""
         return tuple(MEASURES[o.measure].unit_of(o) for o in self.outputs)
 
     @cached_property
     def closure_names(self) -> tuple[str, ...]:
-        """The conditions of all loops, in the order of residuals."""
+        """Names of the conditions of all loops, in the order of the residuals."""
         return tuple(name for loop in self.loops for name in closure_row_names(loop))
 
     @property
     def elements(self) -> tuple[ForceElement, ...]:
-        """All that exerts forces: on joints, then on bodies."""
+        """All force elements: those on joints, then those on bodies."""
         return (*self.forces, *self.loads)
 
     @cached_property
     def switches(self) -> Switches:
-        """Where prescribed motion, forces and outputs change their branches."""
+        """Expressions at whose zeros prescribed motion, forces and outputs change their branches."""
         found = Switches(self.inputs)
         for x in self.prescribed:
             found.add(x.value.tree, f"motion.{x.name}", moves=True)
@@ -282,35 +331,38 @@ class Model:
 
     @cached_property
     def defaults(self) -> dict[str, float]:
-        """Values of the parameters by name."""
+        """Default values of the parameters by name."""
         return {p.name: p.value for p in self.parameters}
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in array order."""
         return tuple(p.name for p in self.parameters)
 
     @cached_property
     def initial_depends_on_parameters(self) -> bool:
-        """Whether initial values change with parameters, and so have derivatives."""
+        """Whether initial values depend on parameters, and so have derivatives."""
         given = (*self.initial_q.values(), *self.initial_u.values())
         return any(e.names & set(self.parameter_names) for e in given)
 
     @property
     def points_depend_on_parameters(self) -> bool:
-        """Whether a point with a name lies in its body where parameters say."""
+        """Whether parameters move a named point in its body."""
         return any(e.names for point in self.points for e in point.at)
 
     @property
     def nq(self) -> int:
+        """Number of coordinates."""
         return len(self.coordinate_names)
 
     @property
     def nu(self) -> int:
+        """Number of speeds."""
         return len(self.speed_names)
 
     @cached_property
     def coordinate_slices(self) -> tuple[tuple[slice, slice], ...]:
-        """For each body, where its joint's coordinates stand in q and its speeds in u."""
+        """Places of the coordinates and speeds of each body's joint in q and u."""
         result, i, j = [], 0, 0
         for b in self.bodies:
             q, u = (sum(n not in self.motion for n in of) for of in joint_coordinates(b.name, b.joint.type))
@@ -320,7 +372,7 @@ class Model:
 
     @cached_property
     def quaternions(self) -> tuple[tuple[int, slice], ...]:
-        """The bodies whose joints have a quaternion, and where that stands in q."""
+        """Bodies whose joints have a quaternion, and its place in q."""
         return tuple(
             (k, slice(q.start + place.start, q.start + place.stop))
             for k, (b, (q, _)) in enumerate(zip(self.bodies, self.coordinate_slices, strict=True))
@@ -329,11 +381,23 @@ class Model:
 
     @cached_property
     def outward(self) -> tuple[int, ...]:
-        """Body indices, every parent before its children, each subtree contiguous (depth first)."""
+        """Indices of the bodies, every parent before its children, each subtree contiguous (depth first)."""
         return tuple(outward(self.bodies)[1])
 
     def expressions(self) -> Iterator[Expression]:
-        """Every expression of the model, shared ones as often as they are used."""
+        """Iterate over every expression of the model; shared ones appear as often as they are used.
+
+        Returns
+        -------
+        iterator of Expression
+            The expressions.
+
+        Examples
+        --------
+        >>> import ordernm
+        >>> sum(1 for _ in ordernm.load_model("examples/pendulum.yaml").expressions()) > 0
+        True
+        """
         gravity = self.gravity or ()
         return _expressions_in((*gravity, *self.bodies, *self.loops, *self.elements, *self.outputs, *self.prescribed))
 

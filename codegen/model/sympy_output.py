@@ -20,28 +20,29 @@ Symbols = Mapping[str, Any] | Callable[[str], Any]
 def to_sympy(
     expression: Expression | str | float, symbols: Symbols | None = None, *, number: Callable[[Any], Any] | None = None
 ) -> Any:
-    """The expression of sympy that equals an expression of a model.
+    """Return the expression of sympy that equals an expression of a model.
 
-    Whole numbers and their quotients are exact, and the double nearest to pi is pi. A product that the model takes for zero
-    where one factor vanishes, even if the other has no value there, is a plain product.
+    Whole numbers and their quotients are exact, and the double nearest to pi is pi. A product that the model takes as
+    zero where one factor vanishes, even if the other has no value there, is a plain product.
 
     Parameters
     ----------
     expression : Expression, str or float
-        A text is parsed.
+        The expression. A text is parsed.
     symbols : mapping or callable (str) -> sympy.Expr, optional
-        Of names such as ``L``, ``t``, ``q.arm``; one that is left out is a real symbol of the same name.
+        Symbols of names such as ``L``, ``t``, ``q.arm``. A name that is left out is a real symbol of that name.
     number : callable, optional
-        Makes a number of sympy of an int or a float of the expression; left out, doubles stay doubles.
+        Makes a number of sympy from an int or a float of the expression. Left out: doubles stay doubles.
 
     Returns
     -------
     sympy.Expr
+        The expression.
 
     Raises
     ------
     ExpressionError
-        A text that is no expression.
+        If the text is not a valid expression.
 
     Examples
     --------

@@ -140,7 +140,7 @@ class Recursion:
     Attributes
     ----------
     name : str
-        Of the model.
+        Name of the model.
     sweeps : tuple of SweepOfUnits
         Constants of links first, then the sweeps in the order of the paper, formulas of the model last.
     """
@@ -160,7 +160,7 @@ class Recursion:
 
     @cached_property
     def fields(self) -> dict[str, tuple[str, str, str, str]]:
-        """What is kept in memory: by short name, the name in generated code, unit, axes and meaning."""
+        """The stored quantities: by short name, the name in generated code, unit, axes and meaning."""
         found = {}
         components = {of.component for sweep in self.sweeps for unit in sweep.units for of in unit.kept.values()}
         for component in sorted(components):
@@ -174,29 +174,31 @@ class Recursion:
 def statements(
     model: Model, *, functions: Collection[str] | None = None, reactions: bool = False, frames: bool = False
 ) -> Recursion:
-    """Every statement that a solver of the model consists of, as equations of sympy.
+    """Return every statement of a model's solver, as equations of sympy.
 
-    Zero terms are gone, and what is computed twice is computed once: these are the statements that the C and the NumPy of a
+    Zero terms are absent, and common subexpressions appear once: these are the statements that the C and the NumPy of a
     solver print.
 
     Parameters
     ----------
     model : Model
+        The model.
     functions : collection of str, optional
-        Functions of the solver whose statements are wanted, such as ``["accelerations", "sensitivities"]``; all if left out.
-    reactions, frames : bool
-        As `codegen.generate` takes them.
+        Functions of the solver, such as ``["accelerations", "sensitivities"]``. Left out: all.
+    reactions, frames : bool, optional
+        Include the functions for reactions and frames, as in `codegen.generate`.
 
     Returns
     -------
     Recursion
+        The statements by sweep.
 
     Raises
     ------
     ModelError
-        The model has no solver.
+        If the model has no degree of freedom.
     SymbolicError
-        A function is not known.
+        If a function is unknown.
 
     Examples
     --------

@@ -31,16 +31,21 @@ class LineLawError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """A number of a law: a key of its entry in a model file, a name in its formulas.
+    """A coefficient of a law: a key of its entry in a model file, and a name in its formulas.
 
     Attributes
     ----------
     unit, meaning : str
-        For people.
+        Unit and meaning, for the documentation.
     default : int or float, optional
-        What it is where an entry leaves it out; None where it has to be given.
-    between : (float, float)
-        Ordinary values: checks and tests draw from these.
+        Value where an entry leaves it out. None: an entry has to give it.
+    between : tuple of two float
+        Range of ordinary values, from which checks and tests draw.
+
+    Examples
+    --------
+    >>> Coefficient("N/m^3", "the pull at a distance of one metre").default is None
+    True
     """
 
     unit: str
@@ -51,34 +56,42 @@ class Coefficient:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineLaw:
-    """A force along the line between two points.
+    """A force law along the line between two points.
 
     Attributes
     ----------
     type : str
-        What a model file calls it, and people too; the name of its file.
+        Its type in a model file, and the name of its file.
     meaning : str
-        What it is, in a sentence or two.
+        Its meaning, in one or two sentences.
     coefficients : dict of str to Coefficient
-        Where the law has an energy they are expressions of parameters, inputs and t, else of everything that moves too.
+        Its coefficients. If the law has an energy, their values are expressions of parameters, inputs and t; otherwise
+        they may also depend on coordinates and speeds.
     force : str
-        In the grammar of model files, of `MEASURES` and the coefficients, N. Positive drives the points apart, so that its
+        Force, N, as an expression of `MEASURES` and the coefficients. A positive force drives the points apart, so its
         power is force times rate.
     energy : str
-        Likewise, of the distance and the coefficients, J: without rate, the force is minus its derivative by the distance.
-        Empty where there is none.
+        Potential energy, J, as an expression of the distance and the coefficients. At rate 0 the force is minus its
+        derivative by the distance. Empty: the law has no energy.
     misspelt : dict of str to str
-        Keys, by others that are taken for them.
+        Correct keys by keys that are mistaken for them.
     other_words : tuple of str
-        What some call its type.
+        Other names of the type.
     formula, potential : Expression
-        `force` and `energy`, parsed; the latter None where there is none.
+        `force` and `energy`, parsed. The latter is None without an energy.
 
     Raises
     ------
     LineLawError
-        If the declaration contradicts itself. That the force is minus the derivative of the energy is checked by the tests
-        of all laws, with sympy.
+        If the declaration contradicts itself. The tests of all laws check with sympy that the force is minus the
+        derivative of the energy.
+
+    Examples
+    --------
+    >>> law = LineLaw("cube", "A pull by the cube of the distance.", {"strength": Coefficient("N/m^3", "the pull at 1 m")},
+    ...               force="-strength*distance**3", energy="strength*distance**4/4")
+    >>> law.formula
+    Expression('-strength*distance**3')
     """
 
     type: str
