@@ -121,7 +121,9 @@ def test_the_run_time_is_copied_as_it_is(written):
         assert (written / "_runtime" / f"{name}.py").read_text() == text
     listed = json.loads((written / "model.json").read_text())["files"]
     texts = {f"_runtime/{n}.py" for n in carried(written)}
-    of_c = {f"_runtime/calls/{n}" for n in ("calls.h", "direct_call.c", "direct_call.h", "on_threads.h")}
+    of_c = {
+        f"_runtime/calls/{n}" for n in ("calls.h", "direct_call.c", "direct_call.h", "direct_states.h", "on_threads.h")
+    }
     assert {n for n in listed if n.startswith("_runtime/")} == texts | of_c
     for name in of_c:
         assert (written / name).read_text() == (own / name.removeprefix("_runtime/")).read_text()

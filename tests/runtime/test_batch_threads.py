@@ -14,7 +14,7 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError
-from codegen.runtime.standalone.calls import batches, threads
+from codegen.runtime.standalone.calls import batches, single_calls, threads
 from codegen.runtime.standalone.calls.threads import LIMIT, WORTH_A_THREAD, batch_threads, one_thread, processors
 
 MODEL = Path(__file__).parents[2] / "examples" / "double_pendulum.yaml"
@@ -256,4 +256,89 @@ def test_results_of_large_batches_that_are_not_finite_are_reported(solver):
     u[701] = np.nan
     solver.bad_states = "nan"
     with pytest.warns(RuntimeWarning, match=r"1 of 1000 states are NaN: state \[701\]"):
+        solver.accelerations(q, u)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A package whose accelerations depend on inputs and time."""
+    path = tmp_path_factory.mktemp("driven") / "model"
+    codegen.generate(codegen.parse_model(DRIVEN), path, functions=["accelerations", "sensitivities"], check=False)
+    return path
+
+
+DRIVEN = """
+model: driven
+parameters: {m: 2.0, k: 10.0}
+inputs: [push]
+bodies:
+  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: m}
+  bob: {parent: cart, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, -0.5]}
+forces:
+  held: {type: joint, joint: cart, value: "push*sin(3*t) - k*q.cart"}
+"""
+
+
+def both_ways(solver, name, *given, **named):
+    """What the compiled call gives for a large batch, and what the general path gives in its place."""
+    call = getattr(solver, name)
+    kept = dict(solver._calls)
+    found = call(*given, **named)
+    try:
+        for key in kept:
+            solver._calls[key] = single_calls.general
+        return found, call(*given, **named)
+    finally:
+        solver._calls.update(kept)
+
+
+@pytest.mark.parametrize("number", [1, 3, None])
+def test_large_batches_are_those_of_the_general_path(driven, many, monkeypatch, number):
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+    monkeypatch.setattr(threads, "WORTH_A_THREAD", 1)
+    solver, count, k = codegen.load(driven), 501, 5
+    solver.batch_threads = number
+    rng = np.random.default_rng(1)
+
+    def draw(*shape):
+        return rng.normal(size=shape)
+
+    q, u, p, f = draw(count, 2), draw(count, 2), 2.0 + rng.uniform(size=(count, 2)), draw(count, 1)
+    solver.accelerations(q, u), solver.sensitivities(q, u, dq=q[None])  # compiled now
+    arguments = [
+        {}, {"p": p[0]}, {"p": p}, {"p": {"m": 3.0}}, {"inputs": f[0], "t": 0.3}, {"inputs": f, "t": np.float64(0.3)},
+        {"inputs": f, "t": rng.uniform(size=count)}, {"q": q[0]}, {"u": u[::-1]}, {"q": np.asfortranarray(q)},
+        {"q": q[:, None].repeat(2, 1).reshape(-1, 2)[::2]}, {"u": u[0].tolist()}, {"u": u.astype(np.float32)},
+    ]  # fmt: skip
+    seeds = [
+        {"dq": draw(k, count, 2)}, {"dq": draw(k, 2)}, {"dq": draw(2)}, {"du": draw(k, count, 2), "dp": draw(k, 2)},
+        {"dq": draw(k, 1, 2)}, {"dt": draw(k)}, {"dt": draw(k, count), "dinputs": draw(k, 1)}, {"dp": {"m": 1.0}},
+        {"dq": draw(11, count, 2)}, {"dinputs": draw(k, count, 1)}, {"dt": 1.0}, {"dq": draw(count, k, 2).swapaxes(0, 1)},
+    ]  # fmt: skip
+    for named in arguments:
+        same(*([x] for x in both_ways(solver, "accelerations", **{"q": q, "u": u, **named})))
+        for along in seeds:
+            same(*both_ways(solver, "sensitivities", **{"q": q, "u": u, **named, **along}))
+    out = np.empty((count, 2)), np.empty((k, count, 2))
+    for named in ({"dq": seeds[0]["dq"]}, {"dq": out[1]}):  # the latter is overwritten
+        out[1][...] = seeds[0]["dq"]
+        expected = solver.sensitivities(q, u, dq=seeds[0]["dq"])
+        assert solver.sensitivities(q, u, **named, out=out)[1] is out[1]
+        same(out, expected)
+
+
+def test_large_batches_of_the_compiled_call_are_refused_like_others(driven, many, monkeypatch):
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+    solver = codegen.load(driven)
+    q, u = np.ones((2, 300, 2))
+    solver.accelerations(q, u)
+    for t in (np.nan, np.inf):
+        with pytest.raises(ValueError, match=f"t is {t}, expected finite numbers"):
+            solver.accelerations(q, u, t=t)
+    with pytest.raises(ValueError, match=r"p has shape \(300, 3\)"):
+        solver.accelerations(q, u, np.ones((300, 3)))
+    with pytest.raises(ValueError, match="do not broadcast"):
+        solver.accelerations(q, u[:299])
+    monkeypatch.setattr(type(solver._target.batches), "threads", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):  # what the run time raises meanwhile, such as KeyboardInterrupt, is not lost
         solver.accelerations(q, u)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import threading
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -97,6 +98,7 @@ class Batches:
         self._model: str = manifest["name"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
         self._functions, self._operations = manifest["functions"], manifest["operations"]
+        self._quaternions: bool = bool(manifest["quaternions"])  # whose lengths are checked in Python
         self._costs: dict[str, tuple[int, int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._libraries: dict[str, Any] = {}
@@ -151,10 +153,42 @@ class Batches:
         """Whether to work on several states of so many at once; what that needs is compiled when it has become worth it."""
         if f.name not in self._over_states.get("functions", ()) or count < EVEN:
             return False
-        if self._over_states["workspace"] > MOST_IN_LANES or (f.seeds and self._over_states["swept"] > MOST_SWEPT):
+        if self._swept_far(f):
             return False
         self._seen += count * (1 + k)
         return ("states" in self._libraries or self._seen >= WORTH_COMPILING) and self._opened() is not False
+
+    def together(
+        self, f: Function
+    ) -> tuple[Callable[[int, int], tuple[int, int, int] | None] | None, Sequence[str], int]:
+        """What a call of ``direct_call.c`` does with large batches of a function: None, or what it asks for their numbers of
+        threads and addresses of C functions; the arrays of several states at once; and their workspace."""
+        over = self._over_states
+        if f.name not in over.get("functions", ()) or self._swept_far(f) or self._quaternions:
+            return None, (), 0
+        this, symbol = weakref.proxy(self), self._symbol(f)
+
+        def way(count: int, k: int) -> tuple[int, int, int] | None:
+            call = this._several.get(symbol)
+            if call is None:
+                return None
+            threads = this.threads(f, count, k, True)
+            shared = this._shared() if threads > 1 else False
+            address = this._address
+            return (threads, address(call), address(shared)) if shared else (1, address(call), 0)
+
+        return way, over["arrays"], over["workspace"]
+
+    def _address(self, function: Any) -> int:
+        return int(self._ffi.cast("intptr_t", function))
+
+    def _symbol(self, f: Function) -> str:
+        return f"{self._model}_{f.name}_states"
+
+    def _swept_far(self, f: Function) -> bool:
+        """Whether several states at once take more memory than they gain time."""
+        over = self._over_states
+        return bool(over["workspace"] > MOST_IN_LANES or (f.seeds and over["swept"] > MOST_SWEPT))
 
     def prepare(self) -> None:
         """Compile the functions over several states at once, and what shares them among threads, where there are any."""
@@ -210,7 +244,7 @@ class Batches:
             Whether all numbers were, those given and results.
         """
         ffi, target = self._ffi, self._target
-        symbol = f"{self._model}_{f.name}_states"
+        symbol = self._symbol(f)
         with self._lock:
             if symbol not in self._several:
                 ffi.cdef(f"int {symbol}(states *);", override=True)

@@ -17,7 +17,7 @@ from ..errors import CompileError, FlagsError, NoCompilerError
 from ..files.build import Build, short_key
 from ..files.compiler import STANDARD, compiler_version
 
-SOURCE = Path(__file__).with_name("direct_call.c")
+SOURCES = [Path(__file__).with_name(name) for name in ("direct_call.h", "direct_states.h", "direct_call.c")]
 
 
 class CallerBuild(Build):
@@ -35,7 +35,7 @@ class CallerBuild(Build):
         include = sysconfig.get_path("include")
         if not os.path.exists(os.path.join(include, "Python.h")):
             raise CompileError(f"no Python.h in {include}")
-        self.sources = [SOURCE]
+        self.sources = [SOURCES[-1]]
         self.flags = ["-O2", "-I", include, "-I", np.get_include()]
         self.places = [*self.places[1:], folder]
 
@@ -51,7 +51,7 @@ class CallerBuild(Build):
 
 @functools.cache
 def _source() -> str:
-    return "".join(file.read_text(encoding="utf-8") for file in (SOURCE.with_suffix(".h"), SOURCE))
+    return "".join(file.read_text(encoding="utf-8") for file in SOURCES)
 
 
 @functools.cache

@@ -6,6 +6,7 @@
  * a closer look: other types or shapes, numbers that are not finite, singular states. The caller then takes the general path,
  * which converts, or raises with the reason. */
 #include "direct_call.h"
+#include "direct_states.h"
 
 /* Where the numbers of an array begin and end. */
 static void extent(PyArrayObject *x, const char **begin, const char **end)
@@ -213,12 +214,20 @@ static PyObject *called(PyObject *self, PyObject *const *arguments, size_t nargs
     if (!PyTuple_CheckExact(given) || PyTuple_GET_SIZE(given) != c->ntaken) Py_RETURN_NONE;
     if (c->nseeds ? !PyTuple_CheckExact(seeds) || PyTuple_GET_SIZE(seeds) != c->nseeds : seeds != Py_None) Py_RETURN_NONE;
     if (!count(c, given, seeds, &states, &k)) Py_RETURN_NONE;
+    if (!c->large && states > (c->nseeds ? c->few_along : c->few)) Py_RETURN_NONE;
     PyObject *wanted = NULL, *arrays = NULL;
     if (out != Py_None) {
         if (!(wanted = places(c, out, states, k))) goto none;
         if (!overlaps_any(wanted, given) && !(c->nseeds && overlaps_any(wanted, seeds))) arrays = Py_NewRef(wanted);
     }
     if (!arrays && !(arrays = new_arrays(c, states, k))) goto none;
+    int status = 1;
+    if (states > (c->nseeds ? c->few_along : c->few)) {
+        const int done = compute_states(c, given, seeds, arrays, states, k);
+        if (done < 0) goto failed;
+        status = !done;
+        goto finished;
+    }
     const size_t size = bytes_of(c, states, k);
     block *const memory = take_block(c->memory, size);
     if (!memory) goto none;
@@ -229,19 +238,14 @@ static PyObject *called(PyObject *self, PyObject *const *arguments, size_t nargs
     j.x[c->at_lanes] = base + c->work*c->item;
     char *at = base + (c->work + c->lanes)*c->item;
     at += -(size_t)at % sizeof(double);
-    int status = 1;
     if ((at = take_all(c, &j, given, seeds, states, k, at))) {
         place_results(c, &j, arrays, states, k, at);
         Py_BEGIN_ALLOW_THREADS
         status = compute(c, &j, states, k);
         Py_END_ALLOW_THREADS
     }
-    if (memory->size <= c->work*c->item + KEPT) {
-        memory->next = c->memory->free;
-        c->memory->free = memory;
-    } else {
-        free(memory);
-    }
+    give_block(c, memory);
+finished:
     if (status) goto none;
     if (!wanted) return arrays;
     if (wanted != arrays) copy_arrays(wanted, arrays);
@@ -252,6 +256,10 @@ none:
     Py_XDECREF(arrays);
     Py_XDECREF(wanted);
     Py_RETURN_NONE;
+failed:
+    Py_DECREF(arrays);
+    Py_XDECREF(wanted);
+    return NULL;
 }
 
 /* ---- how a call is made ------------------------------------------------------------------------------------------------- */
@@ -264,7 +272,7 @@ static int read_taken(PyObject *list, taken *to, long *n)
         unsigned long long rest;
         taken *const a = to + i;
         PyObject *const item = PyList_GET_ITEM(list, i);
-        if (!PyArg_ParseTuple(item, "lllOK", &a->slot, &a->size, &a->needed, &a->names, &rest)) return -1;
+        if (!PyArg_ParseTuple(item, "lllOKl", &a->slot, &a->size, &a->needed, &a->names, &rest, &a->array)) return -1;
         if (a->names == Py_None) a->names = NULL;
         a->rest = (const char *)(uintptr_t)rest;
     }
@@ -279,7 +287,7 @@ static int read_results(Call *c, PyObject *results, PyObject *returns)
         return PyErr_SetString(PyExc_ValueError, "too many results"), -1;
     for (long i = 0; i < c->nresults; ++i) {
         result *const r = c->results + i;
-        if (!PyArg_ParseTuple(PyList_GET_ITEM(results, i), "lll", &r->size, &r->derived, &r->place)) return -1;
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(results, i), "llll", &r->size, &r->derived, &r->place, &r->array)) return -1;
     }
     for (long i = 0; i < c->nreturned; ++i) {
         returned *const r = c->returns + i;
@@ -294,13 +302,14 @@ static int read_results(Call *c, PyObject *results, PyObject *returns)
 static PyObject *new_call(PyTypeObject *type, PyObject *arguments, PyObject *named)
 {
     static char *words[] = { "pool", "function", "item", "sizes", "few", "pointers", "takes", "seeds", "results", "returns",
-        "kept", NULL };
-    PyObject *memory, *pointers, *takes, *seeds, *results, *returns, *kept;
+        "kept", "large", NULL };
+    PyObject *memory, *pointers, *takes, *seeds, *results, *returns, *kept, *large;
     unsigned long long run;
-    long item, work, lanes, at_work, at_lanes, few, few_along;
-    if (!PyArg_ParseTupleAndKeywords(arguments, named, "OKl(llll)(ll)O!O!O!O!O!O", words, &memory, &run, &item, &work, &lanes,
+    long item, work, lanes, at_work, at_lanes, few, few_along, narrays, work_of_states;
+    if (!PyArg_ParseTupleAndKeywords(arguments, named, "OKl(llll)(ll)O!O!O!O!O!O(Oll)", words, &memory, &run, &item, &work, &lanes,
             &at_work, &at_lanes, &few, &few_along, &PyList_Type, &pointers, &PyList_Type, &takes, &PyList_Type, &seeds,
-            &PyList_Type, &results, &PyList_Type, &returns, &kept)) return NULL;
+            &PyList_Type, &results, &PyList_Type, &returns, &kept, &large, &narrays,
+            &work_of_states)) return NULL;
     pool *const p = PyCapsule_GetPointer(memory, POOL);
     Call *const c = p ? (Call *)type->tp_alloc(type, 0) : NULL;
     if (!c) return NULL;
@@ -311,8 +320,10 @@ static PyObject *new_call(PyTypeObject *type, PyObject *arguments, PyObject *nam
     c->type = item == sizeof(double) ? NPY_DOUBLE : NPY_FLOAT;
     c->work = work, c->lanes = lanes, c->at_work = at_work, c->at_lanes = at_lanes, c->few = few, c->few_along = few_along;
     c->at_results = (long)PyList_GET_SIZE(pointers);
-    c->kept = Py_BuildValue("(OOOO)", memory, takes, seeds, kept);
+    c->kept = Py_BuildValue("(OOOOO)", memory, takes, seeds, kept, large);
     if (!c->kept || c->at_results > MOST_POINTERS) goto failed;
+    c->large = large == Py_None || narrays > MOST_ARRAYS ? NULL : large;
+    c->narrays = narrays, c->work_of_states = work_of_states;
     for (long i = 0; i < c->at_results; ++i) c->pointers[i] = PyLong_AsVoidPtr(PyList_GET_ITEM(pointers, i));
     if (read_taken(takes, c->takes, &c->ntaken) || read_taken(seeds, c->seeds, &c->nseeds)) goto failed;
     if (read_results(c, results, returns)) goto failed;

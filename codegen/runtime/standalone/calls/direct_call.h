@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_TAKEN = 16, MOST_RESULTS = 16, MOST_POINTERS = 48, MOST_AXES = 3, TIME = 4, KEPT = 1 << 19 };
+enum { MOST_TAKEN = 16, MOST_RESULTS = 16, MOST_ARRAYS = 32, MOST_POINTERS = 48, MOST_AXES = 3, TIME = 4, KEPT = 1 << 19, KEPT_OF_STATES = 1 << 23 };
 
 /* Memory of calls, reused; the interpreter's lock guards the list. */
 typedef struct block {
@@ -59,12 +59,13 @@ typedef struct {
     long slot, size, needed; /* -1: the place of t, which is passed as a number */
     PyObject *names;         /* places of entries by name, or NULL */
     const char *rest;        /* entries that a mapping leaves out; NULL for zeros */
+    long array;              /* its place in NAME_states, -1 if it has none */
 } taken;
 
 /* A result of the C function: its entries, whether it has one row a direction, and its place among the results that are
  * returned; -1 for memory that is not, -2 for none. */
 typedef struct {
-    long size, derived, place;
+    long size, derived, place, array;
 } result;
 
 /* A result that is returned: its shape behind the axes of directions and states; zeros are not computed. */
@@ -85,11 +86,23 @@ typedef struct {
     size_t item;
     long needed, work, lanes, few, few_along, at_work, at_lanes, at_results;
     long ntaken, nseeds, nresults, nreturned;
+    PyObject *large; /* says how large batches are computed; NULL where they are not, or state after state */
+    long narrays, work_of_states;
     void *pointers[MOST_POINTERS];
     taken takes[MOST_TAKEN], seeds[MOST_TAKEN];
     result results[MOST_RESULTS];
     returned returns[MOST_RESULTS];
 } Call;
+
+static void give_block(const Call *c, block *b)
+{
+    if (b->size > c->work*c->item + (c->large ? KEPT_OF_STATES : KEPT)) {
+        free(b);
+        return;
+    }
+    b->next = c->memory->free;
+    c->memory->free = b;
+}
 
 static int is_plain(const Call *c, PyObject *x)
 {
@@ -205,7 +218,7 @@ static int count(const Call *c, PyObject *given, PyObject *seeds, long *states, 
         if (n < 1 || (*states && *states != n)) return 0;
         *states = n;
     }
-    if (!c->nseeds) return *states <= c->few;
+    if (!c->nseeds) return 1;
     for (long i = 0; i < c->nseeds; ++i) {
         PyObject *const x = PyTuple_GET_ITEM(seeds, i);
         if (x == Py_None) continue;
@@ -215,7 +228,7 @@ static int count(const Call *c, PyObject *given, PyObject *seeds, long *states, 
         if (n < 1 || (*k && *k != n)) return 0;
         *k = n;
     }
-    return *k && *states <= c->few_along;
+    return *k > 0;
 }
 
 /* Times of several states. */

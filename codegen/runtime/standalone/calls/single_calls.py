@@ -78,19 +78,27 @@ class Calls(dict[Any, Call]):
         fixed |= {"few": target.few_pointer, "points": target.pointer(table)}
         address = {n: int(target.ffi.cast("intptr_t", pointer)) for n, pointer in fixed.items()}
 
-        def taken(name: str, of: str, needed: int, rest: int = 0) -> tuple[int, int, int, dict[str, int] | None, int]:
-            """What the C reads of an argument: its slot, size, whether it is needed, places of names, and defaults."""
+        large, arrays, work_of_states = target.batches.together(f)
+
+        def place(name: str) -> int:
+            return arrays.index(name) if name in arrays else -1
+
+        def taken(
+            name: str, of: str, needed: int, rest: int = 0
+        ) -> tuple[int, int, int, dict[str, int] | None, int, int]:
+            """What the C reads of an argument: its slot, size, whether it is needed, places of names, defaults, and its place in
+            large batches."""
             names = {} if name in ("q", "u") else {n: i for i, n in enumerate(target.names.get(of, ()))}
-            return SLOT[name], math.prod(target.shapes[of]), needed, names or None, rest
+            return SLOT[name], math.prod(target.shapes[of]), needed, names or None, rest, place(name)
 
         takes = [
-            (0, 0, 0, None, 0) if n == "t"
+            (0, 0, 0, None, 0, place("t")) if n == "t"
             else taken(n, n, int(n in f.takes and n not in WITH_DEFAULT), address.get(f"default_{n}", 0))
             for n in f.order
         ]  # fmt: skip
         seeds = [taken(s, s[1:], -1 if s == "dt" else 0) for s in f.directions]
         results = [
-            (math.prod(shape), int(derived), place_of(r, i, f, wanted))
+            (math.prod(shape), int(derived), place_of(r, i, f, wanted), place(r))
             for i, (r, shape, derived) in enumerate(zip(f.results, f.shapes, f.derived, strict=True))
         ]
         returns = []
@@ -105,7 +113,7 @@ class Calls(dict[Any, Call]):
             self.pool, int(target.ffi.cast("intptr_t", target.function(f))), target.dtype.itemsize,
             (target.workspace, lanes, SLOT["work"], SLOT["lanes"]), (FEW, FEW_ALONG),
             [address.get(n, 0) for n in SLOT if n != "results"], takes, seeds, results, returns,
-            (table, target.defaults, target.library_of_call(f), target.few_pointer),
+            (table, target.defaults, target.library_of_call(f), target.few_pointer), (large, len(arrays), work_of_states),
         )  # fmt: skip
         return call
 
