@@ -206,6 +206,7 @@ struct ordernm_motion {
     int npoints;              /* singular functions that are looked for */
     scalar *singular;         /* [5][nswitches] what they are within the step */
     scalar *sides[ORDERNM_SIDES]; /* [size] rates on both sides of such a point, see points.c */
+    scalar *at_point;         /* [size] the state at it */
     scalar *moved_p;          /* [np] parameters beside it */
     const scalar *p;          /* parameters: the problem's, or those */
     scalar *halves[HALVES + 1]; /* [values] rates at these times, and how much a jump is at least */

@@ -9,6 +9,7 @@
 /* A singular function is looked at in PARTS + 1 places of a step; it is searched where it comes as near to zero, in parts of its largest
  * value, and is zero where it is less than AT_POINT. */
 enum { PARTS = 4, GOLDEN = 48 };
+static const scalar LEAST_PART = 1e-14;
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEARER = 1e-3, AT_POINT = 1e-9;
 
 /* On each side rates at AWAY distances from the point, in parts of the step, the farthest first; they tend to nothing if their changes do
@@ -60,12 +61,15 @@ static scalar singular_function(ordernm_motion *m, scalar h, int k, scalar part,
 static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar high, int exactly, scalar *least)
 {
     static const scalar G = 0.61803398874989485;
-    const scalar first = singular_function(m, h, k, low, exactly);
-    if (first*singular_function(m, h, k, high, exactly) < 0.0) {
-        for (int n = 0; n < GOLDEN; ++n) {
-            const scalar middle = 0.5*(low + high);
-            if (first*singular_function(m, h, k, middle, exactly) > 0.0) low = middle;
-            else high = middle;
+    scalar first = singular_function(m, h, k, low, exactly), last = singular_function(m, h, k, high, exactly);
+    if (first*last < 0.0) { /* the Illinois way */
+        for (int n = 0; n < GOLDEN && high - low > LEAST_PART; ++n) {
+            const scalar secant = high - last*(high - low)/(last - first);
+            const scalar middle = n%8 == 7 || !(secant > low && secant < high) ? 0.5*(low + high) : secant;
+            const scalar here = singular_function(m, h, k, middle, exactly);
+            if (here == 0.0) low = high = middle;
+            else if (first*here > 0.0) low = middle, first = here, last *= 0.5;
+            else high = middle, last = here, first *= 0.5;
         }
         *least = 0.0;
         return high;
@@ -145,6 +149,7 @@ int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
 /* Looks at rates along all directions, on both sides. Returns what a function returned. */
 int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at)
 {
+    m->method->interpolate(m, h, at->part, m->at_point);
     for (int n = 0; n < ORDERNM_SIDES; ++n) {
         const int behind = n%SIDES >= AWAY;
         const scalar part = at->part + (behind ? 1.0 : -1.0)*DISTANCE[n/SIDES][n%AWAY];
@@ -214,11 +219,11 @@ static int is_rough(const ordernm_motion *m, scalar h, const point *at, long fir
 
 int ordernm_rates_are_rough(const ordernm_motion *m, scalar h, const point *at) { return is_rough(m, h, at, 0, 1); }
 
-/* The state at a point, moved along it and along a direction; m->p too. */
+/* The state at a point, moved along the motion, by the cubic through the ends of the step, and along a direction; m->p too. */
 static void moved_state(ordernm_motion *m, scalar h, scalar part, const group *g, int lane, scalar by)
 {
-    m->method->interpolate(m, h, part, m->trial);
-    for (long i = 0; i < m->ny + m->nx; ++i) m->trial[i] += by*m->trial[g->at + i*g->width + lane];
+    ordernm_between(m, h, part, m->trial);
+    for (long i = 0; i < m->ny + m->nx; ++i) m->trial[i] += by*m->at_point[g->at + i*g->width + lane];
     for (int i = 0; i < m->system->np; ++i) m->moved_p[i] = m->problem->p[i] + by*g->dp[i*g->width + lane];
 }
 
@@ -234,16 +239,18 @@ static scalar moved_function(ordernm_motion *m, scalar h, const point *at, const
 /* How far along a direction the singular function is what it is at the farther distances of the motion; 0 if it is zero all along. */
 static scalar reach(ordernm_motion *m, scalar h, const point *at, scalar farthest, const group *g, int lane)
 {
-    scalar size = 0.0, by;
+    scalar size = 0.0, by, here;
     const scalar away = fabs(singular_function(m, h, at->which, at->part + (at->part < 0.5 ? 1.0 : -1.0)*farthest, 1));
-    m->method->interpolate(m, h, at->part, m->trial);
-    for (long i = 0; i < m->ny + m->nx; ++i) size = fmax(size, fabs(m->trial[g->at + i*g->width + lane]));
+    for (long i = 0; i < m->ny + m->nx; ++i) size = fmax(size, fabs(m->at_point[g->at + i*g->width + lane]));
     for (int i = 0; i < m->system->np; ++i) size = fmax(size, fabs(g->dp[i*g->width + lane]));
     if (!(size > 0.0)) return 0.0;
     by = 1.0/size;
-    for (int n = 0; n < 20 && moved_function(m, h, at, g, lane, by) <= away; ++n) by *= 4.0;
-    if (moved_function(m, h, at, g, lane, by) <= away) return 0.0;
-    for (int n = 0; n < 80 && moved_function(m, h, at, g, lane, by) > away; ++n) by *= 0.5;
+    for (int n = 0; n < 20 && (here = moved_function(m, h, at, g, lane, by)) <= away; ++n) by *= 4.0;
+    if (here <= away) return 0.0;
+    for (int n = 0; n < 80 && here > away; ++n) { /* it falls with the distance or its square */
+        by *= fmin(0.5, sqrt(away/here));
+        here = moved_function(m, h, at, g, lane, by);
+    }
     return by;
 }
 

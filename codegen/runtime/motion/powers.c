@@ -4,6 +4,7 @@
 #include "inside.h"
 
 #include <math.h>
+#include <string.h>
 
 /* A zero is beside a step up to as many of its lengths away. */
 static const scalar FARTHEST = 5.0;
@@ -46,6 +47,40 @@ static int has_power(const ordernm_motion *m, int k)
     return kind == ORDERNM_POWER || kind == ORDERNM_ROOT;
 }
 
+/* Functions that have their zeros in common change in proportion, in any direction of the state and of parameters: to this part. */
+static const scalar IN_PROPORTION = 1e-9;
+
+/* Whether the step ends or begins at the zero of a root: of switch k, that is watched as number e. */
+static int is_at_root(const ordernm_motion *m, const trial *step, int k, int e)
+{
+    return m->system->switch_kind[k] == ORDERNM_ROOT && (m->changed[k] == m->t || (step->event >= 0 && m->happened[e] > 0.0));
+}
+
+/* Whether all roots at whose zeros the step ends or begins have that in common. */
+static int have_one_zero(ordernm_motion *m, const trial *step)
+{
+    const ordernm_system *const s = m->system;
+    scalar *const along_time = m->switches_kept, *const direction = m->trial;
+    ordernm_call c;
+    int first = -1;
+    for (int n = 0; n < 2; ++n) {
+        for (int i = 0; i < m->ny; ++i) direction[i] = n ? cos(1.0 + 7.0*i) : m->rate[0][i];
+        if (ordernm_along_time(m, m->t, m->z, direction, &c)) return 0;
+        if (n) c.dp = (scalar *)m->p, c.dt = m->dt;
+        c.switches = m->switches, c.dswitches = m->dswitches;
+        if (ORDERNM_OF(m, switch_sensitivities[ORDERNM_ONE])(&c)) return 0;
+        if (!n) memcpy(along_time, m->dswitches, s->nswitches*sizeof(scalar));
+    }
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        if (!is_at_root(m, step, k, m->problem->nevents + i)) continue;
+        if (first < 0) first = k;
+        const scalar one = m->dswitches[k]*along_time[first], other = m->dswitches[first]*along_time[k];
+        if (!(fabs(one - other) <= IN_PROPORTION*(fabs(one) + fabs(other)))) return 0;
+    }
+    return 1;
+}
+
 /* The error of derivatives in a step beside such a zero; else 0. `error` is that of the step's state; the step may end at the zero. One as
  * short as LEAST that ends or begins at the zero of a root is noted. */
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error)
@@ -57,10 +92,11 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
         const int k = m->held[i], is_root = m->system->switch_kind[k] == ORDERNM_ROOT;
         if (!has_power(m, k)) continue;
         const int happens = step->event >= 0 && m->happened[events + i] > 0.0, begun = is_root && m->changed[k] == m->t;
+        const int at_root = is_at_root(m, step, k, events + i);
         ends |= happens;
         begins |= begun;
         nearest = happens || begun ? 0.0 : fmin(nearest, fmin(distance(m, events + i, 0), distance(m, events + i, 1)));
-        if (!(is_root && happens) && !begun) continue;
+        if (!at_root) continue;
         m->root = k;
         ++roots;
     }
@@ -74,7 +110,7 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
         else m->advice = larger > 1.0 ? TOWARDS : 1.0 - 0.5*LEAST*time/step->h;
         return INFINITY;
     }
-    if (roots > 1) m->root = MANY_ROOTS;
+    if (roots > 1 && !have_one_zero(m, step)) m->root = MANY_ROOTS;
     if (roots) m->root_end = m->t + step->h;
     return 0.0;
 }

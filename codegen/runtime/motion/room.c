@@ -94,6 +94,7 @@ static void lay_out_switches(ordernm_motion *m, memory *of, int at)
     const long beside = m->npoints ? m->size : 0;
     m->singular = ordernm_numbers(of, 5L*s->nswitches);
     for (int i = 0; i < ORDERNM_SIDES; ++i) m->sides[i] = ordernm_numbers(of, beside);
+    m->at_point = ordernm_numbers(of, beside);
     m->moved_p = ordernm_numbers(of, m->npoints ? s->np : 0);
     m->dswitches = ordernm_numbers(of, (long)s->nswitches*LANES);
     scalar **of_lanes[] = {&m->switch_along, &m->switch_time, &m->passing_time};
