@@ -231,7 +231,7 @@ def test_statements_are_of_one_algebra():
             found[path.relative_to(PACKAGE).as_posix()] = len(names)
     formulas = {
         *(f"model/sympy_{name}.py" for name in ("names", "output", "trees")),
-        *(f"importing/sympy_{name}.py" for name in ("conditions", "loads", "model", "rotations", "system")),
+        *(f"importing/sympy_{name}.py" for name in ("closures", "conditions", "loads", "model", "rotations", "system")),
     }
     assert {name for name in found if not name.startswith("symbolic/")} == formulas
 

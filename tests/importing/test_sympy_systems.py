@@ -186,8 +186,8 @@ def test_weights_of_some_bodies_are_forces(tmp_path: Path) -> None:
     assert max(errors(system, values, tmp_path, 2)) < 1e-10
 
 
-def legs(n: int, *, linear: bool = False) -> System:
-    """A chain of n rods whose end is held on a line, and a gear."""
+def legs(n: int, *, linear: bool = False, of_angles: bool = False) -> System:
+    """A chain of n rods whose end is held on a line; or with a gear; or with an equation between angles."""
     wall = RigidBody("wall")
     system = System.from_newtonian(wall)
     last: Any = wall
@@ -202,6 +202,9 @@ def legs(n: int, *, linear: bool = False) -> System:
     q, u = list(system.q), list(system.u)
     if linear:
         system.add_holonomic_constraints(q[0] - M * q[1] / 2 + 1 / L, 3 * q[2] - s.pi)
+    elif of_angles:
+        total = sum((k + 1) * s.sin(x) * (s.cos(q[0]) if k else 1) for k, x in enumerate(q))
+        system.add_holonomic_constraints(total + L * q[1] - M)
     else:
         system.add_holonomic_constraints(end.pos_from(wall.masscenter).dot(wall.y) - L / 3)
     held = 2 if linear else 1
@@ -216,6 +219,22 @@ def test_constraints_of_any_number_of_angles(n: int, tmp_path: Path) -> None:
     system = legs(n)
     start = dict(zip(system.q, (0.9, -1.2, 0.8, -0.7, 0.6), strict=False))
     assert max(errors(system, {**VALUES, **start}, tmp_path, 2, 0.05)) < 1e-10
+
+
+@pytest.mark.parametrize("n", [2, *(pytest.param(n, marks=pytest.mark.campaign) for n in (3, 4))])
+def test_equations_between_angles_are_surfaces(n: int, tmp_path: Path) -> None:
+    system = legs(n, of_angles=True)
+    start = dict(zip(system.q, (0.4, 0.5, 0.1, -0.2), strict=False))
+    types = {loop.type for loop in codegen.from_sympy(system, {**VALUES, **start}).model.loops}
+    assert types == {"surface", "coupling"}
+    assert max(errors(system, {**VALUES, **start}, tmp_path, 2, 0.02)) < 1e-10
+
+
+def test_a_point_that_is_held_is_a_loop() -> None:
+    found = codegen.from_sympy(*EXAMPLES["four-bar"]())
+    joint = "joint: {type: curve, equations: [l1/2 + x, y]}"
+    assert f"constraint_1: {{{joint}, from: ground, to: {{body: rod4, at: [l4, 0, 0]}}}}" in found.text
+    assert [b.name for b in found.model.bodies] == ["rod2", "rod3", "rod4"]
 
 
 def test_linear_constraints_are_couplings_and_constants(tmp_path: Path) -> None:
