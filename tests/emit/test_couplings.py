@@ -36,7 +36,7 @@ LIKE_ANOTHER = (
 )
 
 
-COMPILED = {"rails": "kinds", "platform": "unrolled"}
+COMPILED = {"sprung_tips": "kinds", "platform": "unrolled"}
 """Those whose C is looked at too, and the layout of each."""
 
 
@@ -44,15 +44,25 @@ COMPILED = {"rails": "kinds", "platform": "unrolled"}
     "name", [pytest.param(n, marks=[pytest.mark.campaign] if n in LIKE_ANOTHER else []) for n in BY_HAND]
 )
 def test_generated_is_generic_is_dense(tmp_path: Path, name: str) -> None:
-    model, target = by_hand(name).model, "both" if name in COMPILED else "numpy"
-    codegen.generate(model, tmp_path / "mechanism", target, COMPILED.get(name, "auto"), compile="all")
-    text = (tmp_path / "mechanism" / f"{model.name}_numpy.py").read_text()
+    check_generated(tmp_path / "mechanism", name, COMPILED.get(name))
+
+
+@pytest.mark.campaign
+def test_rails_compiled(tmp_path: Path) -> None:
+    check_generated(tmp_path / "mechanism", "rails", "kinds")
+
+
+def check_generated(folder: Path, name: str, compiled: str | None) -> None:
+    """In NumPy, and in C of a layout."""
+    model, target = by_hand(name).model, "both" if compiled else "numpy"
+    codegen.generate(model, folder, target, compiled or "auto", compile="all")
+    text = (folder / f"{model.name}_numpy.py").read_text()
     assert ("couplings" in text) == (name in COUPLED)
-    solver = codegen.load(tmp_path / "mechanism", "numpy")
+    solver = codegen.load(folder, "numpy")
     check(by_hand(name), solver, 1)
     newton_converges(by_hand(name), solver)
-    if name in COMPILED:
-        check(by_hand(name), codegen.load(tmp_path / "mechanism", "c"), 1)
+    if compiled:
+        check(by_hand(name), codegen.load(folder, "c"), 1)
 
 
 def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
