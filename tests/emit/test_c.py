@@ -121,7 +121,7 @@ outputs:
 
 @cache
 def files_of_everything() -> dict[str, str]:
-    return write_solver(parse_model(EVERYTHING)).files
+    return codegen.pipeline.write_solver(parse_model(EVERYTHING)).files  # once in all processes, as `made_once` has it
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Radau IIA: against the explicit method, closed forms and SciPy, for the state and for sensitivities, stiff and not."""
 
-import shutil
-import subprocess
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +11,6 @@ import scipy.linalg
 
 import codegen
 from codegen.runtime import At, Final, Integral
-from codegen.runtime.sections import MOTION
 from codegen.runtime.standalone.motion.problem import Inputs, Problem
 from codegen.runtime.standalone.trajectory.events import Event
 
@@ -472,11 +469,3 @@ def test_two_runs_give_the_same_bytes(solver):
     s = solver("slider_crank")
     first, again = (motion(s, 0.3, 1e-8, 5)[0] for _ in range(2))
     assert first.rows.tobytes() == again.rows.tobytes()
-
-
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_compilers_have_nothing_to_say(compiler, tmp_path):
-    if not shutil.which(compiler):
-        pytest.skip(f"{compiler} is not installed")
-    flags = ["-std=c11", "-O1", "-Wall", "-Wextra", "-Werror", "-c"]
-    subprocess.run([compiler, *flags, *map(str, sorted(MOTION.glob("*.c")))], check=True, cwd=tmp_path)

@@ -99,7 +99,7 @@ def rig_folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def bare_folder(tmp_path_factory) -> Path:
     """A package without parameters, inputs, time, gravity and outputs."""
-    return codegen.generate(parse_model(BARE), tmp_path_factory.mktemp("packages") / "bare").folder
+    return codegen.generate(parse_model(BARE), tmp_path_factory.mktemp("packages") / "bare", compile="all").folder
 
 
 @pytest.fixture(scope="session")
