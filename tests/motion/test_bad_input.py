@@ -18,6 +18,9 @@ from motion.models import FALLING, Made, driven, example, parsed
 import codegen
 from codegen.runtime import At, AtEvent, Event, Final, Integral, LeastSquares, NoCompilerError, SimulationError
 
+ANOTHER_FINAL = type("Final", (), {"output": "swing"})()
+"""As a package of another version has it."""
+ANOTHER_EVENT = type("Event", (), {"output": "swing"})()
 CHAOTIC = ({"crank": 0.8}, {"crank": 3.0})
 
 
@@ -71,6 +74,7 @@ CHAOTIC = ({"crank": 0.8}, {"crank": 3.0})
         ({"inputs": ([0], [[1.0]])}, r"2 are needed at least"),
         ({"events": "trace_y"}, r"events: the model has no output 'trace_y'; it has trace_x"),
         ({"events": 3.0}, r"events hold 3.0"),
+        ({"events": ANOTHER_EVENT}, r"this Event is of another version of ordernm .* generate the package again"),
         ({"events": [3.0]}, r"events hold 3.0, expected names of outputs"),
         ({"events": Event("swing", direction="left")}, r"direction is 'left'; allowed are 'up', 'down', 'both'"),
         ({"events": Event("swing", np.nan)}, r"the level of swing is nan"),
@@ -85,7 +89,10 @@ def test_arguments(four_bar: Any, arguments: dict[str, Any], message: str) -> No
     ("arguments", "message"),
     [
         ({"functionals": []}, r"no functional is given"),
-        ({"functionals": "swing"}, r"'s' is no functional|'swing' is no functional"),
+        ({"functionals": "swing"}, r"'s' is not a functional"),
+        ({"functionals": 3.0}, r"3.0 is not a functional; allowed are Final, At"),
+        ({"functionals": ANOTHER_FINAL}, r"this Final is of another version of ordernm .* generate the package again"),
+        ({"functionals": [Final("swing"), ANOTHER_FINAL]}, r"this Final is of another version of ordernm"),
         ({"functionals": Final("swng")}, r"Final: the model has no output 'swng'"),
         ({"functionals": At("swing", 2.0)}, r"At: times from 2 to 2 s are not within the motion, 0 to 1 s"),
         ({"functionals": At("swing", np.nan)}, r"times must be finite"),

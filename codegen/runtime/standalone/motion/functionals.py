@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..calls.arguments import some
-from ..trajectory.events import Event, take_events
+from ..trajectory.events import Event, of_another_version, take_events
 
 
 @dataclass(frozen=True)
@@ -165,12 +165,15 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
     ------
     ValueError
     """
-    found = [given] if isinstance(given, Functional) else list(given)
+    found = list(given) if isinstance(given, Iterable) else [given]
     if not found:
         raise ValueError("no functional is given, such as Final('tip_x') or Integral('power')")
     for f in found:
         if not isinstance(f, Functional):
-            raise ValueError(f"{f!r} is no functional; allowed are Final, At, Integral, AtEvent and LeastSquares")
+            raise ValueError(
+                f"{f!r} is not a functional; allowed are Final, At, Integral, AtEvent and LeastSquares"
+                f"{of_another_version(f, get_args(Functional))}"
+            )
         if isinstance(f, AtEvent):
             take_events(output_names, [f.event])
         names = list(f.samples) if isinstance(f, LeastSquares) else [f.output]

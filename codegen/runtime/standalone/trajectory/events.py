@@ -120,6 +120,16 @@ def crossings_of(
     return tuple(found)
 
 
+def of_another_version(given: Any, known: Any) -> str:
+    """What is wrong with an object whose class has the name of a known one: a package of another version has its own classes."""
+    if type(given).__name__ not in {kind.__name__ for kind in known}:
+        return ""
+    return (
+        f"; this {type(given).__name__} is of another version of ordernm than the package of the solver: generate the "
+        f"package again"
+    )
+
+
 def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     """Events as a caller gives them, checked.
 
@@ -131,7 +141,10 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     events = tuple(Event(e) if isinstance(e, str) else e for e in given)
     for e in events:
         if not isinstance(e, Event):
-            raise ValueError(f"events hold {e!r}, expected names of outputs, or Event(output, level, direction, stop)")
+            raise ValueError(
+                f"events hold {e!r}, expected names of outputs, or Event(output, level, direction, stop)"
+                f"{of_another_version(e, [Event])}"
+            )
         if e.output not in output_names:
             raise ValueError(f"events: the model has no output {e.output!r}; it has {some(output_names)}")
         if e.direction not in DIRECTIONS:
