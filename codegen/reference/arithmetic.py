@@ -106,6 +106,10 @@ class Arithmetic:
         """An expression of a model with values for its names, without derivatives: of symbolic numbers."""
         raise NotImplementedError(f"numbers of the kind {self.numbers} are evaluated by Pairs")
 
+    def where_zero(self, x: Any, value: Any, otherwise: Any) -> Any:
+        """One symbolic number where another one is zero, and a second one elsewhere."""
+        raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
+
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:
         """Factor a small symmetric positive definite A = L diag(d) L^T.
 

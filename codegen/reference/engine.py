@@ -878,8 +878,14 @@ class Engine(Arguments):
     def _wrenches(self, pairs: Pairs, motion: Any) -> Iterator[tuple[Point | Face, End, Wrench]]:
         """What all force elements do to bodies, and where."""
         for element in self.model.elements:
-            ends, seen = self._ends(pairs, motion, element), self._measured(pairs, motion, element)
-            yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, seen, ends), strict=True)
+            yield from self._wrenches_of(element, pairs, motion)
+
+    def _wrenches_of(
+        self, element: ForceElement, pairs: Pairs, motion: Any
+    ) -> Iterator[tuple[Point | Face, End, Wrench]]:
+        """The same of one force element."""
+        ends, seen = self._ends(pairs, motion, element), self._measured(pairs, motion, element)
+        yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, seen, ends), strict=True)
 
     def _forces_on_speeds(self, pairs: Pairs) -> Pair:
         """The generalised forces on joints' speeds that force elements exert directly, (nu, 1)."""

@@ -297,17 +297,19 @@ class BushingLaw(Law[Bushing]):
         C = start.R.mT @ end.R
         one, two = pairs.number(1), pairs.number(2)
         square = (one + C[0, 0] + C[1, 1] + C[2, 2]) / pairs.number(4)
-        if 2 * square.value < NEARLY_HALF:
+        if not pairs.arithmetic.symbolic and 2 * square.value < NEARLY_HALF:
             raise ValueError(f"bushing {element.name}: {element.singular}")
         w = pairs.call("sqrt", square)
         e = pairs.column([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]]) * (one / (pairs.number(4) * w))
         squared = pairs.dot(e, e)
-        if squared.value == 0:  # the limits; what multiplies the slope vanishes to second order
-            F, slope = two, pairs.number(-4) / pairs.number(3)
-        else:
+
+        def factor() -> Pair:
             length = pairs.call("sqrt", squared)
-            F = two * pairs.call("atan2", length, w) / length
-            slope = (F * w - two) / squared
+            return two * pairs.call("atan2", length, w) / length
+
+        # at zero the limits; the factors of the slope vanish there to second order
+        F = pairs.where_zero(squared, lambda: two, factor)
+        slope = pairs.where_zero(squared, lambda: pairs.number(-4) / pairs.number(3), lambda: (F * w - two) / squared)
         return e * F, (w, e, F, slope)
 
 

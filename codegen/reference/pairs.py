@@ -190,6 +190,12 @@ class Pairs:
                 tangent = tangent + slope_(self.arithmetic.functions, value, *of) * a.tangent
         return Pair(value, tangent)
 
+    def where_zero(self, x: Pair, value: Callable[[], Pair], otherwise: Callable[[], Pair]) -> Pair:
+        """One number where another one is zero, and a second one elsewhere; symbols keep both."""
+        if self.arithmetic.symbolic:
+            return Pair(self.arithmetic.where_zero(x.value, value().value, otherwise().value), self._zero)
+        return value() if x.value == 0 else otherwise()
+
     def power(self, x: Pair, y: Pair) -> Pair:
         """x**y for numbers; an exponent without derivative asks no logarithm of the base."""
         power = self.arithmetic.power

@@ -6,13 +6,18 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import sympy
 
 from ..elementary import TABLE
 from ..model.expressions import Expression
 from ..model.sympy_output import to_sympy
 from ..reference.arithmetic import Arithmetic
+from ..reference.pairs import Pair
 from .polynomials import Algebra, Polynomial, exact
+
+FACTORED = 3
+"""Positions and velocities of at most this many terms are multiplied out in forces and outputs."""
 
 
 class SymbolicArithmetic(Arithmetic):
@@ -49,6 +54,18 @@ class SymbolicArithmetic(Arithmetic):
     def power(self, x: Polynomial, y: Polynomial) -> Polynomial:
         """x**y."""
         return self.algebra.convert(sympy.Pow(x.expression, y.expression))
+
+    def where_zero(self, x: Polynomial, value: Polynomial, otherwise: Polynomial) -> Polynomial:
+        """A case distinction."""
+        cases = (value.expression, sympy.Eq(x.expression, 0)), (otherwise.expression, True)
+        return self.algebra.convert(sympy.Piecewise(*cases))
+
+    def closed(self, pair: Pair) -> Pair:
+        """A matrix whose longer entries are not multiplied out where it is a factor."""
+        value = np.empty_like(pair.value)
+        for place, x in np.ndenumerate(pair.value):
+            value[place] = self.algebra.closed(x, FACTORED)
+        return Pair(value, pair.tangent)
 
     def value_of(self, expression: Expression, values: Mapping[str, Polynomial]) -> Polynomial:
         """An expression of a model, with polynomials for its names."""

@@ -15,13 +15,18 @@ from ..reference.arithmetic import Array
 from .errors import SymbolicError, TooLargeError
 from .outputs import Outputs
 from .polynomials import UndecidedError, exact
-from .system import SymbolicEngine, matrix_of, symbols_of
+from .size import expected_terms
+from .system import MOST_TERMS, SymbolicEngine, matrix_of, symbols_of
 
 FORMS = ("tree", "multipliers", "embedded")
 """Of models without loops; of models with loops: with multipliers, and in the independent speeds."""
 
 MOST_PRODUCTS = 200_000
-"""Equations that take more products of terms are computed only if forced."""
+"""Equations that take more products of terms, about ten for each term, are computed only if forced."""
+
+
+LARGEST = 2**53
+"""Whole numbers up to this one are exact as floats."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +211,7 @@ class Equations:
         if more := {s for m in of.values() for s in m.free_symbols} - set(arguments):
             names = ", ".join(sorted(s.name for s in more))
             raise SymbolicError(f"lambdify: {names} have no values; put numbers in their place with subs")
-        found = sympy.lambdify(arguments, [list(m) for m in of.values()], modules=modules, cse=cse)
+        found = sympy.lambdify(arguments, [[_floats(x) for x in m] for m in of.values()], modules=modules, cse=cse)
         default = [float(self.defaults[s]) for s in self.parameters]
 
         def evaluate(q: Any, u: Any, p: Any = None, inputs: Any = None, t: float = 0.0) -> dict[str, Array]:
@@ -217,7 +222,8 @@ class Equations:
                 if len(given) != len(symbols):
                     raise SymbolicError(f"{name} has {len(given)} entries, expected {len(symbols)}")
                 numbers += list(given)
-            entries = found(*numbers, t)
+            with np.errstate(divide="ignore", invalid="ignore"):  # the other cases of case distinctions
+                entries = found(*numbers, t)
             return {
                 name: np.array(x, dtype=float).reshape(m.shape)
                 for (name, m), x in zip(of.items(), entries, strict=True)
@@ -254,7 +260,7 @@ def equations(
     simplify : bool, optional
         Apply `sympy.simplify` to every entry, which may take long.
     force : bool, optional
-        Compute also equations that take more than 200 000 products of terms.
+        Compute equations that are expected to have more than 20 000 terms too.
 
     Returns
     -------
@@ -287,13 +293,15 @@ def equations(
 
 def _computed(model: Model, given: dict[str, sympy.Expr], form: str, most_products: int | None) -> Equations:
     try:
+        if most_products is not None and (expected := expected_terms(model, given)) > MOST_TERMS:
+            raise TooLargeError(f"about {expected:.0e} terms")
         return _assembled(model, SymbolicEngine(model, given, most_products), form, given)
     except UndecidedError as error:
-        raise SymbolicError(f"{model.name}: a formula has different values in different states: {error}") from None
+        raise SymbolicError(f"{model.name}: a formula has different values in different states ({error})") from None
     except TooLargeError as error:
         raise TooLargeError(
-            f"the equations of {model.name} have {error}; give force=True (--force) to compute them all the same, "
-            f"or values for parameters"
+            f"the equations of {model.name} have {error}; allowed are {MOST_TERMS}. Give numbers for parameters "
+            f'(parameters="values", --values), take another form, or compute them all the same (force=True, --force)'
         ) from None
 
 
@@ -339,6 +347,12 @@ def _number(value: Any) -> sympy.Expr:
     if not isinstance(found, sympy.Expr):
         raise SymbolicError(f"{value!r} is neither a number nor an expression of sympy's")
     return found
+
+
+def _floats(e: sympy.Expr) -> sympy.Expr:
+    """An expression whose exact numbers are within the range of machine integers: the others become floats."""
+    large = {x: sympy.Float(x, 17) for x in e.atoms(sympy.Rational) if max(abs(x.p), x.q) > LARGEST}
+    return e.xreplace(large) if large else e
 
 
 def _assembled(model: Model, engine: SymbolicEngine, form: str, given: Collection[str]) -> Equations:

@@ -37,5 +37,5 @@ class Outputs(dict[str, sympy.Expr]):
             try:
                 found[output.name] = engine.output(output).expression
             except UndecidedError as error:
-                found.refused[output.name] = f"it has different formulas in different states: {error}"
+                found.refused[output.name] = f"it has different formulas in different states ({error})"
         return found

@@ -28,6 +28,9 @@ SHORT = 15
 """A float with at least this many digits is not a short decimal."""
 
 
+PER_TERM = 10
+"""Products of terms that a term of the equations takes, about."""
+
 PI = Fraction(str(sympy.pi.evalf(40)))
 
 
@@ -76,6 +79,7 @@ class Algebra:
         self._special: set[int] = set()  # atoms whose first power, or its inverse, may be replaced
         self._known: dict[sympy.Expr, int] = {}
         self._converted: dict[sympy.Expr, Polynomial] = {}
+        self._closed: dict[sympy.Expr, Polynomial] = {}
         self._powers: dict[tuple[int, int], Polynomial | None] = {}
 
     # --- polynomials ----------------------------------------------------------------------------------------------
@@ -103,6 +107,17 @@ class Algebra:
             if atom.square is not None or atom.expanded is not None:
                 self._special.add(found)
         return found
+
+    def closed(self, p: Polynomial, most: int) -> Polynomial:
+        """The same value; a polynomial of more than `most` terms as one atom that is not multiplied out."""
+        if len(p.terms) <= most:
+            return p
+        expression = p.expression
+        if expression not in self._closed:
+            self.atoms.append(Atom(expression))
+            self._closed[expression] = Polynomial(self, {((len(self.atoms) - 1, 1),): Fraction(1)})
+            self._converted[expression] = self._closed[expression]
+        return self._closed[expression]
 
     def convert(self, expression: sympy.Expr) -> Polynomial:
         """The polynomial of an expression of sympy's."""
@@ -161,7 +176,7 @@ class Algebra:
         """The terms of a product."""
         self.made += len(a) * len(b)
         if self.most_products is not None and self.made > self.most_products:
-            raise TooLargeError(f"more than {self.most_products} products of terms")
+            raise TooLargeError(f"more than about {self.most_products / PER_TERM:.0e} terms")
         total: Terms = {}
         for m, x in a.items():
             for n, y in b.items():
@@ -224,8 +239,8 @@ class Polynomial:
     def _other(self, other: Any) -> Polynomial | None:
         if isinstance(other, Polynomial):
             return other
-        if isinstance(other, int | Fraction):
-            return self.algebra.constant(other)
+        if isinstance(other, int | float | Fraction):
+            return self.algebra.constant(Fraction(other))
         return None
 
     def __add__(self, other: Any) -> Polynomial:
@@ -300,7 +315,7 @@ class Polynomial:
         """The sign of a difference that has no symbols."""
         difference = (self - other).expression
         if difference.free_symbols:
-            raise UndecidedError(f"it compares {self.expression} with {other}")
+            raise UndecidedError("symbols are compared")
         return int(sympy.sign(difference))
 
     @property

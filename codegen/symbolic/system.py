@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import sympy
 
+from ..model.forces import ForceElement
 from ..model.model import Coupling, Model
 from ..model.outputs import Output
+from ..model.places import Face, Point
 from ..reference.arguments import State
 from ..reference.arithmetic import Arithmetic, Array
 from ..reference.closure import EarClosure, cut
 from ..reference.ears import Group
-from ..reference.outputs import VALUES, Seen
-from ..reference.pairs import Pair
+from ..reference.forces import End, Wrench
+from ..reference.outputs import VALUES, Moving, Seen
+from ..reference.pairs import Pair, Pairs
 from ..reference.recursive import RecursiveEngine
 from ..reference.terms import Terms
 from .arithmetic import SymbolicArithmetic
-from .polynomials import Polynomial
+from .errors import SymbolicError, TooLargeError
+from .polynomials import Polynomial, UndecidedError
+
+MOST_TERMS = 20_000
+"""Equations that are expected to have more terms are computed only if forced."""
 
 
 def symbols_of(names: Sequence[str], prefix: str = "") -> tuple[sympy.Symbol, ...]:
@@ -95,6 +102,38 @@ class SymbolicEngine(RecursiveEngine):
         others = [i for i in range(self.model.nu) if i not in set(self.dependent.tolist())]
         value = self.motion_of_tree[self.dependent][:, others] @ state.u.value[others]
         return Pair(value, self.arithmetic.zeros(0, *value.shape))
+
+    def _point(self, motion: list[Terms], body: int, at: Pair) -> tuple[Pair, Pair]:
+        x, v = super()._point(motion, body, at)
+        return self.symbolic.closed(x), self.symbolic.closed(v)
+
+    def _attitude(self, motion: list[Terms], body: int) -> tuple[Pair, Pair]:
+        R, omega = super()._attitude(motion, body)
+        return self.symbolic.closed(R), self.symbolic.closed(omega)
+
+    def _wrenches_of(
+        self, element: ForceElement, pairs: Pairs, motion: list[Terms]
+    ) -> Iterator[tuple[Point | Face, End, Wrench]]:
+        try:
+            for point, end, wrench in super()._wrenches_of(element, pairs, motion):
+                force, torque = (None if x is None else self.symbolic.closed(x) for x in (wrench.force, wrench.torque))
+                yield point, end, Wrench(force, torque)
+        except UndecidedError as error:
+            raise SymbolicError(
+                f"{element.type} {element.name}: its law has different formulas in different states ({error})"
+            ) from None
+
+    def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:
+        """Kinetic energy from the mass matrix."""
+        pairs, u = state.pairs, state.u.value
+        potential = pairs.matrix([[self._potential(pairs, motion)]])
+        for b in motion[: len(self.model.bodies)]:
+            potential = potential - self._gravity(pairs).mT @ b.x * b.I[5, 5]
+        return Pair(u.T @ self.mass @ u / 2, potential.tangent), potential
+
+    def _moving(self, state: State, motion: list[Terms]) -> list[Moving]:
+        closed = [replace(b, N_C=self.symbolic.closed(b.N_C), V=self.symbolic.closed(b.V)) for b in motion]
+        return super()._moving(state, closed)
 
     # --- trees ----------------------------------------------------------------------------------------------------
 
@@ -215,12 +254,22 @@ class SymbolicEngine(RecursiveEngine):
         return self._solved[1]
 
     def _inverse_of(self, A: Array) -> Array:
-        """The inverse of a matrix by its cofactors, (n, n)."""
+        """The inverse of a matrix by its cofactors, (n, n).
+
+        Raises
+        ------
+        TooLargeError
+            It would have too many terms, and products are limited.
+        """
         n = len(A)
         if not n:
             return A
+        every = tuple(range(n))
+        expected = n * _Minors(np.array([[len(x.terms) for x in line] for line in A], dtype=object), 1).of(every, every)
+        if self.symbolic.algebra.most_products is not None and expected > MOST_TERMS:
+            raise TooLargeError(f"about {float(expected):.0e} terms in the embedded form")
         minors = _Minors(A)
-        determinant = minors.of(tuple(range(n)), tuple(range(n)))
+        determinant = minors.of(every, every)
         share = self.symbolic.algebra.reciprocal(determinant)
         inverse = self.arithmetic.zeros(n, n)
         for i in range(n):
@@ -231,10 +280,10 @@ class SymbolicEngine(RecursiveEngine):
 
 
 class _Minors:
-    """Determinants of parts of a matrix, each once."""
+    """Determinants of parts of a matrix, each once; with the sign 1 sums of the same products, all with plus."""
 
-    def __init__(self, A: Array) -> None:
-        self.A = A
+    def __init__(self, A: Array, sign: int = -1) -> None:
+        self.A, self.sign = A, sign
         self.known: dict[tuple[tuple[int, ...], tuple[int, ...]], Any] = {((), ()): 1}
 
     def of(self, rows: tuple[int, ...], columns: tuple[int, ...]) -> Any:
@@ -245,7 +294,7 @@ class _Minors:
                 entry = self.A[rows[0], column]
                 if entry:
                     rest = columns[:k] + columns[k + 1 :]
-                    total = entry * (-1) ** k * self.of(rows[1:], rest) + total
+                    total = entry * self.sign**k * self.of(rows[1:], rest) + total
             self.known[rows, columns] = total
         return self.known[rows, columns]
 
