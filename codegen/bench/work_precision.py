@@ -29,14 +29,16 @@ class Point:
     Attributes
     ----------
     setting : Setting
+        Method and tolerances.
     error : float
-        The largest, absolute; NaN if the motion did not come to its end.
+        Largest absolute error; NaN if the motion ended early.
     evaluations, steps, rejected : int
+        Evaluations of the accelerations, steps, rejected steps.
     seconds : float
-        Of the integrator in C, the least of several turns; the wall time of C and the CPU time of the whole call are both no
-        less, so the smaller one counts.
+        Least time of the integrator in C over several turns: the smaller of the wall time of the C and the CPU time of
+        the call.
     ended : str
-        "finished", or why it did not.
+        "finished", or the reason of an early end.
     """
 
     setting: Setting
@@ -50,7 +52,32 @@ class Point:
 
 def integrate(solver: Solver, end: float, setting: Setting, start: dict[str, float] | None = None,
               sensitivities: Sequence[str] = ()) -> Trajectory:  # fmt: skip
-    """The motion from 0 to `end`, s; what cannot go on is returned as far as it came."""
+    """Return the motion from 0 to a time at one setting.
+
+    Parameters
+    ----------
+    solver : Solver
+        The model.
+    end : float
+        End of the motion, s.
+    setting : Setting
+        Method and tolerances.
+    start : dict of str to float, optional
+        Initial coordinates that differ from the model's.
+    sensitivities : sequence of str, optional
+        Derivatives that are integrated with error control.
+
+    Returns
+    -------
+    Trajectory
+        The motion; up to its end if it cannot continue.
+
+    Examples
+    --------
+    >>> from codegen.bench.problem import Setting
+    >>> integrate(solver, 0.5, Setting("dop853", 1e-6, 1e-6)).t[-1]
+    np.float64(0.5)
+    """
     q = solver.assemble(start)[0] if start else None
     found = simulated(
         solver, [0.0, end], q=q, sensitivities=sensitivities, rtol=setting.rtol, atol=setting.atol,
@@ -62,7 +89,29 @@ def integrate(solver: Solver, end: float, setting: Setting, start: dict[str, flo
 
 
 def error_at_end(trajectory: Trajectory, end: float, quantities: Sequence[str], exact: Sequence[float]) -> float:
-    """The largest absolute error of the quantities; NaN if the motion ended before."""
+    """Return the largest absolute error of some quantities at the end of a motion.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    end : float
+        Time of the exact values, s.
+    quantities : sequence of str
+        Names of series.
+    exact : sequence of float
+        Exact values.
+
+    Returns
+    -------
+    float
+        The error; NaN if the motion ended early.
+
+    Examples
+    --------
+    >>> error_at_end(solver.simulate([0.0, 1.0]), 1.0, ["q.upper"], [0.0]) > 0
+    True
+    """
     if not len(trajectory) or trajectory.t[-1] != end:
         return math.nan
     return max(abs(float(trajectory[name][-1]) - x) for name, x in zip(quantities, exact, strict=True))
@@ -72,22 +121,36 @@ def diagram(
     solver: Solver, end: float, settings: Sequence[Setting], error: Callable[[Trajectory], float],
     start: dict[str, float] | None = None, sensitivities: Sequence[str] = (), budget: float = 0.1,
 ) -> list[Point]:  # fmt: skip
-    """A motion at several settings, which take turns.
+    """Return a motion at several settings, which take turns.
 
     Parameters
     ----------
     solver : Solver
+        The model.
     end : float
-        s.
+        End of the motion, s.
     settings : sequence of Setting
+        Methods and tolerances.
     error : callable
-        Of a trajectory; see `error_at_end`.
-    start : dict, optional
-        Initial coordinates by name, where they are not the model's.
-    sensitivities : sequence of str
-        Derivatives that are integrated with the motion, under error control.
-    budget : float
-        Seconds for each setting, about; three turns at least, but two for a motion that takes `LONG` of it.
+        Returns the error of a trajectory; see `error_at_end`.
+    start : dict of str to float, optional
+        Initial coordinates that differ from the model's.
+    sensitivities : sequence of str, optional
+        Derivatives that are integrated with error control.
+    budget : float, optional
+        Time for each setting, s, approximately. At least three turns, but two for a motion that takes `LONG` of it.
+
+    Returns
+    -------
+    list of Point
+        A point for each setting.
+
+    Examples
+    --------
+    >>> from codegen.bench.problem import Setting
+    >>> points = diagram(solver, 0.5, [Setting("dop853", 1e-6, 1e-6)], lambda run: abs(run["q.upper"][-1]), budget=0.0)
+    >>> points[0].ended
+    'finished'
     """
     points: list[Point] = []
     contestants: dict[str, Timed] = {}
@@ -112,18 +175,73 @@ def diagram(
 
 
 def cheapest(points: Sequence[Point], error: float) -> Point | None:
-    """The point with the fewest evaluations among those with at most this error."""
+    """Return the point with the fewest evaluations among those with at most an error.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        The points.
+    error : float
+        Largest error.
+
+    Returns
+    -------
+    Point or None
+        The point; None if all have larger errors.
+
+    Examples
+    --------
+    >>> cheapest([], 1e-6) is None
+    True
+    """
     return min((p for p in points if p.error <= error), key=lambda p: p.evaluations, default=None)
 
 
 def fastest(points: Sequence[Point], error: float) -> Point | None:
-    """The point that takes least time among these."""
+    """Return the point with the least time among those with at most an error.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        The points.
+    error : float
+        Largest error.
+
+    Returns
+    -------
+    Point or None
+        The point; None if all have larger errors.
+
+    Examples
+    --------
+    >>> fastest([], 1e-6) is None
+    True
+    """
     return min((p for p in points if p.error <= error), key=lambda p: p.seconds, default=None)
 
 
 def seconds_at(points: Sequence[Point], error: float) -> float:
-    """The time at which a diagram meets an error, by lines in logarithms between points none of which is better in both;
-    NaN beyond its ends."""
+    """Return the time at which a diagram reaches an error.
+
+    The diagram is interpolated linearly in logarithms, between points none of which is better in both error and time.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        The points.
+    error : float
+        The error.
+
+    Returns
+    -------
+    float
+        Time, s; NaN beyond the ends of the diagram.
+
+    Examples
+    --------
+    >>> seconds_at([], 1e-6)
+    nan
+    """
     known = sorted((p for p in points if math.isfinite(p.error) and p.error > 0), key=lambda p: (p.error, p.seconds))
     front: list[Point] = []
     for p in known:  # from the least error on: a larger one is of use only where it takes less time

@@ -35,31 +35,34 @@ class UnwritableError(TargetError):
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """A scalar type.
+    """A scalar type of a target.
 
     Attributes
     ----------
     name : str
-        What users call it, and NumPy's dtype of its arrays.
+        Name for users, and NumPy's dtype of its arrays.
     word, words : str
-        What it is called in the language, and in comments, in the plural.
+        Name in the language; plural name in comments.
     bytes : int
+        Size of a number.
     limits : Limits
+        Rounding and smallest number.
     largest : float
+        Largest number.
     suffix : str
-        Ends literals.
+        End of literals.
     integer : str
-        Integers of the same size, for masks of vectors; empty where vectors hold no such scalars.
+        Integer type of the same size, for masks of vectors; empty if vectors hold no such scalars.
     agreement : float
-        Relative difference from the generic engine up to which the self-check of `generate` calls a solver right.
+        Largest relative difference from the generic engine that the self-check of `generate` accepts.
     moves : bool
-        Whether motions are integrated in it.
+        Whether motions are integrated in this type.
 
     Examples
     --------
     >>> from codegen.emit.c import FLOAT32
-    >>> FLOAT32.literal("0.5")
-    '0.5f'
+    >>> FLOAT32.per_line
+    16
     """
 
     name: str
@@ -75,16 +78,32 @@ class Scalar:
 
     @property
     def per_line(self) -> int:
-        """How many fill a cache line."""
+        """Number of scalars in a cache line."""
         return 64 // self.bytes
 
     def literal(self, text: str) -> str:
-        """A number as the language writes it.
+        """Return a number as the language writes it.
+
+        Parameters
+        ----------
+        text : str
+            The number in decimal digits.
+
+        Returns
+        -------
+        str
+            The literal.
 
         Raises
         ------
         TargetError
-            The type cannot hold it.
+            If the type cannot hold the number.
+
+        Examples
+        --------
+        >>> from codegen.emit.c import FLOAT32
+        >>> FLOAT32.literal("0.5")
+        '0.5f'
         """
         size = abs(float(text))
         if size and not self.limits.smallest <= size <= self.largest and math.isfinite(size):
@@ -97,7 +116,15 @@ class Scalar:
 
 @dataclass(frozen=True, slots=True)
 class InstructionSet:
-    """Vectors of a machine: the macro that says that there are such, none for those that are always there, and their bytes."""
+    """Vectors of a processor.
+
+    Attributes
+    ----------
+    macro : str
+        Macro of the preprocessor that is defined where there are such vectors; empty if they always exist.
+    bytes : int
+        Size of a vector.
+    """
 
     macro: str
     bytes: int
@@ -105,20 +132,20 @@ class InstructionSet:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A language that solvers are written in.
+    """A language in which solvers are written.
 
     Attributes
     ----------
     name : str
-        What users call it.
+        Name for users.
     scalars : tuple of Scalar
-        The first is the usual one.
+        Scalar types, the usual one first.
     functions : mapping of str to str
         Spelling of elementary functions, by their names in `program.functions`.
     reserved : frozenset of str
-        Words that variables cannot be called.
+        Words that are not allowed as names of variables.
     vectors : tuple of InstructionSet
-        Widest first; none where the language has no vectors.
+        Vectors, the widest first; empty if the language has none.
     """
 
     name: str
@@ -128,12 +155,28 @@ class Target:
     vectors: tuple[InstructionSet, ...] = field(default=())
 
     def scalar(self, name: str) -> Scalar:
-        """The scalar type of a name.
+        """Return the scalar type of a name.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``"float32"``.
+
+        Returns
+        -------
+        Scalar
+            The scalar type.
 
         Raises
         ------
         TargetError
-            The target has none of that name.
+            If the target has no type of that name.
+
+        Examples
+        --------
+        >>> from codegen.emit.c import C
+        >>> C.scalar("float32").bytes
+        4
         """
         found = next((s for s in self.scalars if s.name == name), None)
         if found is None:
@@ -142,12 +185,28 @@ class Target:
         return found
 
     def function(self, name: str) -> str:
-        """How an elementary function is spelled.
+        """Return the spelling of an elementary function.
+
+        Parameters
+        ----------
+        name : str
+            Name of the function in `program.functions`.
+
+        Returns
+        -------
+        str
+            Its name in the language.
 
         Raises
         ------
         TargetError
-            The target lacks it.
+            If the target lacks the function.
+
+        Examples
+        --------
+        >>> from codegen.emit.c import C
+        >>> C.function("tan")
+        'tan'
         """
         if name not in self.functions:
             raise TargetError(f"the target {self.name} lacks the function {name}; it has {', '.join(self.functions)}")

@@ -18,13 +18,14 @@ Timed = Callable[[], float]
 
 @dataclass(frozen=True)
 class Seconds:
-    """Seconds of one contestant.
+    """Times of one contestant.
 
     Attributes
     ----------
     least, median, high : float
-        Of all its turns; nine of ten took no more than `high`.
+        Least, median and upper time of its turns, s; nine of ten turns took at most `high`.
     turns : int
+        Number of turns.
     """
 
     least: float
@@ -34,7 +35,27 @@ class Seconds:
 
 
 def elapsed(run: Callable[[], object], repetitions: int = 1, clock: Timed = time.perf_counter) -> Timed:
-    """The time of a call by a clock, as the mean of n calls in a row."""
+    """Return a function that measures a call.
+
+    Parameters
+    ----------
+    run : callable
+        The call.
+    repetitions : int, optional
+        Number of calls in a row.
+    clock : callable, optional
+        Returns the time, s.
+
+    Returns
+    -------
+    callable
+        Returns the mean time of one call, s.
+
+    Examples
+    --------
+    >>> elapsed(lambda: sum(range(10)), 5)() > 0
+    True
+    """
 
     def timed() -> float:
         start = clock()
@@ -46,22 +67,49 @@ def elapsed(run: Callable[[], object], repetitions: int = 1, clock: Timed = time
 
 
 def calibrated(run: Callable[[], object], batch: float = 2e-3) -> Timed:
-    """The time of a call, as the mean of as many in a row as take about `batch` seconds.
+    """Return a function that measures a call by the CPU time of this thread.
 
-    It is the time that this thread has the core: what others do on it meanwhile does not count.
+    Parameters
+    ----------
+    run : callable
+        The call.
+    batch : float, optional
+        Time of the calls in a row, s, which sets their number.
+
+    Returns
+    -------
+    callable
+        Returns the mean time of one call, s.
+
+    Examples
+    --------
+    >>> calibrated(lambda: sum(range(1000)), 1e-4)() > 0
+    True
     """
     return repeated(lambda n: n * elapsed(run, n, time.thread_time)(), batch)
 
 
 def repeated(run: Callable[[int], float], batch: float = 2e-3, warm_up: bool = False) -> Timed:
-    """The time of one of as many repetitions as take about `batch` seconds.
+    """Return a function that measures one of many repetitions.
 
     Parameters
     ----------
     run : callable
         Repeats something N times and returns the seconds of all.
-    warm_up : bool
-        Before each turn repeat a quarter of them, untimed, which brings code and data into the caches.
+    batch : float, optional
+        Time of the repetitions, s, which sets their number.
+    warm_up : bool, optional
+        Before each turn run a quarter of them, untimed, to bring code and data into the caches.
+
+    Returns
+    -------
+    callable
+        Returns the mean time of one repetition, s.
+
+    Examples
+    --------
+    >>> repeated(lambda n: n * 1e-3)()
+    0.001
     """
     n, seconds = 1, run(1)
     while seconds < batch / 2 and n < 10**8:
@@ -80,18 +128,26 @@ def repeated(run: Callable[[int], float], batch: float = 2e-3, warm_up: bool = F
 def alternate(
     contestants: Mapping[str, Timed], budget: float, least_turns: int = 3, most_turns: int = 1000
 ) -> dict[str, Seconds]:
-    """Let contestants take turns.
+    """Measure contestants that take turns.
 
     Parameters
     ----------
-    contestants : mapping of str to Timed
+    contestants : mapping of str to callable
+        Each returns the seconds of one turn.
     budget : float
-        Seconds for each, about; one that takes longer has `least_turns` all the same.
-    least_turns, most_turns : int
+        Time for each, s, approximately. A slower one has `least_turns`.
+    least_turns, most_turns : int, optional
+        Bounds of the number of turns.
 
     Returns
     -------
     dict of str to Seconds
+        Times of each contestant.
+
+    Examples
+    --------
+    >>> alternate({"one": lambda: 1.0, "two": lambda: 2.0}, 0.0)["two"].least
+    2.0
     """
     return {name: summary(x) for name, x in turns(contestants, budget, least_turns, most_turns).items()}
 
@@ -99,7 +155,29 @@ def alternate(
 def turns(
     contestants: Mapping[str, Timed], budget: float, least_turns: int, most_turns: int = 1000
 ) -> dict[str, list[float]]:
-    """The same, every turn's seconds."""
+    """Return the seconds of every turn of contestants that take turns.
+
+    Parameters
+    ----------
+    contestants : mapping of str to callable
+        Each returns the seconds of one turn.
+    budget : float
+        Time for each, s, approximately. A slower one has `least_turns`.
+    least_turns : int
+        Least number of turns.
+    most_turns : int, optional
+        Largest number of turns.
+
+    Returns
+    -------
+    dict of str to list of float
+        Seconds of the turns of each contestant.
+
+    Examples
+    --------
+    >>> turns({"one": lambda: 1.0, "two": lambda: 2.0}, 0.0, 2)
+    {'one': [1.0, 1.0], 'two': [2.0, 2.0]}
+    """
     times: dict[str, list[float]] = {name: [] for name in contestants}
     spent = dict.fromkeys(contestants, 0.0)
     waiting = dict(contestants)
@@ -116,37 +194,89 @@ def turns(
 
 @dataclass(frozen=True)
 class Rounds:
-    """Seconds of one contestant, a figure for each round, so that ratios are those of the same moments.
+    """Times of one contestant by rounds, so that ratios compare the same moments.
 
     Attributes
     ----------
     seconds : list of float
-        Of each round the least of its turns.
+        Least time of the turns of each round, s.
     """
 
     seconds: list[float]
 
     @property
     def median(self) -> float:
-        """Over the rounds."""
+        """Median of the rounds, s."""
         return statistics.median(self.seconds)
 
     @property
     def least(self) -> float:
-        """Of all rounds."""
+        """Least time of all rounds, s."""
         return min(self.seconds)
 
     def ratios(self, other: Rounds) -> list[float]:
-        """This one's time over the other's, round by round."""
+        """Return the times relative to another contestant, round by round.
+
+        Parameters
+        ----------
+        other : Rounds
+            The other contestant.
+
+        Returns
+        -------
+        list of float
+            This time over the other one.
+
+        Examples
+        --------
+        >>> Rounds([2.0, 3.0]).ratios(Rounds([1.0, 2.0]))
+        [2.0, 1.5]
+        """
         return [a / b for a, b in zip(self.seconds, other.seconds, strict=True)]
 
     def ratio(self, other: Rounds) -> float:
-        """The median of `ratios`."""
+        """Return the median time relative to another contestant.
+
+        Parameters
+        ----------
+        other : Rounds
+            The other contestant.
+
+        Returns
+        -------
+        float
+            Median of `ratios`.
+
+        Examples
+        --------
+        >>> Rounds([2.0, 3.0]).ratio(Rounds([1.0, 2.0]))
+        1.75
+        """
         return statistics.median(self.ratios(other))
 
 
 def in_rounds(contestants: Mapping[str, Timed], rounds: int = 9, batches: int = 1) -> dict[str, Rounds]:
-    """Let contestants take turns, and keep of each round the least of its `batches` turns."""
+    """Measure contestants that take turns, and keep the least time of each round.
+
+    Parameters
+    ----------
+    contestants : mapping of str to callable
+        Each returns the seconds of one turn.
+    rounds : int, optional
+        Number of rounds.
+    batches : int, optional
+        Turns of each contestant in a round.
+
+    Returns
+    -------
+    dict of str to Rounds
+        Times of each contestant.
+
+    Examples
+    --------
+    >>> in_rounds({"one": lambda: 1.0}, rounds=2)["one"].seconds
+    [1.0, 1.0]
+    """
     found: dict[str, list[float]] = {name: [] for name in contestants}
     for _ in range(rounds):
         for name, times in turns(contestants, 0.0, batches, batches).items():
@@ -155,26 +285,88 @@ def in_rounds(contestants: Mapping[str, Timed], rounds: int = 9, batches: int = 
 
 
 def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float:
-    """k of time ~ size^k, by least squares of the logarithms; NaN for less than two sizes."""
+    """Return the exponent k of ``time ~ size^k``, by least squares of the logarithms.
+
+    Parameters
+    ----------
+    sizes : sequence of int
+        Sizes.
+    seconds : sequence of float
+        Times, s.
+
+    Returns
+    -------
+    float
+        k; NaN for fewer than two sizes.
+
+    Examples
+    --------
+    >>> round(exponent([10, 100], [1.0, 10.0]), 12)
+    1.0
+    """
     if len(sizes) < 2:
         return math.nan
     return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
 
 
 def summary(seconds: Sequence[float]) -> Seconds:
-    """Of all turns of a contestant."""
+    """Return the times of a contestant from its turns.
+
+    Parameters
+    ----------
+    seconds : sequence of float
+        Seconds of the turns.
+
+    Returns
+    -------
+    Seconds
+        Least, median and upper time.
+
+    Examples
+    --------
+    >>> summary([1.0, 2.0, 4.0]).median
+    2.0
+    """
     n = len(seconds)
     return Seconds(min(seconds), statistics.median(seconds), sorted(seconds)[(9 * n - 1) // 10], n)
 
 
 def cores() -> list[int]:
-    """Those that this process may use; none where the system does not say."""
+    """Return the processor cores that this process may use.
+
+    Returns
+    -------
+    list of int
+        Numbers of the cores; empty if the system does not tell.
+
+    Examples
+    --------
+    >>> isinstance(cores(), list)
+    True
+    """
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_setaffinity") else []
 
 
 @contextmanager
 def one_core(core: int | None = None) -> Iterator[None]:
-    """Stay on one core, the last of those allowed if none is given, where the system knows how; all of them again afterwards."""
+    """Keep this process on one core within a ``with`` statement, if the system can do that.
+
+    Parameters
+    ----------
+    core : int, optional
+        Number of the core. Left out: the last of those allowed.
+
+    Yields
+    ------
+    None
+        Afterwards the process may use all its cores again.
+
+    Examples
+    --------
+    >>> with one_core():
+    ...     print(len(cores()) <= 1)
+    True
+    """
     allowed = cores()
     if not allowed:
         yield
