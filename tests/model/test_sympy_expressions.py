@@ -254,8 +254,8 @@ def test_formulas_of_models_in_sympy() -> None:
 
 
 def test_random_formulas_have_equal_values_in_both_algebras() -> None:
-    compared = sum(compare(np.random.default_rng(seed)) for seed in range(60))
-    assert compared > 150
+    compared = sum(compare(np.random.default_rng(seed)) for seed in range(30))
+    assert compared > 75
 
 
 @pytest.mark.campaign
