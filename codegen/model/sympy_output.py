@@ -23,7 +23,7 @@ def to_sympy(
     """Return the expression of sympy that equals an expression of a model.
 
     Whole numbers and their quotients are exact, and the double nearest to pi is pi. A product that the model takes as
-    zero where one factor vanishes, even if the other has no value there, is a plain product.
+    zero where one factor vanishes, even if the other has no value there, is a plain product. ``mod`` is written with a floor.
 
     Parameters
     ----------
@@ -110,9 +110,11 @@ class _Output:
         values = [self.value(a) for a in arguments]
         if name == VANISHING:
             return values[0] * values[1]
-        function = getattr(sympy, TABLE["mod" if name == WRAPPED else name].spelled("sympy"))
+        if name in ("mod", WRAPPED):  # sympy prints products of its own Mod in code as remainders of the product
+            return values[0] - values[1] * sympy.floor(values[0] / values[1])
+        function = getattr(sympy, TABLE[name].spelled("sympy"))
         # comparing the arguments may take sympy minutes
-        return function(*values, evaluate=False) if name in ("max", "min", "mod", WRAPPED) else function(*values)
+        return function(*values, evaluate=False) if name in ("max", "min") else function(*values)
 
     def condition(self, tree: Tree) -> Any:
         """The condition that a tree of comparisons, 1 where it holds and else 0, stands for."""
@@ -122,14 +124,19 @@ class _Output:
             case ("number", n):
                 return sympy.true if n else sympy.false
             case ("call", "at_least", a, b):
-                return sympy.Ge(self.value(a), self.value(b), evaluate=False)
+                return self.compared(sympy.Ge, a, b)
             case ("-", ("number", 1), ("call", "at_least", a, b)):
-                return sympy.Lt(self.value(a), self.value(b), evaluate=False)
+                return self.compared(sympy.Lt, a, b)
             case ("*", a, b):
                 return sympy.And(self.condition(a), self.condition(b), evaluate=False)
             case ("call", "max", a, b):
                 return sympy.Or(self.condition(a), self.condition(b), evaluate=False)
         return sympy.Ne(self.value(tree), 0)
+
+    def compared(self, relation: Callable[..., Any], a: Tree, b: Tree) -> Any:
+        """A comparison; of numbers, whether it holds."""
+        one, other = self.value(a), self.value(b)
+        return relation(one, other, evaluate=bool(one.is_number and other.is_number))
 
 
 def _number(value: Any) -> Any:

@@ -152,9 +152,7 @@ SPRING = "first: {type: spring, from: {body: a, at: [0, 0.2, l]}, to: tip, stiff
 
 @pytest.mark.parametrize("text", [TREE, LOOP], ids=["tree", "loop"])
 def test_drawn_primitives_are_those_of_sympy(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = cases(
-        with_elements(text, SPRING), tmp_path / "m", monkeypatch
-    )
+    found = cases(with_elements(text, SPRING), tmp_path / "m", monkeypatch)
     assert len(found) > 100
     assert list(wrong(found, np.random.default_rng(0), 30)) == []
 
