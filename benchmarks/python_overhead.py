@@ -1,8 +1,8 @@
 """What a call from Python costs above the C function: every function of CHAIN(n), one state, beside Pinocchio from Python.
 
 The time of the Python call minus that of the same C function called in a C loop (its batch function over one state again and
-again), measured in turns in one process on one core; the fastest of many. Pinocchio's rows are left out where it is not
-installed. `frames`, `points` and `assemble` are compared with the functions of the C that they call.
+again), measured in turns in one process on one core, as CPU time; the fastest of many. Pinocchio's rows are left out where it is
+not installed. `frames`, `points` and `assemble` are compared with the functions of the C that they call.
 
     python benchmarks/python_overhead.py [--n 12] [--rounds 40] [--mode api|abi]
 """
@@ -14,6 +14,7 @@ import math
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -30,6 +31,9 @@ from codegen.measure.pinocchio_models import chain
 from codegen.runtime import Jacobians
 
 LOOP = 200
+
+timed = partial(elapsed, clock=time.thread_time)
+"""The CPU time of a call: on a busy machine, the wall clock counts what others do meanwhile."""
 
 
 class Member(NamedTuple):
@@ -159,13 +163,13 @@ def calls_of(solver: Any, theirs: Mapping[str, Callable[[], Any]]) -> dict[tuple
     force = np.linspace(-1.0, 1.0, solver.nu)
     for m in members(solver, solver.nu):
         member = getattr(solver, m.name.partition(",")[0])
-        found[m.name, "Python"] = elapsed(partial(member, *m.given, **m.named), LOOP)
+        found[m.name, "Python"] = timed(partial(member, *m.given, **m.named), LOOP)
         if (loop := c_loop(solver, m, force)) is not None:
-            found[m.name, "C"] = partial(of_each, elapsed(loop))
+            found[m.name, "C"] = partial(of_each, timed(loop))
         if (placed := with_places(solver, m)) is not None:
-            found[m.name, "out="] = elapsed(placed, LOOP)
-    found["simulate(1e-3)", "Python"] = elapsed(partial(solver.simulate, 1e-3), LOOP // 4)
-    return found | {(name, "Python"): elapsed(call, LOOP) for name, call in theirs.items()}
+            found[m.name, "out="] = timed(placed, LOOP)
+    found["simulate(1e-3)", "Python"] = timed(partial(solver.simulate, 1e-3), LOOP // 4)
+    return found | {(name, "Python"): timed(call, LOOP) for name, call in theirs.items()}
 
 
 def main() -> None:
