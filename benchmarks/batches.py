@@ -6,8 +6,8 @@ Each row names its number of threads and its clock. One thread: CPU time, since 
 machine waits for other processes every time. Several threads: the wall clock. Without `--threads`, their number is the one that a
 solver chooses by default.
 
-In C: a loop of calls, `NAME_accelerations_states` and `NAME_sensitivities_states`, and both by `NAME_on_threads`, twenty calls in
-a row. From Python: the solver's methods, with directions first, which allocate their results.
+In C: a loop of calls, `NAME_accelerations_states` and `NAME_sensitivities_states`, and both by `NAME_on_threads`. From Python:
+the solver's methods, with directions first, which allocate their results. All but the first two make twenty calls in a row.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ STATES = 4096
 DIRECTIONS = 8
 ASKED = ("accelerations", "sensitivities")
 TURNS = 20
-"""Calls of a batch in C, one after the other, before the other way has its turn."""
+"""Calls of a batch, one after the other, before the other way has its turn."""
 
 LOOP = """\
 #include "{name}.h"
@@ -111,7 +111,7 @@ def of_python(model: Model, folder: Path, threads: int | None, rounds: int) -> l
     for function, seeds in zip(ASKED, ({}, {"dq": dq, "du": du}), strict=True):
         counts = {kind: threads_of(solver, function) for kind, solver in solvers.items()}
         calls = {kind: partial(getattr(solver, function), q, u, **seeds) for kind, solver in solvers.items()}
-        times = least({kind: [call] for kind, call in calls.items()}, counts, rounds)
+        times = least({kind: [call] * TURNS for kind, call in calls.items()}, counts, rounds)
         found.append([Way(f"Python, {kind}", counts[kind], seconds) for kind, seconds in times.items()])
     return found
 
@@ -173,7 +173,7 @@ def check(a: dict[Any, np.ndarray], b: dict[Any, np.ndarray]) -> None:
 def rows_of(model: Model, folder: Path, options: argparse.Namespace) -> list[list[str]]:
     """Rows of a model, one for each function and way."""
     source, shop, rows = write_solver(model, functions=ASKED), workshop(options), []
-    python = of_python(model, folder, options.threads, 20 * options.rounds)
+    python = of_python(model, folder, options.threads, 2 * options.rounds)
     sizes = Functions.of(source).sizes()
     shared = in_c_on_threads(model, folder / model.name, sizes, options.threads, 4 * options.rounds)
     for function, from_python, on_threads in zip(ASKED, python, shared, strict=True):
