@@ -65,6 +65,19 @@ def test_rebound_from_contacts(made: Callable[..., Made], options: dict[str, Any
     np.testing.assert_allclose(found, wanted, atol=allowed)
 
 
+@pytest.mark.parametrize("way", ["forward", "adjoint"])
+def test_rebound_by_constant_steps(made: Callable[..., Made], way: str) -> None:
+    """Derivatives across powers below one are NaN, with a warning."""
+    solver, names = made(parsed, TEXT).solver, [f"{x}0.{n}" for n in NAMES for x in "qu"]
+    with pytest.warns(RuntimeWarning, match="grow without bounds"):
+        found = solver.judge(
+            1.5, [Final(n) for n in NAMES], wrt=names, method=way, integrator="rk4", step=1e-3
+        ).gradients
+    for i, p in enumerate(LAWS.values()):
+        wanted = np.array([1.0, -1.0]) * rebound(p, 0.013 * i)[2:] if p > 1 else np.full(2, np.nan)
+        np.testing.assert_allclose(found[i, 2 * i : 2 * i + 2], wanted, atol=1e-5)
+
+
 def test_steps_are_graded_where_derivatives_are_taken_only(made: Callable[..., Made]) -> None:
     solver = made(parsed, TEXT).solver
     alone, along = solver.simulate(1.5), solver.simulate(1.5, sensitivities=BY)

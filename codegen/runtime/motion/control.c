@@ -141,8 +141,12 @@ static int attempt(ordernm_motion *m, trial *step)
     const scalar whole = step->h;
     status = ordernm_look_for_events(m, step);
     if (status) return status;
-    if (m->derived && m->adaptive) {
+    if (m->derived) {
         const scalar larger = ordernm_error_beside_powers(m, step, step->event < 0 ? step->error : m->error_to_event);
+        if (larger > 1.0 && !m->adaptive) {
+            m->shorter = m->advice*step->h;
+            return step->again = 1, 0;
+        }
         if (larger > 1.0 || (step->event < 0 && larger > step->error)) step->error = larger;
         if (step->error == larger && m->advice > 1.0) m->advice = 0.0; /* an implicit method has not seen this error */
         if (larger > 1.0) return 0;

@@ -11,6 +11,9 @@
 /* Derivatives of rates on both sides of a switch that differ by less, relative to the largest, are the same. */
 static const scalar AGREE = 1e-10;
 
+/* A direction moves a switch if it does by this part of what the motion does; less is left of what was passed before. */
+static const scalar MOVES = 1e-7;
+
 /* A rate jumps where its change between two neighbouring stages is at least PART_OF_STEP of all its changes in the step, where at least
  * PART_OF_CHANGE of it remains however often the time between is halved, where it exceeds PART_OF_RATE of the rate, and where over the whole
  * motion it would move the state by ERRORS_ALLOWED tolerances. The search covers the SUSPECTS steps after a refused one, and every step of
@@ -258,15 +261,29 @@ static void look_at_points(ordernm_motion *m, const trial *step)
     }
 }
 
+/* How much a direction moves the switch that m->switch_along is of, in parts of what it moves. */
+static scalar moves_switch(const ordernm_motion *m, int n, int lane)
+{
+    const group *const g = m->groups + n;
+    scalar size = 0.0;
+    for (long i = 0; i < m->ny + m->nx; ++i) size = fmax(size, fabs(m->next[g->at + i*g->width + lane]));
+    for (int i = 0; i < m->system->np; ++i) size = fmax(size, fabs(g->dp[i*g->width + lane]));
+    return size > 0.0 ? fabs(m->switch_along[n*LANES + lane])/size : 0.0;
+}
+
 /* Where derivatives of rates grow without bounds at a switch, those of the motion along directions that move the switch are not found. */
 static void look_at_powers(ordernm_motion *m, const trial *step)
 {
     const int k = ordernm_growing_power(m, step);
     int some = !m->ngroups && !m->results->lost_count;
-    if (k < 0 || ordernm_switch_along(m, step->end, m->next, k)) return;
+    const scalar *const rate = m->rate[m->method->stages];
+    scalar speed, fastest = 0.0;
+    if (k < 0 || ordernm_switch_speed(m, step->end, m->next, rate, k, &speed)) return;
+    if (ordernm_switch_along(m, step->end, m->next, k)) return;
+    for (int i = 0; i < m->ny; ++i) fastest = fmax(fastest, fabs(rate[i]));
     for (int n = 0; n < m->ngroups; ++n)
         for (int l = 0; l < m->groups[n].used; ++l)
-            if (m->lost[n*LANES + l] == 0.0 && m->switch_along[n*LANES + l] != 0.0) lose(m, n, l), some = 1;
+            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, n, l)*fastest > MOVES*fabs(speed)) lose(m, n, l), some = 1;
     if (some) note(m, ORDERNM_PASSES, k);
 }
 

@@ -17,8 +17,9 @@ static const scalar LARGER = 300.0;
  * derivatives of max(0, x)^1.1 are no longer small. */
 static const scalar LEAST = 1e-9;
 
-/* Steps that end at the zero and whose errors are too large are made again over this part. */
-static const scalar TOWARDS = 0.8;
+/* Steps that end at the zero and whose errors are too large are made again over this part. Steps of constant size, which have no
+ * estimate, all are, over HALF, and behind the zero none is longer than the distance to it: in lengths of the step, but for rounding. */
+static const scalar TOWARDS = 0.8, HALF = 0.5, EVEN = 0.99;
 
 /* How many step lengths are between an end of the step and the zero of a switch that is watched as number e, by its change near there. */
 static scalar distance(const ordernm_motion *m, int e, int last)
@@ -82,12 +83,12 @@ static int have_one_zero(ordernm_motion *m, const trial *step)
 }
 
 /* The error of derivatives in a step beside such a zero; else 0. `error` is that of the step's state; the step may end at the zero. One as
- * short as LEAST that ends or begins at the zero of a root is noted. */
+ * short as LEAST that ends or begins at the zero of a root is noted. How long the step should be is in m->advice. */
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error)
 {
     const int events = m->problem->nevents;
     int ends = 0, begins = 0, roots = 0;
-    scalar nearest = INFINITY;
+    scalar nearest = INFINITY, behind = INFINITY;
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i], is_root = m->system->switch_kind[k] == ORDERNM_ROOT;
         if (!has_power(m, k)) continue;
@@ -95,7 +96,8 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
         const int at_root = is_at_root(m, step, k, events + i);
         ends |= happens;
         begins |= begun;
-        nearest = happens || begun ? 0.0 : fmin(nearest, fmin(distance(m, events + i, 0), distance(m, events + i, 1)));
+        behind = fmin(behind, begun ? 0.0 : distance(m, events + i, 0));
+        nearest = happens ? 0.0 : fmin(nearest, fmin(behind, distance(m, events + i, 1)));
         if (!at_root) continue;
         m->root = k;
         ++roots;
@@ -104,10 +106,12 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
     if (!m->beside_power) return 0.0;
     const scalar time = time_of_change(m), larger = LARGER*error*time/step->h/pow(fmax(nearest, 1.0), 3.0);
     if (step->h > LEAST*time) {
+        const scalar least = 0.5*LEAST*time/step->h;
         m->root = -1;
-        if (!ends && !begins) return larger;
-        if (begins) m->advice = 0.5*LEAST*time/step->h;
-        else m->advice = larger > 1.0 ? TOWARDS : 1.0 - 0.5*LEAST*time/step->h;
+        if (!ends && !begins && m->adaptive) return larger;
+        if (begins || behind < EVEN) m->advice = begins ? least : fmax(behind, least);
+        else if (ends) m->advice = !m->adaptive ? HALF : larger > 1.0 ? TOWARDS : 1.0 - least;
+        else return 0.0;
         return INFINITY;
     }
     if (roots > 1 && !have_one_zero(m, step)) m->root = MANY_ROOTS;
@@ -135,10 +139,10 @@ int ordernm_beside_root(ordernm_motion *m, const trial *step)
     return status ? status : ordernm_rates(m, m->t + step->h, m->next, m->rate[m->method->stages]);
 }
 
-/* ---- Where no step is as short. ---- */
+/* ---- Where derivatives are not carried across. ---- */
 
-/* Rates change as a power of the distance to the zero. It is found from three distances, in parts of the step; of constant steps nearer. */
-static const scalar FAR = 1.0, FAR_IN_CONSTANT_STEPS = 0.01, NEARER = 0.01;
+/* Rates change as a power of the distance to the zero. It is found from three distances, in parts of the step. */
+static const scalar FAR = 1.0, NEARER = 0.1;
 
 /* A power as near to one is taken for one; a change that is less, in parts of the largest rate, is none. */
 static const scalar POWER_OF_ONE = 0.95, NO_CHANGE = 1e-8;
@@ -158,8 +162,8 @@ static int changes(ordernm_motion *m, scalar h, int last, scalar away, scalar *r
 static int grow(ordernm_motion *m, scalar h, int last)
 {
     const ordernm_problem *const p = m->problem;
-    const scalar far = m->adaptive ? FAR : FAR_IN_CONSTANT_STEPS, *const here = m->rate[last ? m->method->stages : 0];
-    scalar *const changed[] = {m->error[0], m->error[1], m->at_pose}, largest = 0.0, away = far;
+    const scalar *const here = m->rate[last ? m->method->stages : 0];
+    scalar *const changed[] = {m->error[0], m->error[1], m->at_pose}, largest = 0.0, away = FAR;
     for (int n = 0; n < 3; ++n, away *= NEARER)
         if (changes(m, h, last, away, changed[n])) return 0;
     for (int i = 0; i < m->ny + m->nx; ++i) largest = fmax(largest, fabs(here[i])/(p->atol[i] + p->rtol*fabs(m->z[i])));
