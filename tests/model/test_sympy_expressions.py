@@ -250,9 +250,8 @@ def test_formulas_of_models_in_sympy() -> None:
         2, q, evaluate=False
     )
     assert codegen.symbolic.to_sympy("x", lambda name: s.Symbol(name.upper())) == s.Symbol("X")
-    assert to_sympy("if(x - x <= 5 and x > 1, 2*mod(x, 3), 0)") == s.Piecewise(
-        (2 * X - 6 * s.floor(X / 3), s.Lt(1, X)), (0, True)
-    )
+    found = to_sympy("if(x - x <= 5 and x > 1, 2*mod(x, 3), 0)")
+    assert str(found) == "Piecewise((2*x - 6*floor(x/3), 1 < x), (0, True))"
     assert to_sympy(0.5) == s.Float(0.5) and to_sympy("30 mm") == s.Float(0.03)
 
 
