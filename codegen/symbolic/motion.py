@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import sympy
 
-from ..model.errors import nearest
+from ..loops.errors import AssemblyError, PartitionError
+from ..model.errors import ModelError, nearest
 from ..model.model import Model
 from ..reference.arithmetic import Array
 from .errors import SymbolicError, TooLargeError
@@ -296,6 +297,10 @@ def _computed(model: Model, given: dict[str, sympy.Expr], form: str, most_produc
         if most_products is not None and (expected := expected_terms(model, given)) > MOST_TERMS:
             raise TooLargeError(f"about {expected:.0e} terms")
         return _assembled(model, SymbolicEngine(model, given, most_products), form, given)
+    except (AssemblyError, PartitionError) as error:
+        raise ModelError([model.problem("loops", str(error))]) from None
+    except ZeroDivisionError as error:
+        raise SymbolicError(f"{model.name}: {error} in every state; an axis, a distance or a pivot vanishes") from None
     except UndecidedError as error:
         raise SymbolicError(f"{model.name}: a formula has different values in different states ({error})") from None
     except TooLargeError as error:

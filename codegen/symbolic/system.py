@@ -122,6 +122,8 @@ class SymbolicEngine(RecursiveEngine):
             raise SymbolicError(
                 f"{element.type} {element.name}: its law has different formulas in different states ({error})"
             ) from None
+        except ValueError as error:  # of an element without direction; its message names it
+            raise SymbolicError(str(error)) from None
 
     def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:
         """Kinetic energy from the mass matrix."""

@@ -10,7 +10,10 @@ import sympy
 
 import codegen
 from codegen.model import Model
+from codegen.model.errors import ModelError
 from codegen.symbolic import Equations, SymbolicError, TooLargeError, equations
+from codegen.symbolic.pages import equations_page
+from codegen.symbolic.writing import as_latex, as_sympy, as_text
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -224,3 +227,24 @@ def test_generating_imports_no_sympy(tmp_path):
         subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True).stdout.split()[-1]
         == "False"
     )
+
+
+BAR = "joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, -1]"
+
+
+def test_models_without_equations_are_named():
+    def model(rest: str) -> Model:
+        return codegen.parse_model(f"model: bar\nbodies:\n  bar: {{parent: ground, {BAR}}}\n{rest}", "bar")
+
+    ends = "from: {body: bar, at: [0, 0, -1]}, to: {body: ground, at: [9, 0, 0]}"
+    far = f"loops:\n  far: {{joint: {{type: revolute, axis: y}}, {ends}}}"
+    with pytest.raises(ModelError, match="loop far"):
+        equations(model(far))
+    points = "points: {one: {body: bar, at: [0, 0, 0]}, other: {body: ground, at: [0, 0, 0]}}\n"
+    spring = "forces:\n  spring: {type: spring, from: one, to: other, stiffness: 3, free_length: 1}"
+    with pytest.raises(SymbolicError, match="spring spring: its two points coincide"):
+        equations(model(points + spring))
+    moved = equations(model("motion: {bar: sin(t)}"))
+    assert moved.M.shape == (0, 0) and moved.lambdify()([], [])["forcing"].shape == (0, 1)
+    for write in (as_text, as_latex, as_sympy, equations_page):
+        assert "bar" in write(moved)
