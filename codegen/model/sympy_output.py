@@ -55,7 +55,11 @@ def to_sympy(
         expression = parse(expression)
     if not isinstance(expression, Expression):
         return sympy.sympify(expression)
-    return _Output(symbols or {}, number or _number).value(expression.tree)
+    try:
+        return _Output(symbols or {}, number or _number).value(expression.tree)
+    except RecursionError:  # sympy's own, of powers of products of conditions
+        with sympy.evaluate(False):
+            return _Output(symbols or {}, number or _number).value(expression.tree)
 
 
 class _Output:

@@ -251,6 +251,8 @@ def test_formulas_of_models_in_sympy() -> None:
     )
     assert codegen.symbolic.to_sympy("x", lambda name: s.Symbol(name.upper())) == s.Symbol("X")
     found = to_sympy("if(x - x <= 5 and x > 1, 2*mod(x, 3), 0)")
+    deep = "((if(b - pi > pi - a, b - pi, 2*(pi - a)) * if(a/3 > acos(sin(pi)) and a/3 > -1, a/3, 2))**2)"
+    assert set(to_sympy(deep).free_symbols) == set(s.symbols("a b", real=True))
     assert str(found) == "Piecewise((2*x - 6*floor(x/3), 1 < x), (0, True))"
     assert to_sympy(0.5) == s.Float(0.5) and to_sympy("30 mm") == s.Float(0.03)
 
