@@ -104,9 +104,13 @@ class MathML:
         return f'<math xmlns="http://www.w3.org/1998/Math/MathML" displaystyle="true">{row(*parts)}</math>'
 
     def matrix(self, of: sympy.MatrixBase) -> str:
-        """A matrix between bars; brackets of fonts do not always grow with it."""
+        """A matrix in round brackets, which are borders: those of fonts do not always grow with it."""
+        if len(of) == 1:
+            return self(of[0])
         rows = [[self(of[i, j]) for j in range(of.cols)] for i in range(of.rows)]
-        return table(rows, 'style="border-left: .07em solid; border-right: .07em solid; padding: 0 .3em"')
+        return table(
+            rows, 'style="border-left: .07em solid; border-right: .07em solid; border-radius: .6em; padding: 0 .4em"'
+        )
 
     def _bound(self, e: sympy.Basic, strength: int) -> str:
         """In brackets where it binds less."""
