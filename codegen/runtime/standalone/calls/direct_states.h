@@ -65,7 +65,7 @@ static int lay_all(const Call *c, PyObject *given, PyObject *seeds, PyObject *ar
         strided *const s = a->array < 0 ? NULL : b->arrays + a->array;
         double time;
         if (i == TIME) {
-            if (!number(x, &time) || !isfinite(time)) return 0;
+            if (!number(x, &time) || !isfinite(c->item == sizeof time ? time : (double)(float)time)) return 0;
             store(c, t, time);
             if (s) *s = (strided){t, 0, 0, 1};
         } else if (x == Py_None) {
