@@ -9,8 +9,10 @@ from pathlib import Path
 from .folders import FolderError, unwritable
 from .runtime.standalone.files.whole_file import MARK
 
-MARKS = (MARK.encode(), b'"format": "ordernm trajectory"')
-"""What files of ordernm hold, one or the other; the second stands in trajectories of earlier versions too."""
+MARKS = (
+    MARK.encode(), b"ordernm wrote this file, and replaces it when told to write it again", b'"format": "ordernm trajectory"',
+)  # fmt: skip
+"""Marks in files of ordernm: the present one, the former one, and that of trajectories."""
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

@@ -263,3 +263,9 @@ def test_pictures_have_the_names_that_are_looked_at(monkeypatch):
     family = {"kind": "family", "sizes": [{"roofline": 1}, {}]}
     found = plots.plots({"peaks": {}, "problems": {"f": family, "r": {"kind": "robots", "rows": [1]}}})
     assert set(found) == set(plots.PICTURES)
+
+
+def test_files_with_the_former_mark_are_own_files(tmp_path):
+    file = tmp_path / "page.html"
+    file.write_text("<!-- ordernm wrote this file, and replaces it when told to write it again -->")
+    assert own_files.is_own(file)
