@@ -84,6 +84,8 @@ def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
 
 def run_statements(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm statements``."""
+    if options.force and options.output is None:
+        raise Failure("--force is for a file that -o names; leave it out")
     functions = None if options.functions is None else [name.strip() for name in options.functions.split(",")]
 
     def made(model: Any) -> tuple[str, str]:

@@ -81,13 +81,30 @@ MADE = {
     ("bench", "--force"): "--force",
     ("show", "--verbose"): "-v",
     ("new", "--force"): "--force",
+    ("equations", "--latex"): "--latex",
+    ("equations", "--mathml"): "--mathml",
+    ("equations", "--sympy"): "--sympy",
+    ("equations", "--html"): "--html",
+    ("equations", "--form"): "--form embedded",
+    ("equations", "--values"): "--values",
+    ("equations", "--set"): "--set length=2",
+    ("equations", "--simplify"): "--simplify",
+    ("equations", "--output"): "-o equations.md",
+    ("equations", "--force"): "-o there.yaml --force",
+    ("statements", "--latex"): "--latex",
+    ("statements", "--html"): "--html",
+    ("statements", "--functions"): "--functions outputs",
+    ("statements", "--reactions"): "--reactions",
+    ("statements", "--frames"): "--frames",
+    ("statements", "--output"): "-o statements.md",
+    ("statements", "--force"): "-o there.yaml --force",
 }
 """What is given for each option."""
 
 BASES = {
     "generate": "generate swing.yaml", "simulate": "simulate swing.yaml -t 1", "import": "import robot.urdf",
     "report": "report swing.yaml", "bench": "bench pendulum", "show": "show large.yaml", "new": "new there.yaml",
-    "check": "check swing.yaml",
+    "check": "check swing.yaml", "equations": "equations swing.yaml", "statements": "statements swing.yaml",
 }  # fmt: skip
 
 
@@ -186,6 +203,8 @@ TOGETHER = {
     "generate swing.yaml --compile-all --target numpy": "--compile-all compiles the C",
     "generate swing.yaml --compile-all --no-compile": "not allowed with",
     "import robot.urdf -o - --force": "--force is for a file",
+    "statements swing.yaml --force": "--force is for a file",
+    "equations swing.yaml --values --set length=2": "leave out one of them",
     "bench --list --quick -o x.json": "leave out --quick, --output",
     "bench pendulum --plots pictures": "only families at several sizes (not with --quick) and robots",
     "bench --results x.json --peers": "--peers are of a new one",

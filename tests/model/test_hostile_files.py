@@ -306,7 +306,7 @@ def test_a_key_that_yaml_cuts_at_its_comma_is_one_mistake(section: str, place: s
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        ("ln(q.arm)", ", sinh, cosh, tanh, exp, log, erf, erfc, sqrt, abs, sign, max, min, mod, if, step, distance, rate; did you mean 'log'?"),
+        ("ln(q.arm)", ", sinh, cosh, tanh, asinh, acosh, atanh, exp, log, erf, erfc, sqrt, abs, sign, max, min, mod, if, step, distance, rate; did you mean 'log'?"),
         ("step(q.arm)", "step with 1 arguments; write step(x, from, to)"),
         ("heaviside(q.arm, 1)", "rate; a step is if(x > 0, 1, 0), a smooth one step(x, from, to); of a name, two indices are written heaviside(i)(j)"),
         ("coss(u.arm)", "did you mean 'cos'?"),
