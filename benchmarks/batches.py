@@ -123,7 +123,7 @@ def threads_of(solver: Any, function: str) -> int:
 
 
 def least(calls: dict[str, list[Callable[[], object]]], threads: dict[str, int], rounds: int) -> dict[str, float]:
-    """The least time of a call, by the clock for so many threads; those in a list come one after the other within a turn."""
+    """The least time of a call, by CPU time for one thread and wall time for several; calls in a list share a turn."""
 
     def turn(kind: str) -> float:
         return min(elapsed(call, clock=clock_of(threads[kind]))() for call in calls[kind])

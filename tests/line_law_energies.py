@@ -12,7 +12,7 @@ from codegen.model.forces.line_law import LineLaw, LineLawError
 DISTANCES = (0.3, 3.0)
 """m, at which energies are compared with forces."""
 POINTS = 8
-"""So many distances and coefficients are tried, where both have a value."""
+"""Number of random distances and coefficients at which force and energy are compared, where both have a value."""
 TRIES = 100
 
 

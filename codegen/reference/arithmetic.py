@@ -103,11 +103,11 @@ class Arithmetic:
         return _real(x**y)
 
     def value_of(self, expression: Expression, values: Mapping[str, Any]) -> Any:
-        """An expression of a model with values for its names, without derivatives: of symbolic numbers."""
+        """Value of a model's expression without derivatives; `codegen.symbolic` overrides it, and `Pairs` evaluates numbers."""
         raise NotImplementedError(f"numbers of the kind {self.numbers} are evaluated by Pairs")
 
     def where_zero(self, x: Any, value: Any, otherwise: Any) -> Any:
-        """One symbolic number where another one is zero, and a second one elsewhere."""
+        """`value` where x is zero, else `otherwise`; `codegen.symbolic` overrides it, and `Pairs` compares numbers."""
         raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
 
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:

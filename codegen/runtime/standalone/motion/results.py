@@ -143,7 +143,7 @@ class Results:
 
 
 def let_go(steps: list[Array], heads: list[Array | None], head: int) -> None:
-    """Keep of the first part that is whole what it takes to make its steps again: of each so many numbers."""
+    """Store, of the first complete part, the numbers from which each of its steps can be repeated."""
     for i, part in enumerate(steps):
         if heads[i] is None and len(part) > 1:
             steps[i], heads[i] = part[:1].copy(), part[:, :head].copy()
