@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Mapping
 from typing import Any
 
+from .display import display
 from .emit.c.functions import batch_arrays
 from .emit.c.libraries import FRAMES as FRAMES_LIBRARY
 from .emit.c.libraries import libraries, library_of
@@ -241,13 +242,14 @@ def _redundancy(system: System) -> dict[str, Any]:
 
 
 def _bodies(model: Model, functions: Mapping[str, Any]) -> dict[str, Any]:
-    """Names of bodies, and points with their bodies (-1 is the ground) and default places, where frames are asked for."""
+    """Names of bodies, points with their bodies (-1 is the ground) and default places, and data for views; only with frames."""
     if FRAMES_LIBRARY not in map(library_of, functions):
         return {}
     points = [
         {"name": p.name, "body": p.body, "at": [float(e.evaluate(model.defaults)) for e in p.at]} for p in model.points
     ]
-    return {"bodies": [b.name for b in model.bodies], **({"points": points} if points else {})}
+    names = {"bodies": [b.name for b in model.bodies]}
+    return {**names, **({"points": points} if points else {}), "display": display(model)}
 
 
 def _joint_link(system: System, body: int) -> int:

@@ -27,7 +27,8 @@ FLOORS = {
     "reference": {"elementary", "loops", "model", "version"},  # nothing of the generator but these, graph and partition
     "symbolic": {"deferred", "elementary", "loops", "mechanics", "model", "program", "reference", "version"},  # sympy
     "emit": {"elementary", "model", "program", "records", "version"},  # prints any program
-    "manifest": {"emit", "loops", "mechanics", "model", "program"},  # what model.json says
+    "display": {"model"},  # what views need to know of a model
+    "manifest": {"display", "emit", "loops", "mechanics", "model", "program"},  # what model.json says
     "pipeline": {
         "emit",
         "loops",
@@ -65,10 +66,12 @@ EXTRAS = {
     "trajectory/plot": {"matplotlib"},
     "trajectory/table": {"pandas"},
     "trajectory/files": {"pyarrow"},
+    "display/picture": {"PIL", "matplotlib", "mpl_toolkits"},
+    "display/meshes": {"trimesh"},
 }
 """What single modules of it may import beside these, within functions only: who calls them has installed it."""
 
-RUN_TIME = ("files", "calls", "assembly", "state", "statics", "trajectory", "motion", "trust")
+RUN_TIME = ("files", "calls", "assembly", "state", "statics", "trajectory", "display", "motion", "trust")
 """The rooms of it, each of which may import those before it."""
 
 FORBIDDEN_CALLS = {"eval", "exec", "__import__", "os.chdir", "os.system"}
@@ -236,7 +239,13 @@ def test_statements_are_of_one_algebra():
     assert {name for name in found if not name.startswith("symbolic/")} == formulas
 
 
-DECLARED_AS = {"pydantic_core": "pydantic", "yaml": "PyYAML", "pinocchio": "pin"}
+DECLARED_AS = {
+    "pydantic_core": "pydantic",
+    "yaml": "PyYAML",
+    "pinocchio": "pin",
+    "PIL": "pillow",
+    "mpl_toolkits": "matplotlib",
+}
 """What a package is called where it is installed from, by the name that is imported."""
 
 

@@ -264,6 +264,7 @@ class ModelBuilder:
         com: Vector3 | None = None,
         inertia: Mapping[str, Scalar] | None = None,
         shape: Mapping[str, Any] | None = None,
+        visuals: Sequence[Mapping[str, Any]] | None = None,
     ) -> str:
         """Add a body and the joint that connects it to its parent.
 
@@ -299,6 +300,8 @@ class ModelBuilder:
             Moments ``xx``, ``yy``, ``zz`` and products ``xy``, ``xz``, ``yz`` about the centre of mass, kg m^2.
         shape : mapping, optional
             Shape with density or mass, instead of the three above.
+        visuals : sequence of mappings, optional
+            Solids and meshes that views show. Left out: the shape.
 
         Returns
         -------
@@ -313,12 +316,12 @@ class ModelBuilder:
         >>> b.build().coordinate_names
         ('upper', 'lower')
         """
-        # long: sixteen arguments, each with its meaning
+        # long: seventeen arguments, each with its meaning
         placed = _given(
             axis=axis, axes=axes, normal=normal, pitch=pitch, armature=armature, at=at, rotate=rotate, rpy=rpy
         )
         whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
-        entry = _given(parent=parent, joint=whole, mass=mass, com=com, inertia=inertia, shape=shape)
+        entry = _given(parent=parent, joint=whole, mass=mass, com=com, inertia=inertia, shape=shape, visuals=visuals)
         self._put("bodies", name, entry)
         return name
 

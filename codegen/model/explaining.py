@@ -12,6 +12,7 @@ from .forces import OTHER_WORDS
 from .joints import JOINTS
 from .positions import Path_
 from .schema import JointEntry, LoopJointEntry, ShapeEntry
+from .visuals import VisualEntry
 
 
 def validate(cls: Any, value: Any) -> Any:
@@ -174,7 +175,9 @@ def _tags(classes: list[type[Entry]]) -> str:
     return ", ".join(_tag(c) for c in classes)
 
 
-_KINDS: Final[dict[str, type[Entry]]] = {"joint": JointEntry, "loop joint": LoopJointEntry, "shape": ShapeEntry}
+_KINDS: Final[dict[str, type[Entry]]] = {
+    "joint": JointEntry, "loop joint": LoopJointEntry, "shape": ShapeEntry, "visual": VisualEntry,
+}  # fmt: skip
 
 
 def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:

@@ -12,6 +12,7 @@ from .expressions import Expression
 from .joints import JOINTS, Closure, JointType
 from .places import GROUND, Face
 from .surfaces import SurfaceFunction, surface_function
+from .visuals import Visual
 
 Kind = type[JointType]
 """Of a joint: the facts that all engines work from."""
@@ -83,6 +84,8 @@ class Body:
         Centre of mass in the body frame, m.
     inertia : tuple of Expression
         xx, yy, zz, xy, xz, yz: matrix entries about the centre of mass in body axes, kg m^2.
+    visuals : tuple of Visual or None
+        What views show of it. None: lines between its joints and points.
     """
 
     name: str
@@ -91,6 +94,7 @@ class Body:
     mass: Expression
     com: Vector
     inertia: tuple[Expression, Expression, Expression, Expression, Expression, Expression]
+    visuals: tuple[Visual, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,6 +38,7 @@ from .forces import FORCES, ForceEntry
 from .joints import JOINTS, Fixed, JointType
 from .outputs import MEASURES, Measure
 from .tables import KINDS, OUTSIDE
+from .visuals import AnyVisual
 
 SECTIONS: Final = (
     *("model", "include", "gravity", "constants", "parameters", "inputs", "tables", "expressions"),
@@ -172,6 +173,7 @@ class BodyEntry(Entry):
     com: OptionalVector = None
     inertia: Annotated[InertiaEntry | None, WrapValidator(written)] = None
     shape: Annotated[AnyShape | None, WrapValidator(written)] = None
+    visuals: Annotated[tuple[AnyVisual, ...] | None, WrapValidator(written)] = None
 
     @model_validator(mode="after")
     def _one_source_of_mass(self) -> BodyEntry:

@@ -11,7 +11,7 @@ from .positions import Path_
 from .units import Dimension, unit_of
 
 _BY_KEY: Final = {
-    **dict.fromkeys(("at", "com", "center", "size", "length", "radius"), "m"),
+    **dict.fromkeys(("at", "com", "center", "size", "radii", "length", "radius"), "m"),
     **dict.fromkeys(("xx", "yy", "zz", "xy", "xz", "yz"), "kg*m**2"),
     **dict.fromkeys(("rpy", "angle"), "rad"),
     **{"mass": "kg", "pitch": "m/rad", "gravity": "m/s**2"},

@@ -36,7 +36,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "driving forces": ("driving_forces", "driving_force_sensitivities"),
     "reactions": ("reactions", "reaction_sensitivities"),
     "frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
-    "motions": ("state_rates",), "precision": (),
+    "views": ("display",), "motions": ("state_rates",), "precision": (),
 }  # fmt: skip
 """Sections of `standalone.solver.Solver`, and what a manifest names, as functions or beside them, where they are needed."""
 
@@ -44,7 +44,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("assembly.loops", "trust.exact_loops"), ("closure",)),
     "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
     "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
-    "calls.on_threads": ("over_states",),
+    "calls.on_threads": ("over_states",), "display.views": ("display",),
 }  # fmt: skip
 """Modules that others import, and C files, only where a manifest names what needs them."""
 

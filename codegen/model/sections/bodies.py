@@ -20,8 +20,10 @@ from ..repetition import CannotGoOn, name_of
 from ..schema import BodyEntry, BodyJoint
 from ..shapes import Inertia, mass_properties
 from ..unknown_names import some
+from ..visuals import Visual
 from .digits import check_axis
 from .placement import Bound, bound_entry, expressions_of, rotation, vector
+from .visuals import check_sizes, read_visuals
 
 MAX_BODIES: Final = 200_000
 LARGE, FEW_WRONG = 5000, 100
@@ -30,7 +32,7 @@ LARGE, FEW_WRONG = 5000, 100
 MAX_DIFFERENT: Final = 40_000
 """So many of those of repeat blocks may differ in their numbers; those that do not are read once."""
 
-_Parts = tuple[Joint, Expression, Vector, Inertia, bool]
+_Parts = tuple[Joint, Expression, Vector, Inertia, tuple[Visual, ...] | None, bool]
 _Listed = list[tuple[Path_, Expression]]
 
 
@@ -129,8 +131,8 @@ def _build(reader: Reader, section: BodySection) -> None:
         elif parent is not None:
             parents[i] = parent
         section.is_tree = section.is_tree and parent is not None and parent != i
-        joint, mass, com, inertia, is_sound = parts.of(spec, at)
-        section.bodies.append(Body(name, parents[i], joint, mass, com, inertia))
+        joint, mass, com, inertia, visuals, is_sound = parts.of(spec, at)
+        section.bodies.append(Body(name, parents[i], joint, mass, com, inertia, visuals))
         if is_sound:
             if spec.inertia is not None and spec.inertia.check == "warn":
                 tolerated.append(len(sound))
@@ -260,19 +262,18 @@ def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, result: Bound, so
     """Joint and mass properties; `sound` says whether names and values are, the joint is checked for itself."""
     before = reader.errors
     joint = _joint(reader, spec.joint, at, result, sound)
+    visuals = read_visuals(reader, spec, at, result) if sound else None
     sound = sound and reader.errors == before
     if spec.mass is not None or spec.shape is None:
         com = vector(result, "com") if spec.com is not None else (ZERO, ZERO, ZERO)
         keys = ("xx", "yy", "zz", "xy", "xz", "yz")
         six: Any = tuple(result.get(("inertia", k), ZERO) for k in keys)
-        return joint, result.get(("mass",), ZERO), com, six, sound
-    for path in ("length",), ("radius",), *(("size", i) for i in range(3)):
-        if (size := result.get(("shape", *path))) is not None and (value := reader.numeric(size)) < 0:
-            reader.report(at, ("shape", *path), f"{checks.with_value(size, value)} is negative; a size is at least 0")
+        return joint, result.get(("mass",), ZERO), com, six, visuals, sound
+    check_sizes(reader, spec.shape.type, at, ("shape",), result)
     if ("shape", "axis", 0) in result:
         reader.direction(vector(result, "shape", "axis"), at, ("shape", "axis"))
     sound = sound and reader.errors == before
-    nothing: _Parts = (joint, ZERO, (ZERO, ZERO, ZERO), (ZERO,) * 6, False)
+    nothing: _Parts = (joint, ZERO, (ZERO, ZERO, ZERO), (ZERO,) * 6, None, False)
     if not sound:
         return nothing
     try:
@@ -284,7 +285,7 @@ def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, result: Bound, so
         if isinstance(why := reader.value(e), str):
             reader.report(at, ("shape",), f"no finite mass properties at the default parameters: {why}")
             return nothing
-    return joint, mass, center, inertia, True
+    return joint, mass, center, inertia, visuals, True
 
 
 def _joint(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound: bool) -> Joint:

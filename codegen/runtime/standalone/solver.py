@@ -9,6 +9,7 @@ and a method here passes its arguments on. A package carries the sections of thi
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -18,6 +19,7 @@ from .arrays import Array, Numbers, Times
 from .assembly.partitions import conditions, partition_names, use_partition
 from .assembly.states import States
 from .calls.package import Composed, Package
+from .display.views import Views
 from .motion.functional_gradients import MEMORY, FunctionalGradients
 from .motion.functionals import Functional, Judged
 from .motion.run import Progress
@@ -1687,6 +1689,57 @@ class Solver(Package):
     @functools.cached_property
     def _frames(self) -> Frames:
         return Frames(self)
+
+    # -- views ---------------------------------------------------------------------------------------------------------
+
+    def picture(
+        self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        path: str | os.PathLike[str] | None = None, view: str = "auto", folder: str | os.PathLike[str] = ".",
+    ) -> Any:  # fmt: skip
+        """Draw the mechanism in one state, by matplotlib.
+
+        The package must have been generated with frames. Bodies are shown by their visuals or shapes, or as lines between
+        their joints and points.
+
+        Parameters
+        ----------
+        q : array_like (nq,)
+            Coordinates, SI units and radians.
+        p, inputs, t : array_like (np,), (ninputs,), float, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0. Sizes and places follow the parameters.
+        path : path, optional
+            File to write: ``.svg``, ``.png`` or ``.pdf``. The same state gives the same bytes.
+        view : {"auto", "x", "y", "z", "corner"}, optional
+            Look along an axis of the ground, or from a corner. "auto" looks along the normal if all bodies move in one plane
+            of the ground.
+        folder : path, optional
+            Folder of the model, from which the names of mesh files start.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed (extra ``plot``).
+
+        Warns
+        -----
+        RuntimeWarning
+            If a mesh cannot be read; a small cube is shown instead.
+
+        Examples
+        --------
+        >>> q, u = solver.initial
+        >>> figure = solver.picture(q, path="pose.png")
+        """
+        return self._views.picture(q, p, inputs, t, path, view, folder)
+
+    @functools.cached_property
+    def _views(self) -> Views:
+        return Views(self)
 
     # -- motions -------------------------------------------------------------------------------------------------------
 

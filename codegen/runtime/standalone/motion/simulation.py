@@ -287,7 +287,12 @@ class Simulation(Reasons):
         stats = {"method": problem.method, "reason": ended, **run.counts}
         if self._names is None or self._names.sensitivity_names != directions.names:
             self._names = self._no_motion(directions.names)
-        return self._names.like_this(arrays, later, stats)
+        found = self._names.like_this(arrays, later, stats)
+        if "display" in self._manifest:
+            from ..display.views import MotionViews, Views
+
+            found.views = MotionViews(Views(self.package), lambda: self._inputs_over(t, problem))
+        return found
 
     @property
     def _shown(self) -> int:

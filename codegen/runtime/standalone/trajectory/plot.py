@@ -107,11 +107,11 @@ def draw(
         if path is not None and suffix is not None:
             metadata = FORMATS[suffix]
             write_whole(Path(path), lambda file: figure.savefig(file, format=suffix[1:], metadata=metadata))
-    figure._repr_png_ = functools.partial(_png, figure)  # notebooks show it without a backend of pyplot
+    figure._repr_png_ = functools.partial(png_of, figure)  # notebooks show it without a backend of pyplot
     return figure
 
 
-def _png(figure: Any) -> bytes:
+def png_of(figure: Any) -> bytes:
     """A figure as notebooks show it."""
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata=FORMATS[".png"])

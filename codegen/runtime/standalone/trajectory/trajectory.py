@@ -113,6 +113,7 @@ class Trajectory:
         self.doutputs: Array = _shaped("doutputs", doutputs, (k, nt, noutputs), may_lack=not k * noutputs)
         self.p = None if p is None else _shaped("p", p, (len(self.parameter_names),))
         self.inputs = None if inputs is None else _shaped("inputs", inputs, (len(self.input_names),))
+        self.views: Any = None
         self._later: dict[str, Later] = {"energy": energy, "closure": closure}
         for name, x in self._later.items():
             if not callable(x):
@@ -373,7 +374,7 @@ class Trajectory:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_later": {name: self._now(name) for name in LATER}}
+        return {**self.__dict__, "_later": {name: self._now(name) for name in LATER}, "views": None}
 
     # -- how it went -------------------------------------------------------------------------------------------------------
 
@@ -641,6 +642,71 @@ class Trajectory:
         ]
         title = self.model if self.ended in (FINISHED, "unknown") else f"{self.model} ({self.ended})"
         return draw(title, self.t, panels, path, cut=what is None)
+
+    def animate(
+        self,
+        path: str | os.PathLike[str],
+        solver: Any = None,
+        *,
+        view: str = "auto",
+        rate: float = 25.0,
+        folder: str | os.PathLike[str] = ".",
+    ) -> None:
+        """Write an animation of the motion, by matplotlib.
+
+        Parameters
+        ----------
+        path : path
+            File to write: ``.gif``, or ``.png`` for an animated PNG.
+        solver : Solver, optional
+            Solver of the model, generated with frames. It is needed for a trajectory that was loaded from a file.
+        view : {"auto", "x", "y", "z", "corner"}, optional
+            See `Solver.picture`.
+        rate : float, optional
+            Frames per second of motion. The frames show the nearest results.
+        folder : path, optional
+            Folder of the model, from which the names of mesh files start.
+
+        Raises
+        ------
+        ValueError
+            If the trajectory has no solver with frames, or the solver is that of another model.
+        ImportError
+            If matplotlib is not installed (extra ``plot``).
+
+        Examples
+        --------
+        >>> run = solver.simulate(np.linspace(0.0, 0.2, 6))
+        >>> run.animate("run.gif")
+        """
+        self._shown_by(solver).animate(self, path, view, folder, rate)
+
+    def _shown_by(self, solver: Any) -> Any:
+        """What shows the motion.
+
+        Raises
+        ------
+        ValueError
+            If there is none, or the solver does not fit.
+        """
+        if solver is None:
+            if self.views is None:
+                raise ValueError(
+                    f"the trajectory of {self.model} has no solver with frames; generate the package with frames "
+                    f"(ordernm generate MODEL --frames), or pass such a solver for a trajectory of a file: solver="
+                )
+            return self.views
+        if "display" not in solver._manifest:
+            raise ValueError(
+                f"{solver!r} has no frames; generate the package with frames: ordernm generate MODEL --frames"
+            )
+        theirs = (solver.name, solver.coordinate_names, solver.parameter_names)
+        if theirs != (self.model, self.coordinate_names, self.parameter_names):
+            raise ValueError(
+                f"the trajectory is of model {self.model} with coordinates {some(self.coordinate_names)}; the solver is of "
+                f"{solver.name} with {some(solver.coordinate_names)}"
+            )
+        return solver._views.of_motion(self)
 
 
 ARRAYS = ("t", "q", "u", "dq", "du", "outputs", "doutputs", "p", "inputs", "energy", "closure")

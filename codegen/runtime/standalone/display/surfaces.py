@@ -1,0 +1,86 @@
+"""Surfaces of solids as triangles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from .scene import Solid
+
+AROUND, UP = 24, 12
+"""Number of sides around a round solid, and of rows of faces between the poles of a ball."""
+
+THIN = 0.02
+"""Radius of a rod, which has none, by its length."""
+
+Surface = tuple[Array, Indices]
+"""Vertices (n, 3), m, and triangles (m, 3) by the indices of their vertices, counterclockwise from outside."""
+
+
+def surface_of(solid: Solid) -> Surface:
+    """The surface of a solid in the frame of its body.
+
+    Raises
+    ------
+    ValueError
+        If the solid is a mesh, which has a file.
+    """
+    sizes = solid.sizes
+    match solid.type:
+        case "box":
+            vertices, faces = _box(sizes)
+        case "sphere":
+            vertices, faces = _ball(np.full(3, sizes[0]), 0.0)
+        case "ellipsoid":
+            vertices, faces = _ball(sizes, 0.0)
+        case "capsule":
+            vertices, faces = _ball(np.full(3, sizes[0]), sizes[1])
+        case "cylinder":
+            vertices, faces = _cylinder(sizes[0], sizes[1])
+        case "rod":
+            vertices, faces = _cylinder(THIN * sizes[0], sizes[0])
+        case _:
+            raise ValueError(f"a {solid.type} has no sizes to draw it by")
+    return vertices @ solid.rotation.T + solid.at, faces
+
+
+def _box(size: Array) -> Surface:
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+
+
+def _ball(radii: Array, length: float) -> Surface:
+    """An ellipsoid whose halves are `length` apart along z, with a cylinder between them."""
+    polar = np.linspace(0.0, math.pi, UP + 1)
+    middle = UP // 2
+    rows = [(math.sin(a), math.cos(a), 0.5 if i <= middle else -0.5) for i, a in enumerate(polar)]
+    if length > 0.0:
+        rows.insert(middle + 1, (1.0, 0.0, -0.5))
+    return _turned([(radii[0] * s, radii[1] * s, radii[2] * c + side * length) for s, c, side in rows])
+
+
+def _cylinder(radius: float, length: float) -> Surface:
+    h = length / 2
+    return _turned([(0.0, 0.0, h), (radius, radius, h), (radius, radius, -h), (0.0, 0.0, -h)])
+
+
+def _turned(profile: list[tuple[float, float, float]]) -> Surface:
+    """The surface of revolution of rows (x radius, y radius, z) from the top down; its first and last row are points."""
+    angles = np.arange(AROUND) * (2.0 * math.pi / AROUND)
+    rings = [
+        np.stack([x * np.cos(angles), y * np.sin(angles), np.full(AROUND, z)], axis=1) for x, y, z in profile[1:-1]
+    ]
+    vertices = np.concatenate([[[0.0, 0.0, profile[0][2]]], *rings, [[0.0, 0.0, profile[-1][2]]]])
+    last, faces = len(vertices) - 1, []
+    for i in range(AROUND):
+        j = (i + 1) % AROUND
+        faces.append((0, 1 + i, 1 + j))
+        for ring in range(len(rings) - 1):
+            a, b = 1 + ring * AROUND, 1 + (ring + 1) * AROUND
+            faces += [(a + i, b + i, b + j), (a + i, b + j, a + j)]
+        end = 1 + (len(rings) - 1) * AROUND
+        faces.append((end + i, last, end + j))
+    return vertices, np.array(faces)

@@ -1,0 +1,160 @@
+"""Scenes: what a package with frames says of the bodies, at any parameters, against the model and independent kinematics."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import ordernm
+from codegen.runtime.standalone.display.picture import Poses, view_of
+from codegen.runtime.standalone.display.scene import scene_of
+
+MODEL = """
+model: shown
+gravity: [0, 0, -9.81]
+parameters: {length: 1.0, radius: 2 cm, tilt: 0.3}
+bodies:
+  bar:
+    parent: ground
+    joint: {type: revolute, axis: y, at: [0, 0, 2], rotate: [{axis: z, angle: tilt}]}
+    shape: {type: cylinder, axis: x, length: length, radius: radius, mass: 1, center: [length/2, 0, 0]}
+  slider:
+    parent: bar
+    joint: {type: prismatic, axis: x, at: [length, 0, 0]}
+    mass: 1
+    com: [0.1, 0, 0]
+    visuals:
+    - {type: box, size: [10 cm, 2*radius, "max(radius, 3 cm)"], at: [length/4, 0, 0], rpy: [0, 0, tilt], color: "#4477AA80"}
+    - {type: mesh, file: part.stl, scale: 0.5}
+  plain: {parent: slider, joint: {type: revolute, axis: y, at: [0.2, 0, 0]}, mass: 1, com: [0, 0, -0.3]}
+  hidden: {parent: plain, joint: {type: fixed, at: [0, 0, -0.5]}, mass: 1, visuals: []}
+points:
+  tip: {body: hidden, at: [0, 0, -0.1]}
+forces:
+  coil: {type: spring, from: {body: ground, at: [1, 0, 2]}, to: tip, stiffness: 10, free_length: 0.1}
+initial: {q: {bar: 0.4, slider: 0.1, plain: -0.2}}
+"""
+
+
+@pytest.fixture(scope="module")
+def solver(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scene") / "shown"
+    ordernm.generate(ordernm.parse_model(MODEL), folder, target="numpy", frames=True)
+    return ordernm.load(folder, target="numpy")
+
+
+def scene(solver, **p):
+    manifest = json.loads((solver.folder / "model.json").read_text())
+    parameters = dict(zip(solver.parameter_names, solver.parameters, strict=True)) | p
+    return scene_of(manifest, np.array([parameters[n] for n in solver.parameter_names]))
+
+
+def test_sizes_and_places_follow_the_parameters(solver):
+    rod, box, mesh = scene(solver, length=2.0, radius=0.05).solids
+    assert rod.type == "cylinder"
+    np.testing.assert_allclose(rod.sizes, [0.05, 2.0])
+    np.testing.assert_allclose(rod.at, [1.0, 0, 0])
+    np.testing.assert_allclose(rod.rotation @ [0, 0, 1], [1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(box.sizes, [0.1, 0.1, 0.05])
+    np.testing.assert_allclose(box.at, [0.5, 0, 0])
+    c, s = np.cos(0.3), np.sin(0.3)
+    np.testing.assert_allclose(box.rotation, [[c, -s, 0], [s, c, 0], [0, 0, 1]], atol=1e-15)
+    assert box.color == "#4477aa80"
+    assert (mesh.file, mesh.sizes.tolist(), box.body, mesh.body) == ("part.stl", [0.5] * 3, 1, 1)
+
+
+def test_bodies_without_visuals_are_lines_and_hidden_ones_are_not(solver):
+    found = scene(solver)
+    assert [x.name for x in found.sticks] == ["plain"]
+    np.testing.assert_allclose(found.sticks[0].ends, [[0, 0, 0], [0, 0, -0.5]])
+    assert [x.name for x in found.rails] == ["slider"]
+    assert [(x.name, x.bodies) for x in found.elements] == [("coil", (-1, 3))]
+    assert [(m.name, m.body) for m in found.points] == [("tip", 3)]
+
+
+def test_poses_of_a_picture_are_those_of_independent_kinematics(solver):
+    q, _ = solver.initial
+    poses = solver._views._poses(q[None], solver.parameters, np.zeros(0), np.zeros(1))
+    a, b, x, tilt = q[0], q[0] + q[2], 1.0 + q[1], 0.3
+    turn = np.array([[np.cos(tilt), -np.sin(tilt), 0], [np.sin(tilt), np.cos(tilt), 0], [0, 0, 1]])
+    slide, drop = np.array([np.cos(a), 0, -np.sin(a)]), np.array([np.sin(b), 0, np.cos(b)])
+    tip = np.array([0, 0, 2]) + turn @ ((x + 0.2) * slide - 0.6 * drop)
+    np.testing.assert_allclose(poses.of(3, np.array([0, 0, -0.1]), 0), tip, atol=1e-14)
+
+
+def test_a_view_is_along_the_normal_of_a_planar_mechanism(solver):
+    q, p = solver.initial[0][None], np.array(solver.parameters)
+    poses = solver._views._poses(q, p, np.zeros(0), np.zeros(1))
+    straight = solver._views._poses(
+        q, np.where(np.array(solver.parameter_names) == "tilt", 0.0, p), np.zeros(0), np.zeros(1)
+    )
+    assert view_of("auto", scene(solver, tilt=0.0), straight) == view_of("y", scene(solver), poses)
+    assert view_of("auto", scene(solver), poses) == view_of("corner", scene(solver), poses)
+    with pytest.raises(ValueError, match="view is 'top'; x, y, z, corner and auto are allowed"):
+        view_of("top", scene(solver), poses)
+
+
+def test_a_mesh_that_is_not_there_is_a_cube_with_one_warning(solver, tmp_path):
+    pytest.importorskip("matplotlib")
+    with pytest.warns(
+        RuntimeWarning, match="mesh part.stl is not a file in .*; a cube of 0.05 m is shown instead"
+    ) as caught:
+        solver.picture(solver.initial[0], path=tmp_path / "a.png", folder=tmp_path)
+    assert len(caught) == 1
+    with pytest.warns(RuntimeWarning):
+        solver.picture(solver.initial[0], path=tmp_path / "b.png", folder=tmp_path)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_mesh_of_a_file_has_its_scale_and_place(solver, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    from codegen.runtime.standalone.display.meshes import Meshes
+
+    trimesh.creation.box((2, 4, 6)).export(tmp_path / "part.stl")
+    vertices, faces = Meshes(tmp_path).surface(scene(solver).solids[2])
+    np.testing.assert_allclose(vertices.max(axis=0), [0.5, 1.0, 1.5])
+    assert len(faces) == 12
+
+
+def test_motions_are_animated_and_loaded_ones_with_a_solver(solver, tmp_path):
+    pytest.importorskip("PIL")
+    from PIL import Image
+
+    pytest.importorskip("trimesh").creation.box((1, 1, 1)).export(tmp_path / "part.stl")
+    rows = np.linspace(0, 0.2, 6)
+    q, u = np.tile(solver.initial[0], (6, 1)), np.zeros((6, 3))
+    q[:, 0] += rows
+    names = {"coordinate_names": solver.coordinate_names, "speed_names": solver.speed_names}
+    run = ordernm.Trajectory("shown", rows, q, u, **names, parameter_names=solver.parameter_names)
+    with pytest.raises(ValueError, match="has no solver with frames; generate the package with frames"):
+        run.animate(tmp_path / "run.gif")
+    with pytest.raises(ValueError, match=r"run.mp4 ends in .mp4; animations are written as .gif or .png"):
+        run.animate(tmp_path / "run.mp4", solver, folder=tmp_path)
+    run.animate(tmp_path / "run.gif", solver, folder=tmp_path)
+    with Image.open(tmp_path / "run.gif") as image:
+        assert image.n_frames == 6
+        assert image.info["duration"] == 40
+    other = ordernm.Trajectory("other", rows, q, u, **names, parameter_names=solver.parameter_names)
+    with pytest.raises(ValueError, match=r"the trajectory is of model other .*; the solver is of shown"):
+        other.animate(tmp_path / "run.gif", solver)
+    assert pickle.loads(pickle.dumps(run)).views is None
+
+
+def test_a_package_without_frames_has_no_views(tmp_path):
+    model = ordernm.parse_model(MODEL)
+    ordernm.generate(model, tmp_path / "bare", target="numpy")
+    bare = ordernm.load(tmp_path / "bare", target="numpy")
+    assert "display" not in json.loads((tmp_path / "bare" / "model.json").read_text())
+    assert not (tmp_path / "bare" / "_runtime" / "display").exists()
+    with pytest.raises(AttributeError, match="shown was generated without picture: generate it with --frames"):
+        bare.picture(bare.initial[0])
+    with pytest.raises(ValueError, match="has no frames; generate the package with frames"):
+        ordernm.Trajectory("shown", [], np.empty((0, 3)), np.empty((0, 3)), coordinate_names=bare.coordinate_names,
+                           speed_names=bare.speed_names).animate("x.gif", bare)  # fmt: skip
+
+
+def test_poses_are_of_all_bodies():
+    poses = Poses(np.zeros(1), np.eye(3)[None, None], np.ones((1, 1, 3)))
+    np.testing.assert_allclose(poses.of(0, np.zeros(3), 0), np.ones(3))
+    np.testing.assert_allclose(poses.of(-1, np.ones(3), 0), np.ones(3))
