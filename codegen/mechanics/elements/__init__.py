@@ -1,4 +1,4 @@
-"""Force elements between bodies, a file for each type but one for all laws along a line: what they do, by the element's class."""
+"""Force elements between bodies: one file for each type, and one for all laws along a line. `LAWS` maps elements to laws."""
 
 from __future__ import annotations
 
@@ -33,4 +33,4 @@ LAWS: Final[dict[type[ForceElement], Law]] = {
     Bushing: BushingLaw(),
     **{element: AlongLineLaw(element.law) for element in ALONG_LINES.values()},
 }
-"""Of every type that acts on bodies."""
+"""The force law of every type of element that acts on bodies."""

@@ -1,4 +1,4 @@
-"""Forces along the line between two points, by laws that are data: see `model.forces.line_laws`."""
+"""Forces along the line between two points; their laws are data, see `model.forces.line_laws`."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .element import Element, Law, Wrench
 
 
 class AlongLineLaw(Law):
-    """A law as statements: its formulas, with distance and rate of the line between the ends."""
+    """A law along a line: its formulas depend on the distance between the ends and on the rate of that distance."""
 
     def __init__(self, law: LineLaw):
         self.law = law
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
         line, length = e.line()
-        formula = bind(self.law.formula, e.absent)  # what is multiplied by zero is not asked for
+        formula = bind(self.law.formula, e.absent)  # coefficients of terms that are zero are not read
         known = {"distance": length}
         if e.turns_over:
             along = e.along(line, length)

@@ -1,13 +1,14 @@
-"""Springs and dampers along and about three axes between two bodies, in the axes of the first.
+"""Springs and dampers along and about three axes between two bodies, along the axes of the start.
 
-Of the rotation matrix C of the end in the axes of the start, a is its sine times its axis, half of
-(C_zy - C_yz, C_xz - C_zx, C_yx - C_xy), and c its cosine; the rotation vector is f a with f = atan2(s, c)/s, s = |a|.
-With m the derivative of an energy by the rotation vector, its derivative by rotations of the end is
+Let C be the rotation matrix of the end along the axes of the start, and a its rotation axis times the sine of its angle, half of
+(C_zy - C_yz, C_xz - C_zx, C_yx - C_xy). Let c be the cosine of the angle. The rotation vector is f a with f = atan2(s, c)/s,
+s = |a|. If m is the derivative of an energy with respect to the rotation vector, its derivative with respect to rotations of the
+end is
 
     m + f/2 a x m + h a x (a x m),    h = (1 - f (1 + c)/2)/s^2
 
-Where the faces coincide, f and h are of the form 0/0, a = 0 takes h away and f = 1: `SMALLEST` in s keeps the
-quotients finite, whose rounding errors, and those of their derivatives, come with as many factors a as they have divisions by s.
+Where the faces coincide, f and h are 0/0, but h is multiplied by a = 0, and f = 1. `SMALLEST` in s keeps the quotients finite.
+Their rounding errors, and those of their derivatives, are multiplied by a as often as they were divided by s.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
 from .element import Element, Law, Wrench
 
 SMALLEST = 1e-60
-"""Of the square of a sine that is divided by: far below rounding, and so large that no quotient overflows."""
+"""Added to the square of a sine before division: far below rounding, but large enough that no quotient overflows."""
 NEARLY_HALF = 1e-12
-"""Of 1 + cos(angle): the axis of a turn that lacks less than 1.4e-6 rad of half a turn is lost in rounding."""
+"""Smallest 1 + cos(angle): an angle within 1.4e-6 rad of half a turn leaves no accurate axis."""
 
 
 class BushingLaw(Law):
-    """Rows whose coefficients are zero leave no statements; without a row about an axis no angle is computed."""
+    """Coefficients that are zero leave no statements; no angle is computed without a stiffness or preload about an axis."""
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
         start, end = e.ends
@@ -42,7 +43,7 @@ class BushingLaw(Law):
             back = [-c for c in on_end.torque]
         if on_end.force is None:
             return Wrench(torque=back), on_end
-        # it acts at the end's place
+        # the force acts at the end's attachment point
         moment = e.vector("moment", cross(minus(start.position, end.position), on_end.force))
         back = moment if back is None else e.vector("moment", add(moment, back))
         return Wrench([-c for c in on_end.force], back), on_end
@@ -65,7 +66,7 @@ class BushingLaw(Law):
     # -- along axes ------------------------------------------------------------------------------------------------
 
     def _force(self, e: Element) -> Vector | None:
-        """On the end, in the axes of the start."""
+        """The force on the end, along the axes of the start."""
         k, c, f = (e.coefficients(key) for key in ("stiffness", "damping", "preload"))
         moving = [not is_zero(v) for v in c]
         stretched = [not is_zero(v) for v in k]
@@ -93,7 +94,7 @@ class BushingLaw(Law):
     # -- about axes ------------------------------------------------------------------------------------------------
 
     def _torque(self, e: Element) -> Vector | None:
-        """On the end, in the axes of the start."""
+        """The torque on the end, along the axes of the start."""
         k, c, f = (e.coefficients(f"rotational_{key}") for key in ("stiffness", "damping", "preload"))
         moving = [not is_zero(v) for v in c]
         found: Vector | None = None
@@ -118,7 +119,7 @@ class BushingLaw(Law):
 
     @staticmethod
     def _turn(e: Element) -> tuple[Vector, Value, Value, Value]:
-        """Sine times axis, cosine, square of the sine, angle divided by sine."""
+        """Sine times axis, cosine, square of the sine, angle over sine."""
         start, end = e.ends
         half = e.x.half
         C = [e.vector("C", row) for row in matmul(transpose(start.axes), end.axes)]
@@ -132,7 +133,7 @@ class BushingLaw(Law):
 
 
 def _along(e: Element, name: str, v: Vector, used: Sequence[bool]) -> Vector:
-    """Components of a vector along the axes of the start; zero where they are not used."""
+    """Components of a vector along the axes of the start; zero for those that are not used."""
     if not any(used):
         return [0, 0, 0]
     base = transpose(e.ends[0].axes)

@@ -1,7 +1,7 @@
-"""What a type of force elements does, as blocks write it: wrenches at its ends, and its potential energy.
+"""The interface of force laws: wrenches at the attachment points, and potential energy.
 
-A law is written once, as values; tangents and transposes follow from its statements (see `loads`). Vectors are in the ground
-frame unless it says that they are in the axes of a link.
+A law is written once, as values; its tangents and transposes follow from its statements (`loads`). Vectors are along the ground's
+axes unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from ..structure.constants import written
 from ..structure.element_kinds import ElementKind, end_name
 
 SHORTEST = 1e-100
-"""Of a line, m, that has a direction: squares of what is divided by its length stay finite."""
+"""Shortest line that has a direction, m: squares of quotients by its length remain finite."""
 
 
 def shortest() -> float:
-    """The same for the scalar type at hand."""
+    """`SHORTEST` for the scalar type of the generated code."""
     return limits().tiny(SHORTEST, 3)
 
 
 class Wrench(NamedTuple):
-    """What acts on a body at an end: a force through the end's place, N, and a torque, N m.
+    """Wrench on a body at an attachment point: a force through the point, N, and a torque, N m.
 
-    `in_link` says that they are in the axes of the link, not of the ground.
+    `in_link`: both are along the axes of the link instead of the ground's.
     """
 
     force: Vector | None = None
@@ -47,30 +47,30 @@ class Wrench(NamedTuple):
 
 
 class Law(ABC):
-    """A type of force elements."""
+    """The force law of a type of force elements."""
 
     @abstractmethod
     def wrenches(self, e: Element) -> Sequence[Wrench]:
-        """What acts on the bodies, end by end."""
+        """The wrench on each body, in the order of the attachment points."""
 
     def energy(self, e: Element) -> Value:
-        """Potential energy, J, of a type that has one."""
+        """Potential energy, J, if the type has one."""
         raise TypeError(f"{type(self).__name__} has no energy")
 
 
 class End:
-    """An end of a force element, or a point that it looks at; what is asked for is computed once.
+    """An attachment point of a force element, or a point that its formulas read; each quantity is computed on first use.
 
     Parameters
     ----------
     e : Element
     number : int
-        Among the ends of the element.
+        Index among the points of the element.
 
     Attributes
     ----------
     is_face : bool
-        It has axes of its own.
+        The element uses axes at this point.
     is_grounded : bool
     """
 
@@ -83,24 +83,24 @@ class End:
 
     @cached_property
     def arm(self) -> Vector:
-        """From the link's origin, in its axes, m."""
+        """Vector from the link's origin to the point, along the link's axes, m."""
         return self._e.x.load(ELEMENT_CONSTANTS, fields.face_place(self._name))
 
     @property
     def attitude(self) -> Matrix:
-        """Of the link: ground components from its own."""
+        """Rotation matrix of the link: ground from link components."""
         return self._e.x.load(self.link, fields.attitude)
 
     @cached_property
     def position(self) -> Vector:
-        """m."""
+        """Position of the point, m."""
         e, arm = self._e, self.arm
         moved = matvec(self.attitude, arm)
         return [e.let("point", v) for v in add(e.x.load(self.link, fields.position), moved)]
 
     @cached_property
     def velocity(self) -> Vector:
-        """m/s."""
+        """Velocity of the point, m/s."""
         e = self._e
         v, w = (e.x.load(self.link, half) for half in (fields.applied_twist.linear, fields.applied_twist.angular))
         own = [e.let("own", c) for c in add(v, cross(w, self.arm))]
@@ -108,35 +108,35 @@ class End:
 
     @cached_property
     def angular_velocity(self) -> Vector:
-        """rad/s."""
+        """Angular velocity of the link, rad/s."""
         w = self._e.x.load(self.link, fields.applied_twist.angular)
         return [self._e.let("omega", c) for c in matvec(self.attitude, w)]
 
     @cached_property
     def axes(self) -> Matrix:
-        """Base vectors of a face, as columns. One of them, `Element.axis`, is the element's axis."""
+        """Base vectors of the face, as columns; the one with index `Element.axis` is the element's axis."""
         F = self._e.x.load(ELEMENT_CONSTANTS, fields.face_axes(self._name))
         return [[self._e.let("face", c) for c in row] for row in matmul(self.attitude, F)]
 
     def from_face(self, v: Vector) -> Vector:
-        """A vector given in the axes of a face, in those of the link."""
+        """Components along the link's axes of a vector given along the axes of the face."""
         e = self._e
         return [e.let("own", c) for c in matvec(e.x.load(ELEMENT_CONSTANTS, fields.face_axes(self._name)), v)]
 
 
 class Element:
-    """A kind of force elements in a block: what laws are written with.
+    """A kind of force elements in a block; laws are written with it.
 
     Attributes
     ----------
     x : Scope
     kind : ElementKind
     ends : list of End
-        Where it acts, then the points that its coefficients look at.
+        Its attachment points, then the points that its coefficients read.
     axis : int
-        Which base vector of its faces is its axis.
+        Index of the base vector of its faces that is its axis.
     slopes : dict of Symbol to list of (Expr, Expr)
-        Of formulas whose derivatives may be infinite: operands, and the derivatives by them.
+        For formulas whose derivatives may be infinite: their operands, and the derivatives with respect to these.
     """
 
     def __init__(self, x: Scope, kind: ElementKind):
@@ -150,26 +150,26 @@ class Element:
         self.ends = [End(self, i) for i in range(len(kind.ends))]
 
     def let(self, name: str, value: Value) -> Value:
-        """A name for an intermediate."""
+        """A named intermediate value."""
         return self.x.let(name, value, self._tag)
 
     def vector(self, name: str, v: Sequence[Value]) -> Vector:
-        """The same for each component."""
+        """Named intermediate values, one for each component."""
         return [self.let(name, c) for c in v]
 
     def coefficient(self, key: str) -> Value:
-        """The coefficient with that key in the model file."""
+        """The coefficient with this key in the model file."""
         return self._coefficients_of({key}, key)[0]
 
     @property
     def absent(self) -> dict[str, int]:
-        """The keys of coefficients that are zero for the whole kind, with that number."""
+        """The coefficients that are zero for the whole kind, by their keys."""
         return {
             key: 0 for key, form in zip(self.kind.first.keys, self.kind.forms, strict=False) if form == ("number", 0)
         }
 
     def coefficients(self, key: str) -> Vector:
-        """Those of a list."""
+        """The coefficients of a list with this key."""
         return self._coefficients_of({name for name in self.kind.first.keys if name.startswith(f"{key}[")}, key)
 
     def _coefficients_of(self, keys: Collection[str], asked: str) -> list[Value]:
@@ -187,12 +187,12 @@ class Element:
         return self._known[j]
 
     def turned(self, angle: Value) -> Value:
-        """An angle that jumps at half a turn, within half a turn of its mode."""
+        """An angle, shifted by whole turns to lie within half a turn of its mode, so that it does not jump."""
         return self.let("turned", self.x.call("held_turn", angle, self._mode))
 
     @property
     def turns_over(self) -> bool:
-        """Its ends move along one line, and may pass each other."""
+        """Its ends move along one fixed line and may pass each other."""
         return len(self.kind.forms) > len(self.kind.first.keys)
 
     @property
@@ -201,7 +201,7 @@ class Element:
 
     @property
     def _direction(self) -> Vector:
-        """Of a line that turns over, as components in the ground frame."""
+        """Direction of a line whose ends may pass each other, along the ground's axes."""
         axis = [long_number(form[1]) for form in self.kind.forms[-3:]]
         if axis.count(0) == 2:
             return [int(v) for v in axis]
@@ -209,7 +209,7 @@ class Element:
         return [Number(v / size) if v else 0 for v in axis]
 
     def _signed(self, line: Vector) -> Value:
-        """The length of a line that turns over, with a sign; what is across its direction is rounding."""
+        """Signed length of a line whose ends may pass each other; its components across the direction are rounding errors."""
         return self.let("way", dot(line, self._direction))
 
     def along(self, line: Vector, length: Value) -> Vector:
@@ -221,12 +221,12 @@ class Element:
         return self.vector("along", [c * inverse for c in line])
 
     def require(self, value: Value) -> None:
-        """Must be positive for the element to have a direction; see `ForceElement.singular`.
+        """Require that a value be positive, since otherwise the element has no direction; see `ForceElement.singular`.
 
         Raises
         ------
         FieldError
-            The element does not say when it has none, so nobody could be told.
+            The type of element has no message (`singular`) for states without a direction.
         """
         if not self.kind.first.singular:
             name = type(self.kind.first).__name__
@@ -235,13 +235,13 @@ class Element:
         self._required += 1
 
     def line(self, directed: bool = True) -> tuple[Vector, Value]:
-        """From the first end to the second, and the distance.
+        """Vector from the first end to the second, and the distance.
 
-        `directed`: without length the line has no direction, nor its length a derivative, which is an error.
+        `directed`: require that the distance be positive, since the direction or a derivative of the length is used.
         """
         start, end = (end.position for end in self.ends[:2])
         line = self.vector("line", minus(end, start))
-        if self.turns_over:  # its ends may pass each other
+        if self.turns_over:
             signed, mode = self._signed(line), self._mode
             if directed:
                 self.require(self.let("square", signed * signed) + mode * mode - self.x.number(shortest() ** 2))
@@ -254,7 +254,7 @@ class Element:
     # -- coefficients ----------------------------------------------------------------------------------------------
 
     def formula(self, tree: Tree, leaf: Callable[[Tree], Value]) -> Value:
-        """The value of a tree of the expression grammar, whose names have the values that `leaf` gives."""
+        """The value of a tree of the expression grammar; `leaf` gives the values of its names."""
         value = self.x.let("value", written(self.x, tree, leaf))
         if isinstance(self.x, Expansion) and self.x.tangents and (slopes := slopes_of(tree)) is not None:
             sign, symbol = algebra.coefficient(algebra.expression(value))
@@ -273,7 +273,7 @@ class Element:
     # -- what acts -------------------------------------------------------------------------------------------------
 
     def on_links(self, wrenches: Sequence[Wrench]) -> list[tuple[Store, Vector]]:
-        """Moment about the origin and force on each link, in its axes; nothing of the ground."""
+        """Moment about the origin and force on each link, along its axes; the ground is left out."""
         found = []
         ends = self.ends[: len(self.kind.first.ends)]
         if len(wrenches) != len(ends):

@@ -1,4 +1,4 @@
-"""Forces on the freedoms of a joint that depend on what points do."""
+"""Forces along the degrees of freedom of a joint that depend on positions and velocities of points."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .element import Element, Law, Wrench
 
 
 class JointLoadLaw(Law):
-    """A force through the origin of the body and a torque; the opposite wrench, about the same place, on the parent."""
+    """A force through the body's origin, and a torque; the parent gets the opposite wrench about the same point."""
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
         body, joint = e.ends[:2]

@@ -1,7 +1,7 @@
-"""Sweeps over force elements: forces on the links that they act on, their energies, and the tangents of both.
+"""Sweeps over force elements: forces on links, energies, and the tangents of both.
 
-Points are followed in the ground frame; a link gets force and moment about its origin in its own axes, as fields ``ext`` that the
-kinematic sweep takes off the force that the link's motion needs. What a type does is its own file: a `Law`.
+Points move in the ground frame. A link gets force and moment about its origin along its own axes (fields ``ext``). The kinematic
+sweep subtracts them from the force that the link's motion requires. The `Law` of each type is in a file of its own.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from .element import Element
 
 
 def velocities(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link: angular velocity and velocity of the origin, in its own axes. Eq. 18."""
+    """Outward block of a link: angular velocity and velocity of the origin, along its axes. Eq. 18."""
     joint = kind.joint(x, kind)
     _, w = angular_velocity(x, joint, fields.applied_twist.angular)
     v = origin_velocity(x, joint, fields.applied_twist.angular, fields.applied_twist.linear)
@@ -43,17 +43,17 @@ def velocities(x: Scope, kind: LinkKind) -> None:
 
 
 def clear(x: Scope, kind: LinkKind) -> None:
-    """No force acts yet."""
+    """Set the forces of force elements on a link to zero."""
     propagation.clear(x, ME, fields.external)
 
 
 def clear_tangents(x: Scope, kind: LinkKind) -> None:
-    """Nor do any tangents."""
+    """Set their tangents to zero."""
     propagation.clear(x, MY_LANE, fields.external)
 
 
 def loads(x: Scope, kind: ElementKind) -> None:
-    """The forces of a force element on links."""
+    """The forces of a force element on its links."""
     e = Element(x, kind)
     acting = e.on_links(LAWS[type(kind.first)].wrenches(e))
     if not x.tangents:
@@ -79,7 +79,7 @@ def energy(x: Scope, kind: ElementKind) -> None:
 
 
 def _check(x: Scope, kind: ElementKind, what: str) -> None:
-    """Numbers that no state makes finite are the model's mistake."""
+    """Raise the model's error if the block contains numbers that are not finite in any state."""
     if isinstance(x, Expansion) and not has_values(x.block):
         raise kind.no_value(what)
 

@@ -1,4 +1,4 @@
-"""A force on a body, through one of its points, or a torque."""
+"""A force on a body through one of its points, or a torque on it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .element import Element, Law, Wrench
 
 
 class OnBodyLaw(Law):
-    """The components along axes of the ground, or of the body, of what the element `acts` by: a force or a torque."""
+    """A force or a torque, whichever the element `acts` by, with components along the ground's or the body's axes."""
 
     def __init__(self, acts: str):
         self.acts = acts

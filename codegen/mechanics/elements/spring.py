@@ -1,4 +1,4 @@
-"""A spring and damper between two points: a tension along the line between them."""
+"""A spring and damper between two points: a tension along their line."""
 
 from __future__ import annotations
 

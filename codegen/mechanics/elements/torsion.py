@@ -1,11 +1,11 @@
 """A spring and damper against rotation between two bodies.
 
-In faces with the axis as base vector z, x_s, y_s and x_e, y_e the others of start and end, the angle a has
+Let z be the axis of both faces, and x_s, y_s and x_e, y_e the other base vectors of start and end. The angle a satisfies
 
     2 cos^2(h) sin(a) = x_e . y_s - x_s . y_e          2 cos^2(h) cos(a) = x_s . x_e + y_s . y_e
 
-with 2h the swing across the axis. Their derivatives with respect to a rotation of the end give that of the angle, which the
-torque is along: so its power is that of the energy for every rotation.
+with 2h the angle between the two axes. The derivatives of these sums with respect to a rotation of the end give that of the
+angle. The torque is along this derivative, so its power matches the energy for every rotation.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from ..spatial import add, cross, dot, minus, transpose
 from .element import Element, Law, Wrench
 
 SMALLEST = 1e-200
-"""Of the sum of squares of what the angle is the arc tangent of, where it is determined: of ``4 cos(h)^4``, 2 h the swing."""
+"""Smallest sum of squares of the two arguments of atan2, ``4 cos(h)^4``, for which the angle is determined."""
 
 
 class TorsionLaw(Law):
-    """A torque ``k (a - a_0) + c a'`` along the derivative of the angle a turns the end back; energy ``k (a - a_0)^2 / 2``."""
+    """A torque ``k (a - a_0) + c a'`` along the derivative of the angle a, opposing it; energy ``k (a - a_0)^2 / 2``."""
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
         (sine, cosine, square), (x_s, y_s, x_e, y_e) = self._turn(e)
@@ -46,7 +46,7 @@ class TorsionLaw(Law):
 
     @staticmethod
     def _turn(e: Element, directed: bool = True) -> tuple[tuple[Value, Value, Value], tuple[Vector, ...]]:
-        """Sine and cosine times a positive number, the square of that, and the base vectors across the axis."""
+        """Sine and cosine times the same positive factor, the square of that factor, and the base vectors across the axis."""
         i, j = (e.axis + 1) % 3, (e.axis + 2) % 3
         (x_s, y_s), (x_e, y_e) = ((base[i], base[j]) for base in (transpose(end.axes) for end in e.ends))
         sine = e.let("sine", dot(x_e, y_s) - dot(x_s, y_e))

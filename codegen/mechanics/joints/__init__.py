@@ -1,6 +1,6 @@
-"""Joints of links, a file each: a new one is a class that is listed here.
+"""Joints of links, one file each. To add a joint, write a class and list it here.
 
-The joint of a body is a chain of motions (`model.joints`); it becomes links whose joints are chains of these.
+The joint of a body is a chain of motions (`model.joints`). It becomes one or more links, whose joints are parts of that chain.
 """
 
 from __future__ import annotations
@@ -21,4 +21,4 @@ from .spherical import Spherical
 __all__ = ["DRIVEN_JOINTS", "LINK_JOINTS", "Column", "LinkJoint"]
 
 LINK_JOINTS: Final[tuple[type[LinkJoint], ...]] = (Free, Cylindrical, Screw, Slides, Spherical, Revolute, Prismatic)
-"""The longest chains first: of a body's chain each link takes as much as it can."""
+"""The longest chains first: each link takes the longest part of the body's chain that one joint can represent."""

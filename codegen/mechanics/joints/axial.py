@@ -1,7 +1,7 @@
-"""Joints that turn about an axis of the link's frame, slide along it, or both.
+"""Joints that rotate about an axis of the link's frame, slide along it, or both.
 
-Turning by an angle is one plane rotation: a vector costs six operations, and an inertia is turned with the products ``c^2, s^2,
-c s``. The sine and cosine are transparent to differentiation: their tangent is the angle's.
+The rotation is planar: a vector takes six operations, and an inertia is rotated with the products ``c^2, s^2, c s``. The sine
+and cosine are not differentiated as values: their tangents follow from that of the angle.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from .link_joint import LinkJoint, Primitives
 
 
 class Axial(LinkJoint):
-    """Turns about the axis by the coordinate `angle`, if that is a number, and, if it `slides`, slides along it by `shift`."""
+    """Rotates about the axis by the coordinate `angle`, unless this is None, and slides along it by `shift` if it `slides`."""
 
     slides: ClassVar[bool] = False
 
     def own_coordinate(self) -> Value:
-        """The coordinate of a joint that has one."""
+        """The coordinate of a joint with one degree of freedom."""
         return self.x.entry(COORDINATES, 0)
 
     def own_speed(self) -> Value:
-        """Its rate."""
+        """The rate of that coordinate."""
         return self.x.entry(SPEEDS, 0)
 
     def own_change(self) -> Value:
-        """Its change along a direction."""
+        """The change of that coordinate along a direction."""
         return self.x.entry(DQ, 0)
 
-    # -- what a class of these says --------------------------------------------------------------------------------
+    # -- overridden by the joints ------------------------------------------------------------------------------------
 
     def turn_speed(self) -> Value:
         """Angular velocity about the axis."""
@@ -51,7 +51,7 @@ class Axial(LinkJoint):
         return 0
 
     def shift_tangent(self) -> Value:
-        """Displacement along the axis that dq causes."""
+        """Displacement along the axis due to dq."""
         return 0
 
     def shift_by(self, parameter: int) -> Value:
@@ -109,7 +109,7 @@ class Axial(LinkJoint):
         return self._rotated(v, name, tag, back=False)
 
     def _rotated(self, v: Vector, name: str, tag: str, back: bool) -> Vector:
-        """A vector turned about the axis by the angle, or back."""
+        """A vector rotated about the axis by the angle, or (`back`) by minus the angle."""
         if self.angle is None:
             return v
         c, s = self.trig
@@ -130,10 +130,10 @@ class Axial(LinkJoint):
         return J, self._turn(H, "H", tag), M
 
     def _turn_symmetric(self, m: Matrix, name: str, tag: str) -> Matrix:
-        """``R m R^T`` of a plane rotation.
+        """``R m R^T`` for a rotation about the axis and a symmetric m.
 
-        Written with the squares of sine and cosine: the shorter ``m_bb - s (s d + c e)`` loses a small diagonal entry next
-        to a large one at a right angle.
+        Uses the squares of sine and cosine: the shorter ``m_bb - s (s d + c e)`` loses a small diagonal entry next to a large
+        one at a right angle.
         """
         let = self.x.let
         a, b, c = self.kind.axis, (self.kind.axis + 1) % 3, (self.kind.axis + 2) % 3
@@ -157,7 +157,7 @@ class Axial(LinkJoint):
         return self.x.let("c2", cc - ss, "Eq. 22")
 
     def _turn(self, m: Matrix, name: str, tag: str) -> Matrix:
-        """``R m R^T`` of a plane rotation, m not symmetric."""
+        """``R m R^T`` for a rotation about the axis, where m is not symmetric."""
         let = self.x.let
         a, b, c = self.kind.axis, (self.kind.axis + 1) % 3, (self.kind.axis + 2) % 3
         cos, sin = self.trig
@@ -196,7 +196,7 @@ class Axial(LinkJoint):
         turning = cross(carried, self._along_axis(self.turn_speed()))
         if not self.slides:
             return turning, [0, 0, 0]
-        # the axis keeps its direction while the joint turns about it: no product of its own velocities
+        # the axis does not rotate with the joint, so products of the joint's own velocities vanish
         return turning, cross(carried, self._along_axis(self.x.let("u2", 2 * self.slide_speed(), "Eq. 21")))
 
     # -- displacements along directions ----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Partial velocities of freedoms: columns of six, one component of which is one."""
+"""Partial velocities of degrees of freedom: columns of six components, one of which is 1."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ..stores import DP
 
 @dataclass(frozen=True)
 class Column:
-    """How a link moves with a freedom of its joint: angular and linear components in the link's axes, constant in time.
+    """Motion of a link per unit speed of one degree of freedom: angular and linear components, constant along the link's axes.
 
     Attributes
     ----------
     lead : int
-        The component that is one: 0-2 angular, 3-5 linear. The freedom is eliminated by it.
+        The component that is 1: 0-2 angular, 3-5 linear. Elimination uses this component.
     others : dict of int to value
-        The other components, those that are zero left out.
+        The other non-zero components.
     by : tuple of dict of int to value
-        What each design parameter changes in them (derivative primitives).
+        Derivatives of those components with respect to each design parameter (derivative primitives).
     """
 
     lead: int
@@ -49,26 +49,26 @@ class Column:
         return total
 
     def squares_along(self, scales: Sequence[Value]) -> Value:
-        """``s . diag . s`` with one number for angular and one for linear components."""
+        """``s . diag . s``, where the diagonal has one number for angular and one for linear components."""
         total = scales[self.lead // 3]
         for i, s in self.others.items():
             total = total + s * s * scales[i // 3]
         return total
 
     def completed(self, v: Vector, along: Value = 0) -> Value:
-        """The leading component of v where ``s . v`` is given and the other components are known."""
+        """The leading component of v, from ``s . v`` and the other components of v."""
         for i, s in self.others.items():
             along = along - s * v[i]
         return along
 
     def remaining(self, x: Scope, i: int, v: Vector, lanes: bool) -> Value:
-        """A component of v without its part along s, taken by the leading one: what the others add up to is ``v - s v_lead``."""
+        """Component i of ``v - s v_lead``, named if it differs from that of v."""
         if i not in self.others:
             return v[i]
         return x.let("rest", v[i] - self.others[i] * v[self.lead], "Eq. 53", lanes=lanes)
 
     def change(self, x: Scope, v: Vector) -> Value:
-        """``ds . v`` of a direction, by the design parameters that s depends on."""
+        """``ds . v`` along a direction, due to the design parameters on which s depends."""
         total: Value = 0
         for j, changes in enumerate(self.by):
             part: Value = 0

@@ -1,4 +1,4 @@
-"""Sliding along an axis and turning about it."""
+"""Joints that slide along an axis and rotate about it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .prismatic import Prismatic
 
 
 class Cylindrical(Prismatic):
-    """A slider that turns: one link, both columns constant in its axes."""
+    """A cylindrical joint, represented by one link: both columns are constant along its axes."""
 
     motion = (Slide(axis=0, index=0), Turn(axis=0, index=1))
     freedoms, coordinates, angle = 2, 2, 1

@@ -1,7 +1,7 @@
-"""Joints whose coordinate is prescribed: no freedom, but a motion that is a function of time, parameters and inputs.
+"""Joints with a prescribed coordinate: no degree of freedom, but a motion that depends on time, parameters and inputs.
 
-What the coordinate, its rate and its acceleration are has been computed before the sweeps (`stores.MOTION`). The rate belongs to
-V_t, what is left of velocities where all speeds are zero, the acceleration to the remainder A_t (Eqs. 12, 13, 20, 21).
+The coordinate, its rate and its acceleration are computed before the sweeps (`stores.MOTION`). The rate belongs to V_t, the
+velocities with all speeds at zero. The acceleration belongs to the remainder A_t (Eqs. 12, 13, 20, 21).
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from .revolute import Revolute
 from .screw import Screw
 
 VALUE, RATE, ACCELERATION = range(3)
-"""Entries of what is known of a prescribed coordinate."""
+"""Entries of a prescribed motion: the coordinate, its rate, its acceleration."""
 
 
 class Driven(Axial):
-    """A joint of one freedom, without that freedom.
+    """A joint whose single coordinate is prescribed.
 
     Attributes
     ----------
     driven : bool
-        The joint's own column is none of its `columns`.
+        True: `columns` does not contain the column of the prescribed coordinate.
     """
 
     freedoms, coordinates = 0, 0
     driven: ClassVar[bool] = True
 
     def known(self, order: int) -> Value:
-        """The coordinate, its rate or its acceleration; zero where it is that in every state."""
+        """The coordinate, its rate or its acceleration (`order`); zero if this is zero in every state."""
         return self.x.entry(MOTION, order) if self.kind.moves[order] else 0
 
     def change(self) -> Value:
@@ -95,15 +95,15 @@ class Driven(Axial):
 
 
 class DrivenRevolute(Driven, Revolute):
-    """A hinge that turns as it is told."""
+    """A revolute joint with prescribed motion."""
 
 
 class DrivenPrismatic(Driven, Prismatic):
-    """A slider that moves as it is told."""
+    """A prismatic joint with prescribed motion."""
 
 
 class DrivenScrew(Driven, Screw):
-    """A screw that turns as it is told."""
+    """A screw joint with prescribed motion."""
 
 
 DRIVEN_JOINTS: Final[tuple[type[LinkJoint], ...]] = (DrivenScrew, DrivenRevolute, DrivenPrismatic)

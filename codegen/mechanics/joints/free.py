@@ -1,4 +1,4 @@
-"""All six freedoms."""
+"""The free joint, with six degrees of freedom."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .quaternion import QuaternionJoint
 
 
 class Free(QuaternionJoint):
-    """No joint at all: a position before the quaternion, whose speeds, the last three, are in the link's axes."""
+    """A free joint: position, then quaternion; the linear speeds, the last three, are along the link's axes."""
 
     motion = (Displacement(coordinate=0, speed=3), Ball(coordinate=3, speed=0))
     freedoms, coordinates, quaternion, swings = 6, 7, 3, True
@@ -32,7 +32,7 @@ class Free(QuaternionJoint):
 
     def bias(self, carried: Vector) -> tuple[Vector, Vector]:
         turn = self._turn_speeds()
-        # d/dt (R v) = R (v' + w_rel x v), and Coriolis 2 w_pr x v
+        # d/dt (R v) = R (v' + w_rel x v), plus the Coriolis term 2 w_parent x v
         sweep = self.x.let_vector("sweep", [turn[i] + 2 * carried[i] for i in range(3)], "Eq. 21")
         return cross(carried, turn), cross(sweep, self._slide_speeds())
 

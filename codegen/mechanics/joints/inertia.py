@@ -1,4 +1,4 @@
-"""Generalised inertias turned and shifted."""
+"""Generalised inertias, rotated and shifted."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..spatial import dot, matmul, six, skew, symmetric, transpose
 
 
 def rotate_all(x: Scope, R: Matrix, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
-    """The blocks of a generalised inertia in the axes that R turns into: ``R J R^T`` and so on."""
+    """The blocks of a generalised inertia along the axes to which R leads: ``R J R^T`` and likewise the others."""
 
     def named(m: Matrix, name: str) -> Matrix:
         return [[x.let(f"{name}{i}{j}", m[i][j], tag) for j in range(3)] for i in range(3)]
@@ -24,7 +24,7 @@ def rotate_all(x: Scope, R: Matrix, J: Matrix, H: Matrix, M: Matrix, tag: str) -
 
 
 def shift_inertia(x: Scope, r: Vector, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
-    """The blocks of a generalised inertia about a point at -r: Eq. 44's ``S I S^T``."""
+    """The blocks of a generalised inertia about a point at -r: ``S I S^T`` of Eq. 44."""
     let = x.let
     rM = matmul_named(x, skew(r), M, "rM", tag)
     H_out = [[let("H_s", H[i][j] + rM[i][j], tag) for j in range(3)] for i in range(3)]
@@ -36,7 +36,7 @@ def shift_inertia(x: Scope, r: Vector, J: Matrix, H: Matrix, M: Matrix, tag: str
 
 
 def matmul_named(x: Scope, a: Matrix, b: Matrix, name: str, tag: str) -> Matrix:
-    """A product whose single terms are named, so that a symmetric factor's are computed once."""
+    """A matrix product whose terms are named one by one, so that equal terms of a symmetric result are computed once."""
     out: Matrix = []
     for row in a:
         line = []

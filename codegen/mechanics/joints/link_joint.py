@@ -1,11 +1,10 @@
-"""What a joint of a link is: everything that the sweeps ask of it.
+"""The interface of a link's joint to the sweeps.
 
-A link has one joint, whose partial velocities are constant columns in the link's axes; the joint of a body becomes one link or
-several (`structure/links.py`). How vectors and inertias pass a joint, what it adds to velocities and accelerations, and what
-is transparent to differentiation are statements that its class writes.
+A link has one joint, whose partial velocities are constant along the link's axes. The joint of a body becomes one link or
+several (`structure/links.py`). The class of a joint writes the statements that take vectors and inertias across it and add its
+velocities and accelerations. It also gives the derivatives of its sines, cosines and rotation matrix.
 
-Between the parent's frame and the joint at q = 0 is the constant rotation ``R`` (parent components from joint components),
-mostly the identity.
+The constant rotation ``R`` leads from the joint's frame at q = 0 to the parent's frame. It is mostly the identity.
 """
 
 from __future__ import annotations
@@ -31,16 +30,16 @@ Primitives = dict[Value, dict[Value, Value]]
 
 
 class Jointed(Protocol):
-    """What of a kind of links its joint asks.
+    """The properties of a kind of links that its joint reads.
 
     Attributes
     ----------
     axis : int
         The coordinate axis of the link's frame that the joint turns about or slides along.
     aligned : bool
-        The link's axes are its parent's at q = 0.
+        The link's axes coincide with its parent's at q = 0.
     moves : tuple of bool
-        Of a coordinate that is prescribed: whether it, its rate and its acceleration can differ from zero.
+        For a prescribed coordinate: whether the coordinate, its rate and its acceleration can differ from zero.
     """
 
     axis: int
@@ -49,31 +48,31 @@ class Jointed(Protocol):
 
     @property
     def parameters(self) -> int:
-        """How many design parameters the link's constants depend on."""
+        """The number of design parameters on which the link's constants depend."""
 
 
 class LinkJoint(ABC):
-    """The joint of a link, as statements of an expansion.
+    """The joint of a link, which writes its statements to an expansion.
 
     Parameters
     ----------
     x : Expansion or StructuralExpansion
     kind : LinkKind
     lanes : bool
-        Whether the vectors that are passed are one per direction.
+        Whether the given vectors have one value per direction.
 
     Attributes
     ----------
     motion : tuple of Motion
-        The chain of elementary motions that it is: see `structure.links`. Axes are counted from that of the link.
+        Its chain of elementary motions (`structure.links`). Axes are counted from the link's own axis.
     freedoms, coordinates : int
-        How many.
+        The number of degrees of freedom and of coordinates.
     angle : int or None
-        Which coordinate is an angle that has a sine and a cosine.
+        The coordinate that is an angle with a sine and a cosine.
     quaternion : int or None
-        Where a quaternion begins among the coordinates.
+        The first coordinate of a quaternion.
     swings : bool
-        Whether the joint's own turning changes the direction in which it slides.
+        Whether the rotation of the joint changes the direction in which it slides.
     driven : bool
         Its coordinate is prescribed.
     """
@@ -88,7 +87,7 @@ class LinkJoint(ABC):
 
     @classmethod
     def speeds(cls) -> int:
-        """How many it has, a prescribed one too."""
+        """The number of speeds, including a prescribed one."""
         return cls.freedoms + cls.driven
 
     def __init__(self, x: Scope, kind: Jointed, lanes: bool = False):
@@ -98,7 +97,7 @@ class LinkJoint(ABC):
 
     @classmethod
     def moved_by(cls, freedoms: Sequence[int]) -> list[int]:
-        """The coordinates that some of the freedoms move."""
+        """The coordinates that change with any of these degrees of freedom."""
         return list(freedoms)
 
     @cached_property
@@ -109,7 +108,7 @@ class LinkJoint(ABC):
     def _let(self, name: str, value: Value, tag: str) -> Value:
         return self.x.let(name, value, tag, lanes=self.lanes)
 
-    # -- freedoms --------------------------------------------------------------------------------------------------
+    # -- degrees of freedom ---------------------------------------------------------------------------------------
 
     @property
     def columns(self) -> Sequence[Column]:
@@ -118,7 +117,7 @@ class LinkJoint(ABC):
 
     @cached_property
     def _columns(self) -> list[Column]:
-        """Of a joint each of whose freedoms is one motion of its chain: unit columns."""
+        """Unit columns, for a joint in which each degree of freedom is one motion of the chain."""
         found: dict[int, Column] = {}
         for m in self.motion:
             first = 0 if isinstance(m, Turn | Ball) else 3
@@ -130,22 +129,22 @@ class LinkJoint(ABC):
 
     @property
     def all_columns(self) -> Sequence[Column]:
-        """The same, and that of a coordinate that is prescribed."""
+        """The partial velocities, including that of a prescribed coordinate."""
         return self.columns
 
     @property
     def driven_column(self) -> Column:
-        """The partial velocity of a coordinate that is prescribed."""
+        """The partial velocity of the prescribed coordinate."""
         raise TypeError(f"{type(self).__name__} is not prescribed")
 
     # -- place and attitude ----------------------------------------------------------------------------------------
 
     def way(self) -> Vector | None:
-        """From where the joint is at q = 0 to the link's origin, in joint components; None if it does not slide."""
+        """Displacement of the link's origin from that at q = 0, along the joint's axes; None if the joint does not slide."""
         return None
 
     def way_by(self, parameter: int) -> Vector | None:
-        """Derivative of `way` with respect to a design parameter; None if there is none."""
+        """Derivative of `way` with respect to a design parameter; None if the joint does not slide."""
         return None
 
     def offset(self) -> Vector:
@@ -192,33 +191,33 @@ class LinkJoint(ABC):
         return J, H, M
 
     def _behind(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components behind the joint of a vector given before it."""
+        """Components on the link's side of the joint of a vector given on the parent's side."""
         return v
 
     def _before(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components before the joint of a vector given behind it."""
+        """Components on the parent's side of the joint of a vector given on the link's side."""
         return v
 
     def _inertia_before(self, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
-        """Blocks of an inertia in components before the joint."""
+        """Blocks of an inertia, given on the link's side of the joint, along the axes of the parent's side."""
         return J, H, M
 
     # -- motion ----------------------------------------------------------------------------------------------------
 
     @abstractmethod
     def turning(self, carried: Vector) -> Vector:
-        """Angular velocity of a link from that of its parent, in the link's axes. Eq. 18."""
+        """Angular velocity of a link from that of its parent (`carried`), along the link's axes. Eq. 18."""
 
     @abstractmethod
     def sliding(self, carried: Vector) -> Vector:
-        """Velocity of the link's origin from what its parent's motion makes it, in the link's axes. Eq. 18."""
+        """Velocity of the link's origin; `carried` is its velocity with the joint locked. Along the link's axes. Eq. 18."""
 
     @abstractmethod
     def bias(self, carried: Vector) -> tuple[Vector, Vector]:
-        """Angular and linear acceleration that the joint adds with udot = 0, the parent turning with `carried`. Eqs. 20, 21."""
+        """Angular and linear acceleration due to the joint with udot = 0, for the parent's angular velocity. Eqs. 20, 21."""
 
     def bias_change(self, change: Vector) -> tuple[Vector, Vector]:
-        """The change of `bias` with one of the parent's angular velocity: of most joints it is linear in that."""
+        """The change of `bias` with the parent's angular velocity: by default `bias` is linear in it."""
         return self.bias(change)
 
     def rates(self) -> Vector:
@@ -226,25 +225,25 @@ class LinkJoint(ABC):
         return [self.x.entry(SPEEDS, i) for i in range(self.freedoms)]
 
     def speed(self, j: int) -> Value:
-        """Of a freedom, or of the joint if it is prescribed."""
+        """The speed of a degree of freedom, or the prescribed speed."""
         return self.x.entry(SPEEDS, j)
 
     def coordinate(self, j: int) -> Value:
-        """That which a freedom is the rate of, of a joint without quaternion; or the one that is prescribed."""
+        """The coordinate whose rate is speed j, for a joint without quaternion; or the prescribed coordinate."""
         return self.x.entry(COORDINATES, j)
 
     # -- displacements along directions ----------------------------------------------------------------------------
 
     @abstractmethod
     def displacement(self) -> tuple[Vector, Vector]:
-        """Rotation vector and displacement that the joint's own dq causes, in the link's axes."""
+        """Rotation vector and displacement due to the joint's own dq, along the link's axes."""
 
     def along_freedom(self, j: int) -> Value:
-        """Displacement along one freedom that dq causes."""
+        """Displacement along one degree of freedom due to dq."""
         return self.x.entry(DQ, j)
 
     def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
-        """Changes of coordinates from displacements along some freedoms; those of no other coordinates."""
+        """Changes of coordinates due to displacements along some degrees of freedom; other coordinates are left out."""
         return dict(found)
 
     # -- differentiation -------------------------------------------------------------------------------------------
@@ -255,5 +254,5 @@ class LinkJoint(ABC):
 
     @classmethod
     def turn_seed(cls, x: Scope, component: str, store: Store = MY_LANE) -> Value:
-        """Tangent of a component of that rotation, of a joint that turns; `store` has those of quaternions."""
-        raise TypeError(f"{cls.__name__} does not turn: nothing is named after {component}")
+        """Tangent of a component of the joint's rotation vector; for a quaternion it is in `store`."""
+        raise TypeError(f"{cls.__name__} does not rotate, so it has no rotation component {component}")

@@ -1,4 +1,4 @@
-"""Sliding along an axis."""
+"""Joints that slide along an axis."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .axial import Axial
 
 
 class Prismatic(Axial):
-    """A slider."""
+    """A prismatic joint."""
 
     motion: ClassVar[tuple[Motion, ...]] = (Slide(axis=0, index=0),)
     freedoms, coordinates, slides = 1, 1, True

@@ -1,4 +1,4 @@
-"""Joints with a quaternion: a rotation matrix made of it, whose tangent is a rotation vector of three numbers."""
+"""Joints with a quaternion: its rotation matrix, and its tangent as a rotation vector of three components."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from .link_joint import LinkJoint, Primitives
 
 
 class QuaternionJoint(LinkJoint):
-    """Turns by a quaternion; its first three speeds are the angular velocity in the link's axes."""
+    """Rotates by a quaternion; the first three speeds are the angular velocity along the link's axes."""
 
     quaternion: ClassVar[int]
 
     @cached_property
     def matrix(self) -> Matrix:
-        """Rotation matrix of the quaternion, joint side from link components."""
+        """Rotation matrix of the quaternion: components on the parent's side of the joint from those along the link's axes."""
         return self.x.load(ME, fields.quaternion_matrix)
 
     def _turned(self, W: Matrix) -> Matrix:
@@ -67,8 +67,8 @@ class QuaternionJoint(LinkJoint):
         return self.x.load(MY_LANE, fields.turn(j))
 
     def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
-        # what is dependent in part keeps what was given along its other freedoms; a rotation without any dependent freedom is
-        # as given, the quaternion's length too
+        # A partly dependent rotation keeps its given part along the other degrees of freedom. Without a dependent one, dq stays as
+        # given, including a change of the quaternion's length.
         if not any(j < 3 for j in found):
             return {}
         x, tag = self.x, "d Eq. 22"
@@ -89,7 +89,7 @@ class QuaternionJoint(LinkJoint):
         for i in range(3):
             for j in range(3):
                 k, n = (j + 1) % 3, (j + 2) % 3
-                # d R = R [delta x], delta in the link's frame
+                # d R = R [delta x], delta along the link's axes
                 result[R[i][j]] = {turn[n]: R[i][k], turn[k]: -R[i][n]}
         return result
 
@@ -100,7 +100,7 @@ class QuaternionJoint(LinkJoint):
     # -- blocks of their own ---------------------------------------------------------------------------------------
 
     def write_rotation(self) -> None:
-        """Rotation matrix of e/|e|, child to parent components; written with 2/|e|^2, so any e will do."""
+        """Rotation matrix of e/|e|, parent components from link components; the factor 2/|e|^2 allows for any length of e."""
         x = self.x
         w, i, j, k = (x.entry(COORDINATES, self.quaternion + m) for m in range(4))
         tag = "Eq. 22"
@@ -114,7 +114,7 @@ class QuaternionJoint(LinkJoint):
         x.store(ME, fields.quaternion_matrix, named)
 
     def write_turn(self, store: Store = MY_LANE) -> None:
-        """Rotation vector, in the link's axes, of a quaternion's tangent: ``2 e* de / |e|^2``, a radial one is zero."""
+        """Rotation vector, along the link's axes, of a quaternion's tangent: ``2 e* de / |e|^2``; zero for a change of length."""
         x = self.x
         w, i, j, k = (x.entry(COORDINATES, self.quaternion + m) for m in range(4))
         dw, di, dj, dk = (x.entry(DQ, self.quaternion + m) for m in range(4))

@@ -1,4 +1,4 @@
-"""Turning about an axis."""
+"""Joints that rotate about an axis."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from .axial import Axial
 
 
 class Revolute(Axial):
-    """A hinge."""
+    """A revolute joint."""
 
     motion = (Turn(axis=0, index=0),)
     freedoms, coordinates, angle = 1, 1, 0

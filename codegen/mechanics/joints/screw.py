@@ -1,4 +1,4 @@
-"""Turning about an axis and sliding along it, in proportion."""
+"""Joints that rotate about an axis and slide along it in proportion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .column import Column
 
 
 class Screw(Axial):
-    """A nut on a threaded rod: partial velocity ``(e, h e)``, h the pitch, m/rad."""
+    """A screw joint: partial velocity ``(e, h e)``, h the pitch, m/rad."""
 
     motion = (Turn(axis=0, index=0), Slide(axis=0, index=0, factor=0))
     freedoms, coordinates, angle, slides = 1, 1, 0, True
@@ -34,7 +34,7 @@ class Screw(Axial):
 
     @cached_property
     def column(self) -> Column:
-        """Of its freedom."""
+        """The partial velocity of the screw."""
         axis = self.kind.axis
         h = {3 + axis: self.pitch}
         by = [{3 + axis: self.pitch_by(j)} for j in range(self.kind.parameters)]

@@ -1,4 +1,4 @@
-"""Sliding along two axes."""
+"""Joints that slide along two axes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .link_joint import LinkJoint
 
 
 class Slides(LinkJoint):
-    """Two sliders across the axis of the link, as they come before the turn of a planar joint."""
+    """Slides along the two directions normal to the link's axis: the first link of a planar joint."""
 
     motion = (Slide(axis=1, index=0), Slide(axis=2, index=1))
     freedoms, coordinates = 2, 2

@@ -1,4 +1,4 @@
-"""Turning about a point."""
+"""Joints that rotate about a point."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .quaternion import QuaternionJoint
 
 
 class Spherical(QuaternionJoint):
-    """A ball and socket."""
+    """A spherical joint."""
 
     motion = (Ball(coordinate=0, speed=0),)
     freedoms, coordinates, quaternion = 3, 4, 0
