@@ -67,8 +67,8 @@ class QuaternionJoint(LinkJoint):
         return self.x.load(MY_LANE, fields.turn(j))
 
     def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
-        # A partly dependent rotation keeps its given part along the other degrees of freedom. Without a dependent one, dq stays as
-        # given, including a change of the quaternion's length.
+        # A partly dependent rotation keeps its given part along the other degrees of freedom. Without a dependent one, dq stays
+        # as given, including a change of the quaternion's length.
         if not any(j < 3 for j in found):
             return {}
         x, tag = self.x, "d Eq. 22"

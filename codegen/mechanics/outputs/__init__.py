@@ -1,4 +1,4 @@
-"""What is measured: energies, points, formulas. A new measure is a file with its statements, and a line here."""
+"""Measures for outputs: energies, points, rotations, formulas. To add one, write a file with its statements and list it here."""
 
 from __future__ import annotations
 
@@ -29,4 +29,4 @@ MEASURES: Final[dict[str, Measure]] = {
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),
 }
-"""By the names of `codegen.model.outputs.MEASURES`."""
+"""Measures by the names in `codegen.model.outputs.MEASURES`."""

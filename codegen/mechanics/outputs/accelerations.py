@@ -1,4 +1,4 @@
-"""Accelerations of links once all of udot is known, against the ground and without gravity; through loops as over a tree."""
+"""Accelerations of links relative to the ground, without gravity, once udot is known; for trees and loops alike."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..tree.tangents import store_motion
 
 
 def accelerations(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link: how it accelerates, as `inverse_dynamics` has it, but that the ground is at rest. Eqs. 18-21."""
+    """Outward block of a link: accelerations as in `inverse_dynamics`, with the ground at rest. Eqs. 18-21."""
     joint = kind.joint(x, kind)
     motion = fields.moving
     carried, w = angular_velocity(x, joint)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, motion))
     B = acceleration_matrix(x, w, al)
     parts = ((motion.w, w), (motion.al, al), (motion.a, a), (motion.B, B))
-    store_motion(x, kind, joint, parts, also={UDOT: DUDOT})  # which is no longer held
+    store_motion(x, kind, joint, parts, also={UDOT: DUDOT})  # udot is no longer held constant

@@ -1,4 +1,4 @@
-"""Angular velocity of a body along an axis of the ground or of its own."""
+"""Angular velocity of a body about an axis fixed in the ground or in the body."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .records import Records
 
 
 def angular_velocity(records: Records, output: Output) -> Value:
-    """``n . W w``, or the axis turned from the body's axes into those of its link, where w is."""
+    """``n . W w`` for an axis of the ground; an axis of the body is rotated into the axes of its link, where w is known."""
     (body,) = output.bodies
     (frame,) = output.choice
     n = records.direction(output.axis)

@@ -1,4 +1,4 @@
-"""Centre of mass: of the system from the sums over links, of some bodies from the records of theirs."""
+"""Centre of mass: of the system, from sums over the links; of some bodies, from the records of their links."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .records import Records, expressions_of, grounded
 
 
 def mass_properties(output: Output, system: System) -> Sequence[Expression]:
-    """Masses and mass centres of the bodies whose records are read; without such, of those that are fixed to the ground."""
+    """Masses and mass centres of the output's bodies; if it has none, of the bodies fixed to the ground."""
     bodies = output.bodies or grounded(system)
     found = [] if output.bodies else expressions_of(system, bodies)
     for k in bodies:
@@ -24,7 +24,7 @@ def mass_properties(output: Output, system: System) -> Sequence[Expression]:
 
 
 def center(records: Records, bodies: Sequence[int], mass: Value, moment: Vector) -> Vector:
-    """The centre of bodies together with others, whose mass and first moment are given."""
+    """Centre of mass of some bodies and of others, whose total mass and first moment are given."""
     let = records.x.let
     for k in bodies:
         body = records.system.model.bodies[k]
@@ -37,7 +37,7 @@ def center(records: Records, bodies: Sequence[int], mass: Value, moment: Vector)
 
 
 def center_of_system(records: Records) -> Vector:
-    """The centre of all bodies."""
+    """Centre of mass of all bodies."""
     mass, *moment = records.masses()
     return center(records, grounded(records.system), mass, moment)
 
@@ -50,7 +50,7 @@ def center_of_mass(records: Records, output: Output) -> Value:
 
 
 def sums(output: Output) -> tuple[str, ...]:
-    """The sums only where they serve."""
+    """The sums over all links, if the output is for the whole system."""
     return () if output.bodies else ("masses",)
 
 

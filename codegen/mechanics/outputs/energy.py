@@ -14,11 +14,11 @@ from ..tree.tangents import differentiate, store_tangents, tangent
 from ..tree.triangularization import is_first
 
 OUTBOARD = frozenset((*fields.outboard_mass.components, *fields.outboard_moment.components))
-"""What children hand on of the energies; its tangents are in slots."""
+"""Contribution of the children to the potential energy; its tangents are in slots."""
 
 
 def kinetic(x: Scope, kind: LinkKind) -> None:
-    """Velocity of the link's origin and the link's kinetic energy, half of velocity times momentum."""
+    """Velocity of the link's origin, and kinetic energy: half of velocity times momentum."""
     joint = kind.joint(x, kind)
     _, w = angular_velocity(x, joint)
     v = origin_velocity(x, joint)
@@ -43,7 +43,7 @@ def kinetic(x: Scope, kind: LinkKind) -> None:
 
 
 def moments(x: Scope, kind: LinkKind) -> None:
-    """Mass and first moment of the link and all outboard of it, about the parent's origin."""
+    """Mass and first moment of the link and everything outboard, about the parent's origin."""
     joint = kind.joint(x, kind)
     m = x.let("m", x.load(CONSTANTS, fields.mass) + x.load(ME, fields.outboard_mass), "potential energy")
     h = add(x.load(CONSTANTS, fields.first_moment), x.load(ME, fields.outboard_moment))

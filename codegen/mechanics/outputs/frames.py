@@ -1,7 +1,7 @@
-"""Frames of all bodies, without outputs that name them: where they are in the ground frame, how they move and accelerate.
+"""Frames of all bodies: pose, velocity and acceleration in the ground frame, without outputs in the model.
 
-A body lies in its link as it does for outputs, so that bodies of links of one kind share a block; its numbers are data. The
-link's velocity is the one that is found without kinetic energy.
+A body is placed in its link by numbers that are data, as for outputs, so bodies on links of one kind share a block. The velocity
+of the link comes from the sweep for force elements, which computes no kinetic energy.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from .outputs import RecordFormulas
 from .records import Records, carrier, expressions_of, structure_of
 
 FRAMES, ACCELERATIONS, PLACES = "frames", "frame_accelerations", "point_places"
-"""Arrays that are written."""
+"""Arrays of results."""
 
 SIZES = {FRAMES: 18, ACCELERATIONS: 6}
-"""How many entries a body has there: rotation matrix by rows, position, angular velocity, velocity; angular acceleration and
-acceleration. Of the origin, in the ground frame."""
+"""Entries for each body: rotation matrix by rows, position, angular velocity, velocity; then angular acceleration and
+acceleration. Linear quantities are those of the origin; all are along the ground's axes."""
 
 
 @dataclass(slots=True)
 class Body:
-    """Motion of one body, as the blocks of frames write it.
+    """Motion of one body in the blocks of frames.
 
     Parameters
     ----------
     records : Records
     body : int
     turned : bool
-        The axes in which all is computed are not those of the ground.
+        Computation uses other axes for the ground than the model (`structure.world`).
     """
 
     records: Records
@@ -46,7 +46,7 @@ class Body:
     turned: bool
 
     def in_ground(self, v: Vector) -> Vector:
-        """Along the ground's axes, from those of the link."""
+        """A vector along the link's axes, rotated into those of the model's ground."""
         found = self.records.to_ground(self.body, v)
         return self._along_ground([found])[0]
 
@@ -84,12 +84,12 @@ class Body:
         return [*self.in_ground(al), *self.in_ground(moved)]
 
     def origin(self) -> Vector:
-        """Of the body's frame in its link."""
+        """Origin of the body's frame relative to the link's origin, along the link's axes."""
         return self.records.in_link(self.body, self.records.vector(ORIGIN))
 
 
 def frame_formulas(system: System, target: str) -> list[Formula]:
-    """The blocks of an array of frames, one per form."""
+    """The blocks of an array of frames, one for each form."""
     found = RecordFormulas(system, target, "the frame of a body")
     turned = bool(system.way_of_ground)
     for body, spec in enumerate(system.model.bodies):
@@ -109,7 +109,7 @@ def _write_frame(target: str, body: int, turned: bool, records: Records) -> list
 
 
 def place_formulas(model: Model) -> list[Formula]:
-    """Places of the model's points in their bodies; none where no parameter moves any."""
+    """Positions of the model's points in their bodies; none if no parameter moves them."""
     if not model.points_depend_on_parameters:
         return []
     trees = [(3 * k + i, e.tree) for k, point in enumerate(model.points) for i, e in enumerate(point.at)]

@@ -1,4 +1,4 @@
-"""What a measure is to the generator: the quantities that it reads, and its statements."""
+"""What the generator knows of a measure: the quantities that it reads, and its statements."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Write = Callable[[Records, Output], Value]
 
 @dataclass(frozen=True, slots=True)
 class RecordMeasure:
-    """A formula over what sweeps leave in the records of links, and over what they sum up.
+    """A measure computed from the records of links and from sums over all links.
 
     Attributes
     ----------
@@ -25,11 +25,11 @@ class RecordMeasure:
         Names of `quantities.QUANTITIES`.
     write : callable (Records, Output) -> Value
     also : callable (Output) -> tuple of str
-        What some of its outputs read beside that.
+        Further quantities that a given output reads.
     pivots : bool
-        There are states with a value and no derivative, told by `Records.differs`.
+        Some states have a value but no derivative; `Records.differs` reports them.
     more : callable (Output, System) -> sequence of Expression
-        Expressions that `write` evaluates beside the output's own, in an order that depends on their places alone.
+        Expressions that `write` evaluates in addition to the output's own. Their order depends only on where they occur.
     """
 
     reads: tuple[str, ...]
@@ -46,12 +46,12 @@ class FormulaMeasure:
 
 @dataclass(frozen=True, slots=True)
 class EnergyMeasure:
-    """One of the energies.
+    """An entry of the array of energies.
 
     Attributes
     ----------
     entry : int
-        Of the array of energies.
+        Index in that array.
     """
 
     entry: int
@@ -59,7 +59,7 @@ class EnergyMeasure:
 
 @dataclass(frozen=True, slots=True)
 class DrivingMeasure:
-    """The force that prescribed motion takes, which back substitution has found."""
+    """The force that a prescribed motion requires, from back substitution."""
 
 
 Measure = RecordMeasure | FormulaMeasure | EnergyMeasure | DrivingMeasure

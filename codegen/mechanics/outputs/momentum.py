@@ -15,7 +15,7 @@ from .records import Records
 
 
 def momentum(records: Records, output: Output) -> Value:
-    """``n . P``; ``n . L``, L about the ground's origin; ``n . (L - c x P)``, c the centre of mass."""
+    """``n . P``; ``n . L``, L about the ground's origin; or ``n . (L - c x P)``, c the centre of mass."""
     kind, about = output.choice
     n = records.direction(output.axis)
     linear, angular = records.momenta()
@@ -32,7 +32,7 @@ def about_center(output: Output) -> bool:
 
 
 def sums(output: Output) -> tuple[str, ...]:
-    """The centre of mass only where it serves."""
+    """The sums that the output reads: the centre of mass only if L is about it."""
     return ("masses",) if about_center(output) else ()
 
 

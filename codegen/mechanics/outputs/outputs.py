@@ -1,6 +1,6 @@
-"""Outputs and potential energy: formulas over what the sweeps leave in the records of links, and over what they sum up.
+"""Outputs and potential energy: formulas over the records of links and over sums of all links.
 
-Outputs of the same form share a block, like formulas; the links are data. What is computed stands in a file for each measure.
+Outputs of the same form share a block; the links are data. Each measure has a file of its own.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from .records import Records, expressions_of, links_of, structure_of
 
 
 def pivoted_outputs(model: Model) -> list[str]:
-    """Outputs that have a value, but no derivative, where two of their points coincide."""
+    """Outputs that have no derivative where two of their points coincide."""
     measures = {o.name: MEASURES[o.measure] for o in model.outputs}
     return [name for name, m in measures.items() if isinstance(m, RecordMeasure) and m.pivots]
 
 
 def output_formulas(system: System) -> tuple[list[Formula], list[Formula]]:
-    """Outputs as formulas of the state, and over records; those that are energies are copied by the procedures."""
+    """Outputs as formulas of the state, and as formulas over records. Procedures copy outputs that are energies."""
     model = system.model
     values: list[tuple[int, Tree]] = []
     found = RecordFormulas(system, "outputs", "an output of the model")
@@ -65,13 +65,13 @@ def _write_output(o: Output, measure: RecordMeasure, records: Records) -> list[V
 
 
 class RecordFormulas:
-    """Formulas over the records of links as they are found; those of one form share a block.
+    """Formulas over the records of links, collected one by one; those of the same form share a block.
 
     Parameters
     ----------
     system : System
     target, title : str
-        Of the blocks.
+        Name and comment of the blocks.
     """
 
     def __init__(self, system: System, target: str, title: str):
@@ -87,7 +87,7 @@ class RecordFormulas:
         self, entry: int, place: str, links: tuple[int, ...], expressions: Sequence[Expression], key: object,
         write: Callable[[Records], Sequence[Value]],
     ) -> None:  # fmt: skip
-        """Add a row, which writes entries of the target from the given one on. With `expressions`, `key` is its form."""
+        """Add a row that writes entries of the target, starting at `entry`. `key` and `expressions` determine its form."""
         self._slots.clear()
         canonical: dict[Expression, Tree] = {}
         for e in expressions:
@@ -105,7 +105,7 @@ class RecordFormulas:
 
 
 def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: int, target: str, title: str) -> Formula:
-    """A formula over the records of links, without rows: its values are the entries of the target from that of a row on."""
+    """A formula over the records of links, without rows: the values that `write` returns become consecutive entries."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
     for i, e in enumerate(write(x, False)):
         x.set_entry(argument(target), i, e)
@@ -127,7 +127,7 @@ def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: i
 
 
 def potential_formula(system: System) -> Formula | None:
-    """Potential energy of gravity, zero at the ground's origin: ``-g . sum m r``. None without gravity."""
+    """Potential energy of gravity, ``-g . sum m r``, r from the ground's origin; None without gravity."""
     model = system.model
     if model.gravity is None:
         return None

@@ -1,4 +1,4 @@
-"""Measures of points: position, velocity and acceleration along an axis, of one or relative to another; their distance."""
+"""Measures of points: position, velocity or acceleration along an axis, absolute or relative; and distance."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .records import Records
 
 
 def along_axis(of: Callable[[Records, Point], Vector]) -> Write:
-    """``n . x`` of a point, or ``n . (x_2 - x_1)`` of two, where `of` gives x in the ground frame."""
+    """``n . x`` of a point, or ``n . (x_2 - x_1)`` of two, where `of` gives x along the ground's axes."""
 
     def write(records: Records, output: Output) -> Value:
         n = records.direction(output.axis)
@@ -27,7 +27,7 @@ def along_axis(of: Callable[[Records, Point], Vector]) -> Write:
 
 
 def distance(records: Records, output: Output) -> Value:
-    """``|x_2 - x_1|``, whose derivative needs a direction."""
+    """``|x_2 - x_1|``, which has no derivative where the points coincide."""
     first, second = map(records.position, output.points)
     line = [records.x.let("line", e) for e in minus(second, first)]
     square = records.x.let("square", dot(line, line))

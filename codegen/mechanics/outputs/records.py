@@ -1,7 +1,7 @@
-"""What the statements of an output are written with: motions of points and bodies, from the records of their links.
+"""Motions of points and bodies from the records of their links; the statements of outputs are written with them.
 
-A point of a link is at ``pos + W r`` and moves at ``W (v + omega x r)`` in the ground frame. Of an output on one link the record
-is that of `ME`; of one on several they are `ME[0]`, `ME[1]` and so on.
+A point r of a link has the position ``pos + W r`` and the velocity ``W (v + omega x r)`` in the ground frame. The block of an
+output on one link reads the record `ME`; with several links the records are `ME[0]`, `ME[1]` and so on.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from ..structure.links import (
 from ..structure.system import System
 
 SHORTEST = 1e-100
-"""Of a distance, m, that has a derivative: squares of what is divided by it stay finite."""
+"""Shortest distance, m, that has a derivative: squares of quotients by it remain finite."""
 
 
 @dataclass(slots=True)
 class Records:
-    """The links that an output is on, as its block sees them.
+    """Access of an output's block to the records of its links.
 
     Parameters
     ----------
@@ -56,9 +56,9 @@ class Records:
     links : tuple of int
         The links whose records the block reads.
     canonical : mapping of Expression to Tree
-        The expressions that may be evaluated, with numbers and names as slots.
+        The expressions that the block may evaluate, with numbered slots for numbers and names.
     tangents : bool
-        The block is to be differentiated.
+        The block will be differentiated.
     """
 
     x: Expansion
@@ -70,14 +70,14 @@ class Records:
     # -- expressions -------------------------------------------------------------------------------------------------
 
     def evaluate(self, e: Expression) -> Expr:
-        """An expression of parameters, inputs and the like."""
+        """The value of an expression of parameters, inputs or time."""
         return Statements(self.x, leaf_of(self.x)).write(self.canonical[e])
 
     def vector(self, v: ExpressionVector) -> Vector:
         return [self.evaluate(e) for e in v]
 
     def direction(self, axis: ExpressionVector | None) -> Vector:
-        """A unit vector."""
+        """An axis, normalised."""
         assert axis is not None
         v = self.vector(axis)
         known = [a for a in map(algebra.expression, v) if isinstance(a, algebra.Number)]
@@ -86,7 +86,7 @@ class Records:
         return v
 
     def differs(self, square: Value) -> None:
-        """Where a square is zero there is a value, but no derivative, which is an error."""
+        """Report an error if a derivative is asked for where a squared distance is zero."""
         if self.tangents:
             self.x.set_entry(PIVOT, 0, square - self.x.number(limits().tiny(SHORTEST, 3) ** 2))
 
@@ -96,11 +96,11 @@ class Records:
         return ME if len(self.links) == 1 else ME[self.links.index(link)]
 
     def carried(self, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
-        """The link that carries a body, the way from its body's frame, and how that lies in the link."""
+        """The link that carries a body, the placements from the link's body to it, and the link's frame in its body."""
         return carrier(self.system, body)
 
     def in_link(self, body: int, r: Vector) -> Vector:
-        """A place in a body from the origin of its link, in the link's axes."""
+        """A point of a body, relative to the link's origin and along the link's axes."""
         _, steps, frame = self.carried(body)
         if steps:
             origin, R = place(steps, self.evaluate, SYMBOLIC, self.x.let)
@@ -111,7 +111,7 @@ class Records:
         return r
 
     def body_axes(self, body: int) -> Matrix:
-        """Link components from body components."""
+        """Rotation matrix of a body in its link: link from body components."""
         _, steps, frame = self.carried(body)
         R = identity()
         if steps:
@@ -122,39 +122,39 @@ class Records:
         return R
 
     def to_ground(self, body: int, v: Vector) -> Vector:
-        """Ground components from those of a body's link."""
+        """Ground components of a vector given along the axes of a body's link."""
         W = self.link_attitude(body)
         return v if W is None else [self.x.let("x", e) for e in matvec(W, v)]
 
     def link_attitude(self, body: int) -> Matrix | None:
-        """Ground components from those of a body's link; None of the ground, which has the same."""
+        """Rotation matrix of a body's link: ground from link components; None for the ground."""
         link, _, _ = self.carried(body)
         return None if link == GROUND else self.x.load(self._record(link), fields.attitude)
 
     def link_field(self, body: int, field: Readable[V_co]) -> V_co:
-        """A field of the record of a body's link, in the link's axes."""
+        """A field of the record of a body's link."""
         return self.x.load(self._record(self.carried(body)[0]), field)
 
     # -- motions -----------------------------------------------------------------------------------------------------
 
     def position(self, point: Point) -> Vector:
-        """Of a point in the ground frame, m."""
+        """Position of a point, along the ground's axes, m."""
         link, _, _ = self.carried(point.body)
         moved = self.to_ground(point.body, self.in_link(point.body, self.vector(point.at)))
         origin: Vector = self.x.load(self._record(link), fields.position) if link != GROUND else [0, 0, 0]
         return add(origin, moved)
 
     def velocity(self, point: Point) -> Vector:
-        """Of a point against the ground, in its axes, m/s."""
+        """Velocity of a point, along the ground's axes, m/s."""
         if self.carried(point.body)[0] == GROUND:
             return [0, 0, 0]
         r = self.in_link(point.body, self.vector(point.at))
-        self.link_attitude(point.body)  # in the order of the record
+        self.link_attitude(point.body)  # keeps the loads in the order of the record
         v, w = (self.link_field(point.body, field) for field in (fields.velocity, fields.angular_velocity))
         return self.to_ground(point.body, [self.x.let("v", e) for e in add(v, cross(w, r))])
 
     def acceleration(self, point: Point) -> Vector:
-        """Of a point against the ground, in its axes, m/s^2."""
+        """Acceleration of a point relative to the ground, along the ground's axes, m/s^2."""
         if self.carried(point.body)[0] == GROUND:
             return [0, 0, 0]
         r = self.in_link(point.body, self.vector(point.at))
@@ -162,7 +162,7 @@ class Records:
         return self.to_ground(point.body, [self.x.let("a", e) for e in add(a, matvec(B, r))])
 
     def attitude(self, body: int) -> Matrix:
-        """Ground components from body components."""
+        """Rotation matrix of a body: ground from body components."""
         link, _, _ = self.carried(body)
         R = self.body_axes(body)
         if link == GROUND:
@@ -171,41 +171,41 @@ class Records:
         return [[self.x.let("W", e) for e in row] for row in matmul(W, R)]
 
     def angular_velocity(self, body: int) -> Vector:
-        """Of a body against the ground, in the axes of its link, rad/s."""
+        """Angular velocity of a body, along the axes of its link, rad/s."""
         link, _, _ = self.carried(body)
         return [0, 0, 0] if link == GROUND else self.x.load(self._record(link), fields.angular_velocity)
 
     # -- sums over all links -----------------------------------------------------------------------------------------
 
     def masses(self) -> Vector:
-        """Mass of all links, and first moment about the ground's origin; without bodies that are fixed to the ground."""
+        """Mass and first moment about the ground's origin of all links; bodies fixed to the ground are left out."""
         return [self.x.entry(MASSES, i) for i in range(4)]
 
     def momenta(self) -> tuple[Vector, Vector]:
-        """Momentum of all links, and its moment about the ground's origin."""
+        """Linear momentum of all links, and angular momentum about the ground's origin."""
         six: Vector = [self.x.entry(MOMENTA, i) for i in range(6)]
         return six[:3], six[3:]
 
 
 def grounded(system: System) -> tuple[int, ...]:
-    """Bodies that are fixed to the ground."""
+    """Bodies fixed to the ground."""
     return tuple(k for k, (link, _) in enumerate(system.carriers) if link == GROUND)
 
 
 def carrier(system: System, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
-    """The link that carries a body, the way from its body's frame, and how that lies in the link."""
+    """See `Records.carried`; for the ground, its placement in the axes of the computation."""
     link, steps = (GROUND, system.way_of_ground) if body == GROUND else system.carriers[body]
     return link, steps, BODY_FRAME if link == GROUND else system.links[link].frame
 
 
 def links_of(system: System, output: Output) -> tuple[int, ...]:
-    """The links that an output is on, each once; the ground alone where there are none."""
+    """The links that an output reads, each once; the ground alone if there are none."""
     found = dict.fromkeys(carrier(system, body)[0] for body in output.on)
     return tuple(link for link in found if link != GROUND) or (GROUND,)
 
 
 def expressions_of(system: System, bodies: tuple[int, ...]) -> list[Expression]:
-    """What places of bodies in their links are made of, in a fixed order."""
+    """The expressions that place bodies in their links, in a fixed order."""
     found: list[Expression] = []
     for body in bodies:
         _, steps, frame = carrier(system, body)
@@ -215,7 +215,7 @@ def expressions_of(system: System, bodies: tuple[int, ...]) -> list[Expression]:
 
 
 def structure_of(system: System, bodies: tuple[int, ...], links: tuple[int, ...]) -> tuple[object, ...]:
-    """Equal for bodies that lie in links of equal kinds in the same way, but for numbers."""
+    """A key, equal for bodies whose placements in links of the same kind differ only in numbers."""
 
     def of(body: int) -> tuple[object, ...]:
         link, steps, frame = carrier(system, body)

@@ -1,9 +1,9 @@
-"""Rotation of a body against another one: entries of its matrix and of its quaternion.
+"""Rotation of a body relative to another: entries of its matrix, or of its quaternion.
 
-Of the matrix R the products of two components of the quaternion e are known: ``K = 4 e e^T`` is linear in R. The row of K with
-the largest diagonal entry d is e, but for its sign, times ``2 sqrt(d)``, and d is at least 1: no square root comes near zero.
-The sign is the one that makes qw positive; where qw is zero, after half a turn, that row's own. Derivatives are exact on either
-side of half a turn; there the quaternion jumps to its negative, and the derivative is that of the side taken.
+The rotation matrix R gives all products of two components of the quaternion e: ``K = 4 e e^T`` is linear in R. Let d be the
+largest diagonal entry of K. Its row is ``2 sqrt(d) e`` up to sign. Since d is at least 1, no square root is taken near zero.
+The sign makes qw positive; where qw is zero, after half a turn, the sign of the row remains. Derivatives are exact on either
+side of half a turn. There the quaternion jumps to its negative, and the derivative is that of the side whose sign is used.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def quaternion(records: Records, R: Matrix, component: int) -> Value:
         K[0][1 + k] = K[1 + k][0] = expression(let("K", R[j][i] - R[i][j]))
         K[1 + i][1 + j] = K[1 + j][1 + i] = expression(let("K", R[i][j] + R[j][i]))
     chosen, left = [], expression(1)
-    for i in range(3):  # the first of the largest
+    for i in range(3):  # the largest diagonal entry; the first one of several equal ones
         largest = K[i + 1][i + 1]
         for n in range(i + 2, 4):
             largest = expression(let("largest", Maximum(largest, K[n][n])))

@@ -22,7 +22,7 @@ def masses(x: Scope, kind: LinkKind) -> None:
 
 
 def momenta(x: Scope, kind: LinkKind) -> None:
-    """Momentum of a link, and its moment about the ground's origin. Eq. 23 at the link's origin, shifted."""
+    """Linear momentum of a link, and angular momentum about the ground's origin. Eq. 23, shifted from the link's origin."""
     m, h, J = own_inertia(x)
     w, v = x.load(ME, fields.angular_velocity), x.load(ME, fields.velocity)
     linear = [x.let("P", e, "Eq. 23") for e in add(scale(m, v), cross(w, h))]
@@ -34,13 +34,13 @@ def momenta(x: Scope, kind: LinkKind) -> None:
 
 
 def _add(x: Scope, kind: LinkKind, into: Store, tangents: Store, values: Vector, tag: str) -> None:
-    """Add what a link has to the sums, and its tangents to theirs."""
+    """Add the contribution of a link to the sums, and its tangent to their tangents."""
     named = [x.let("part", e, tag) for e in values]
     for j, e in enumerate(named):
         if not is_zero(e):
             x.set_entry(into.sum, j, e)
     if x.tangents:
-        d = differentiate(x, kind, None, also={ME: MY_LANE})  # what earlier sweeps have left in the record
+        d = differentiate(x, kind, None, also={ME: MY_LANE})  # fields that earlier sweeps have stored
         for j, e in enumerate(named):
             moved = tangent(d, e)
             if not is_zero(moved):

@@ -1,4 +1,4 @@
-"""Switching functions: formulas of the state, or of the positions and velocities of points too."""
+"""Switching functions: formulas of the state, some also of positions and velocities of points."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .outputs import record_formula
 from .records import Records, expressions_of, links_of
 
 MEASURED = {"position": ("pose",), "velocity": ("pose", "kinetic")}
-"""What of points a switching function may read, with the quantities that this takes."""
+"""Quantities of points that a switching function may read, with the names in `quantities.QUANTITIES` that provide them."""
 
 
 def quantities_of(switch: Switch) -> set[str]:
@@ -35,7 +35,7 @@ def quantities_of(switch: Switch) -> set[str]:
 
 
 def switch_formulas(system: System) -> tuple[list[Formula], list[Formula]]:
-    """The switching functions of the model, as value formulas and as formulas over the records of links."""
+    """The switching functions of the model: formulas of the state, and formulas over the records of links."""
     found = system.model.switches.found
     plain = [(s.number, s.value) for s in found if not quantities_of(s)]
     places = {s.number: s.places[0] for s in found}
@@ -56,7 +56,7 @@ class _Slots(FormulaSlots):
 
 
 def _turn(system: System, switch: Switch, index: int) -> Formula:
-    """The angle of a torsion spring, within half a turn of its mode; see `elements.torsion`."""
+    """The angle of a torsion spring, shifted by whole turns to lie within half a turn of its mode (`elements.torsion`)."""
     model = system.model
     (element,) = (e for e in system.elements if e.element.name == switch.element)
     faces = [face for face in element.element.ends if isinstance(face, Face)]
@@ -121,7 +121,7 @@ def _record(system: System, switch: Switch, index: int) -> Formula:
 
 
 def _of_switch(switch: Switch, formula: Formula, slots: FormulaSlots, links: tuple[int, ...]) -> Formula:
-    """The formula, with the switch as its one row."""
+    """The formula, with the switch as its only row."""
     formula.rows.append(slots.row(switch.number, links))
     formula.places.append(switch.places[0])
     return formula

@@ -1,7 +1,7 @@
-"""What each function of a solver does, step by step: a file for each group of functions.
+"""The steps of each function of a solver: one file for each group of functions.
 
-This is the list to read for what runs when; what the sweeps compute stands in `codegen.mechanics.sweeps`. An argument that a
-model does not use does not exist: no ``inputs`` without inputs, no ``t`` without time, no ``p`` without parameters.
+Read this to see what runs when; `codegen.mechanics.sweeps` lists the sweeps. A model that has no inputs has functions without an
+argument ``inputs``; the same holds for ``t`` and ``p``.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ __all__ = [
 ]  # fmt: skip
 
 MOTIONS = ("state_rates", "state_rate_sensitivities")
-"""Functions that only motions call, and without which there are none."""
+"""Functions that only motions call; a solver without them integrates no motions."""
 
 FOUR = (4,)
-"""Beside them, for motions with two to four directions, of the functions that integration calls."""
+"""An additional number of directions, for functions that integration calls: motions with two to four directions."""
 
 ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "switch_sensitivities")
-"""These functions."""
+"""Functions that also have a variant for `FOUR` directions."""
 
 IN_MODES = (
     "state_rates", "state_rate_sensitivities", "sensitivities_transposed", "outputs", "output_sensitivities",
     "output_sensitivities_transposed", "switches", "switch_sensitivities", "switch_sensitivities_transposed",
 )  # fmt: skip
-"""Functions that integration calls with the modes of switches."""
+"""Functions to which integration passes the modes of switches."""
 
 CLOSING_IN_MODES = ("closing_step", "completion", "completion_sensitivities", "completion_sensitivities_transposed")
-"""Those that do where prescribed motion, which loops follow, has switches."""
+"""Further ones, if a prescribed motion that enters loops has switches."""
 
 
 def procedures(
@@ -53,19 +53,19 @@ def procedures(
     frames: bool = False,
     moves: bool = True,
 ) -> tuple[Procedure, ...]:
-    """The functions that a solver has, in the order of its header.
+    """The functions of a solver, in the order of its header.
 
     Parameters
     ----------
     reactions : bool
-        Reactions are among them; and their derivatives, unless `functions` are chosen, which name these.
+        Includes reactions and, unless `functions` are given, their derivatives.
     functions : collection of str, optional
-        Those that are wanted, by their names, by those of members of a solver, or by `GROUPS`; left out: all, without reactions
-        and frames.
+        The functions to include, by their names, the names of solver members, or the words in `GROUPS`; by default all except
+        reactions and frames.
     frames : bool
-        Frames are among them.
+        Includes frames.
     moves : bool
-        Functions that only motions call are among them.
+        Includes the functions that only motions call.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def procedures(
 
 
 def without_motions(found: tuple[Procedure, ...], functions: Collection[str] | None) -> tuple[Procedure, ...]:
-    """Functions of a solver whose scalar type motions are not integrated in."""
+    """The functions of a solver that cannot integrate motions because of its scalar type."""
     kept = tuple(p for p in found if p.name not in MOTIONS)
     if functions is not None and len(kept) < len(found):
         raise UnknownFunctionError(
@@ -97,11 +97,13 @@ def without_motions(found: tuple[Procedure, ...], functions: Collection[str] | N
 
 
 def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """Functions of a model, those of its switches among them where motions need them, and which take modes."""
+    """The functions, with switching functions added if motions need them; those that depend on modes take them."""
     names = {p.name for p in found}
     if not w.system.model.switches.found or "state_rates" not in names:
         return found
-    further = switches(w)[: None if w.system.model.switches.have_modes else 1]  # singular functions are looked at only
+    further = switches(w)[
+        : None if w.system.model.switches.have_modes else 1
+    ]  # without modes, derivatives are not needed
     if "sensitivities_transposed" in names:
         further += backwards(w, further)
     found += tuple(replace(p, internal=True) for p in further)
@@ -114,13 +116,13 @@ def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
 
 
 def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
-    """What users call the functions that a solver could have but for the choice, reactions and frames apart."""
+    """The user's names of the functions that were not selected; reactions and frames are not counted."""
     names = {p.name for p in kept}
     return [p.called for p in every(Shared(system), False) if p.name not in names]
 
 
 def every(w: Shared, reactions: bool) -> tuple[Procedure, ...]:
-    """All functions that a solver of the system can have."""
+    """All functions that a solver of the system can have, except frames."""
     found = [*dynamics(w), jacobians(w), *rates(w), *state_rates(w)]
     if not w.loops:
         found += [*mass(w), *inverse_dynamics(w)]

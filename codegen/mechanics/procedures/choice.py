@@ -1,4 +1,4 @@
-"""Which functions a solver has: all, or those that are chosen."""
+"""Which functions a solver has: all of them, or a selection."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ GROUPS: dict[str, tuple[str, ...]] = {
 GROUPS["motion"] = (
     *GROUPS["simulate"], "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
 )  # fmt: skip
-"""Words for several functions that may be chosen together."""
+"""Words for groups of functions that may be selected together."""
 
 ANYWAY = ("states",)
-"""Groups of which a model may need nothing: every state of a tree is assembled."""
+"""Groups that may be empty for a model: every state of a tree is assembled already."""
 
 ALSO = {
     "bias_force": "inverse_dynamics", "bias_force_sensitivities": "inverse_dynamics_sensitivities", "assemble": "completion",
     "initial_state": "initial",
 }  # fmt: skip
-"""Members of a solver, with the functions that they call beside those that they are called like."""
+"""Members of a solver that call a function of another name."""
 
 
 NEEDED = {
@@ -48,25 +48,25 @@ NEEDED = {
     "point_places": {"frames", "frame_sensitivities"},
     "point_place_sensitivities": {"frame_sensitivities"},
 }
-"""Functions that are there wherever others are, which are of no use without them: no motion of closed loops without closing
-them, no derivatives of one without those of the state that it begins with."""
+"""Functions that are included together with others, which are useless without them. For instance, a motion of closed loops must
+close them, and its derivative needs the derivative of its initial state."""
 
 
 REACTIONS = ("reactions", "reaction_sensitivities")
-"""Functions that are there on request only."""
+"""Functions that are included only on request."""
 
 
 class UnknownFunctionError(ValueError):
-    """A function was chosen that a solver of the model cannot have."""
+    """A selected function does not exist for the model."""
 
 
 def asks_reactions(functions: Collection[str] | None) -> bool:
-    """Whether reactions, or their derivatives, are among chosen functions."""
+    """Whether the selection includes reactions or their derivatives."""
     return not set(REACTIONS).isdisjoint(functions or ())
 
 
 def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
-    """The procedures that functions name, and those that every solver has."""
+    """The procedures that the selection names, and those that every solver has."""
     wanted: set[str] = set()
     known = [p.called for p in found if not p.basic]
     known += [word for word, name in ALSO.items() if any(name in (p.name, p.called) for p in found)]

@@ -1,4 +1,4 @@
-"""Closed loops: how far they are open, how they are closed; and initial values."""
+"""Functions for closed loops: residuals and closing; and initial values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def closing(w: Shared) -> list[Procedure]:
         ),
         Procedure(
             "conditions",
-            "Condition of the closure matrix that each loop belongs to.",
+            "Condition number of the closure matrix to which each loop belongs.",
             places,
             (condition,),
             (Own(given), Zero(given), *w.begin, *run("condition_numbers")),
@@ -49,7 +49,7 @@ def closing(w: Shared) -> list[Procedure]:
         ),
         Procedure(
             "closing_step",
-            "The same, the scaled residuals of position before it, and the conditions.",
+            "Newton's step, the scaled position residuals before it, and the condition numbers.",
             places,
             (step, position, condition),
             (
@@ -62,14 +62,14 @@ def closing(w: Shared) -> list[Procedure]:
 
 
 def _completing(w: Shared) -> list[Procedure]:
-    """Speeds and seeds of dependent coordinates, and what complete seeds leave open."""
+    """Dependent speeds, dependent entries of seeds, and the residuals that complete seeds leave."""
     u, full_u, dfull_q, dfull_u, dq, du = w.of("u", "full_u", "dfull_q", "dfull_u", "dq", "du")
     position, velocity, dposition = w.of("position", "velocity", "dposition")
     state, seeds = w.of("q", "u", *w.p), w.of("dq", "du", *(f"d{name}" for name in w.p))
     return [
         Procedure(
             "completion",
-            "Speeds, the dependent ones as velocity closure asks.",
+            "All speeds; the dependent ones follow from velocity closure.",
             state,
             (full_u,),
             (*w.begin, Copy(full_u, u)),
@@ -77,7 +77,7 @@ def _completing(w: Shared) -> list[Procedure]:
         ),
         Procedure(
             "completion_sensitivities",
-            "Speeds and seeds, the dependent ones as closure asks.",
+            "All speeds and complete seeds; the dependent entries follow from closure.",
             state,
             (full_u, dfull_q, dfull_u),
             (*w.begin, *w.along, Copy(full_u, u), Copy(dfull_q, dq), Copy(dfull_u, du)),
@@ -87,7 +87,7 @@ def _completing(w: Shared) -> list[Procedure]:
         ),
         Procedure(
             "closure_sensitivities",
-            "How far loops are open in position, and by how much complete seeds open them.",
+            "Position residuals of loops, and their derivative along complete seeds.",
             state,
             (position, dposition),
             (
@@ -112,7 +112,7 @@ def initial(w: Shared) -> list[Procedure]:
     values, tangents = w.pair(
         ("initial", "initial_sensitivities"),
         (
-            "Initial values, as the model file gives them: loops not closed yet.",
+            "Initial values of the model file, before loops are closed.",
             "Initial values and their total derivative along seeds.",
         ),
         ["p"],

@@ -1,6 +1,6 @@
-"""Matrices of trees whose columns are computed all at once: derivatives by the state and by what drives joints, mass matrices.
+"""Matrices of trees with all columns at once: derivatives by the state and by joint forces, and mass matrices.
 
-Force elements and loops make everything depend on everything: where a model has any, columns are taken one after the other.
+With force elements or loops each column depends on all links, so such models compute columns one after the other.
 """
 
 from __future__ import annotations
@@ -12,33 +12,33 @@ from .shared import Shared
 from .words import JOINT_FORCES
 
 MOST_COLUMNS = 64
-"""More columns than this are not computed at once: what links keep of them would leave the fast caches."""
+"""At most this many columns are computed at once, so that their memory stays in fast caches."""
 
 MOST_LINKS = 256
-"""In larger trees columns are taken a few at a time: what links keep of more would be most of a call's memory."""
+"""Larger trees compute a few columns at a time; otherwise columns would take most of a call's memory."""
 
 LEAST_COLUMNS = 12
-"""Room for fewer would have the size of other functions over directions."""
+"""Room for at least this many columns, which is no larger than that for other functions over directions."""
 
 Entries = tuple[tuple[Array, int], ...]
 
 
 def applies(system: System) -> bool:
-    """Whether columns of a system can be computed at once."""
+    """Whether the columns of a system's matrices can be computed at once."""
     model = system.model
     return model.nu > 0 and not model.loops and not system.elements and len(system.links) <= MOST_LINKS
 
 
 def room(system: System) -> int:
-    """For how many columns there is room: those of the whole state, in groups of four, or as many as stay in fast caches."""
+    """Number of columns with memory: those of the whole state rounded up to a multiple of four, at most `MOST_COLUMNS`."""
     model = system.model
     return max(LEAST_COLUMNS, min(-(-(model.nq + model.nu) // 4) * 4, MOST_COLUMNS))
 
 
 def by_link(system: System, *of: tuple[Array, str]) -> tuple[Entries, tuple[int, ...]]:
-    """Entries of arrays that belong to links, one link after the other, and where those of each begin.
+    """Entries of arrays in the order of links, and where the entries of each link begin.
 
-    `of` are arrays with what they have entries for: coordinates (``q``) or speeds (``u``).
+    `of` lists arrays, each with "q" if it has an entry for each coordinate, or "u" for each speed.
     """
     entries: list[tuple[Array, int]] = []
     starts = [0]
@@ -58,7 +58,7 @@ def _columns(
     weighted: tuple[Weighted, ...] = (),
     symmetric: bool = True,
 ) -> AllColumns:
-    """Columns of matrices: of each seed, what it has entries for (see `by_link`), and its matrix if it has one."""
+    """Columns of matrices: `seeds` maps each seed to "q" or "u" (see `by_link`) and to its matrix, if it has one."""
     units, starts = by_link(w.system, *((array, what) for array, (what, _) in seeds.items()))
     return AllColumns(
         units,
@@ -76,7 +76,7 @@ def _columns(
 
 
 def by_state(w: Shared) -> AllColumns:
-    """Derivatives of udot by coordinates and speeds, but for what joint forces depend on them."""
+    """Derivatives of udot by coordinates and speeds, with joint forces held constant."""
     dq, du, dudot, J_q, J_u = w.of("dq", "du", "dudot", "J_q", "J_u")
     turns = ("column_turns",) if any(link.joint.quaternion is not None for link in w.system.links) else ()
     sweeps = (
@@ -87,11 +87,11 @@ def by_state(w: Shared) -> AllColumns:
 
 
 UNIT_FORCES = ("column_clear", "column_unit", "column_in", "column_rest", "column_back")
-"""Sweeps that give columns of the inverse mass matrix."""
+"""Sweeps that compute columns of the inverse mass matrix."""
 
 
 def by_forces(w: Shared, weighted: tuple[Weighted, ...]) -> AllColumns:
-    """What joint forces add to derivatives: columns of the inverse mass matrix, times derivatives of the forces."""
+    """Contribution of joint forces to derivatives of udot: the inverse mass matrix times derivatives of the forces."""
     return _columns(w, {w.one("b").tangent("b"): ("u", None)}, UNIT_FORCES, w.one("dudot"), weighted)
 
 
@@ -107,9 +107,9 @@ def mass(w: Shared) -> AllColumns:
 
 
 def force_primitives(w: Shared) -> Primitives | None:
-    """Derivatives of joint forces by coordinates, speeds and inputs, several forces along one direction.
+    """Derivatives of joint forces by coordinates, speeds and inputs; one direction serves several forces.
 
-    Two arguments of one force are in different directions; None where that takes more directions than there are.
+    Arguments of the same force get different directions; None if there are too few directions for that.
     """
     model, system = w.system.model, w.system
     places = {f"q.{n}": ("q", i) for i, n in enumerate(model.coordinate_names)}

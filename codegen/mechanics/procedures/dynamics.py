@@ -25,7 +25,7 @@ def dynamics(w: Shared) -> list[Procedure]:
 
 
 def jacobians(w: Shared) -> Procedure:
-    """Partial derivatives of udot: of trees those by the state all at once, by the others as many at a time as directions."""
+    """Partial derivatives of udot. For trees, columns by the state are computed all at once, others by groups of directions."""
     dudot = w.one("dudot")
     free = dict(zip(("q", "u"), w.system.independent, strict=True)) if w.loops else {}
     seeds = {n: w.one(f"d{n}") for n in w.state}
@@ -62,7 +62,7 @@ def jacobians(w: Shared) -> Procedure:
         found += map(one_by_one, rest)
         steps.append(Together(tuple(found), (*zero, *map(one_by_one, seeds))))
     results = w.of("udot", *(f"J_{n}" for n in w.state))
-    doc = "Accelerations and their partial derivatives, row by row; NULL for what is not asked for."
+    doc = "Accelerations and their partial derivatives, row by row; a result that is NULL is skipped."
     return Procedure("jacobians", doc, w.of(*w.state), results, tuple(steps))
 
 
@@ -80,13 +80,13 @@ def rates(w: Shared) -> list[Procedure]:
 
 
 def state_rates(w: Shared) -> list[Procedure]:
-    """What integration over time asks for at every stage, in one call."""
+    """The rates that integration evaluates at every stage, in one call."""
     begin = (*w.begin, *run("rates"), *w.forward)
     return w.pair(
         ("state_rates", "state_rate_sensitivities"),
         (
             "Time derivatives of coordinates and speeds, for integration over time (Eq. 1 and forward dynamics).",
-            "The same and their total derivative along seeds (Eqs. 2, 3).",
+            "Time derivatives of coordinates and speeds, and their total derivative along seeds (Eqs. 2, 3).",
         ),
         w.state,
         ["qdot", "udot"],

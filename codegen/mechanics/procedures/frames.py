@@ -1,4 +1,4 @@
-"""Frames of all bodies in a state, and where the model's points are in their bodies."""
+"""Frames of all bodies in a state, and positions of the model's points in their bodies."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from .words import FRAME_ACCELERATIONS, FRAMES, PLACES
 
 
 def frames_of(w: Shared) -> list[Procedure]:
-    """Poses and velocities without forward dynamics, accelerations with it, each with derivatives; and places of points."""
+    """Poses and velocities (no forward dynamics), accelerations (with it), positions of points; each with derivatives."""
     values, tangents = w.measuring([POSE, VELOCITY], w.begin, (*w.along, *w.turns))
     accelerated, accelerated_along = w.measuring([POSE, ACCELERATION], w.solved, w.solved_along)
     found = [
         *w.pair(
             ("frames", "frame_sensitivities"),
             (
-                "Frames of all bodies in that of the ground: rotation matrix by rows, position, angular velocity, velocity.",
+                "Frames of all bodies, along the ground's axes: rotation matrix by rows, position, angular velocity, velocity.",
                 "Frames of all bodies and their total derivative along seeds.",
             ),
             ["q", "u", *w.p],

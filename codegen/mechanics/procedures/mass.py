@@ -1,4 +1,4 @@
-"""Mass matrix, solutions with it, and inverse dynamics: of trees."""
+"""Mass matrix, solutions with it, and inverse dynamics, for trees."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def mass(w: Shared) -> list[Procedure]:
     right = b.tangent("b")
 
     def by_columns(sweeps: tuple[Step, ...], found: Array, into: Array) -> tuple[Step, ...]:
-        """Steps that find a symmetric matrix column by column, from unit right sides."""
+        """Steps that compute a symmetric matrix column by column, from unit right sides."""
         return (Own(right), Zero(right), Own(found), Columns(right, sweeps, (Take(into, found, symmetric=True),)))
 
     matrix = by_columns(run("mass_out", "mass_in"), dforce, M)
@@ -65,7 +65,7 @@ def mass(w: Shared) -> list[Procedure]:
 
 
 _SOLVE = run("solve_in", "balance_back")
-"""Sweeps that take right sides and give solutions, per direction."""
+"""Sweeps that solve ``M x = b`` for the right sides of all directions."""
 
 
 def _resting(w: Shared) -> tuple[Step, ...]:
@@ -82,7 +82,7 @@ def _seeds_at_rest(w: Shared) -> tuple[Step, ...]:
 
 
 def _solution(w: Shared) -> list[Procedure]:
-    """The solution of M x = b, and with its derivative."""
+    """The solution of M x = b, and its derivative."""
     udot, force, dforce, b, x, dx, db, dudot = w.of("udot", "force", "dforce", "b", "x", "dx", "db", "dudot")
     right = b.tangent("b")
     values: tuple[Step, ...] = (*_factors(w), Single(_SOLVE, ((right, b),), ((dudot, x),)))
@@ -125,8 +125,8 @@ def inverse_dynamics(w: Shared) -> list[Procedure]:
     return w.pair(
         ("inverse_dynamics", "inverse_dynamics_sensitivities"),
         (
-            "Joint forces that udot needs beside the model's own.",
-            "Those forces and their total derivative along seeds.",
+            "Joint forces that udot requires in addition to the model's own.",
+            "These joint forces and their total derivative along seeds.",
         ),
         ["q", "u", "udot", *w.rest],
         ["force"],

@@ -1,4 +1,4 @@
-"""What is measured in a state: energies, outputs, reactions."""
+"""Quantities computed for a state: energies, outputs, switching functions, forces of prescribed motion, reactions."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def switches(w: Shared) -> list[Procedure]:
 def _steps(
     w: Shared, quantities: list[Quantity], formulas: Formulas, driven: bool = False
 ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
-    """Steps for formulas over quantities, and these with their tangents; `driven`: they read what prescribed motion takes too."""
+    """Steps for formulas over quantities, without and with tangents; `driven`: they also read forces of prescribed motion."""
     sums = [w.one("energy")] if any(q.energy for q in quantities) else []
     sums += [w.one(name) for q in quantities for name in q.sums]
     zero = tuple(step for a in sums for step in (Own(a), Zero(a)))
@@ -91,13 +91,13 @@ def _steps(
 
 
 def driving_forces(w: Shared) -> list[Procedure]:
-    """What prescribed motion takes."""
+    """Forces that prescribed motion requires."""
     driving, ddriving, found, dfound = w.of("driving", "ddriving", "actuation", "dactuation")
     return w.pair(
         ("driving_forces", "driving_force_sensitivities"),
         (
-            "Generalised forces that prescribed motion takes.",
-            "Generalised forces that prescribed motion takes, and their total derivative along seeds.",
+            "Generalised forces that prescribed motion requires.",
+            "Generalised forces that prescribed motion requires, and their total derivative along seeds.",
         ),
         w.state,
         ["actuation"],
@@ -107,7 +107,7 @@ def driving_forces(w: Shared) -> list[Procedure]:
 
 
 def reactions_of(w: Shared) -> list[Procedure]:
-    """What joints and loops transmit. Its derivatives take those of udot, and two sweeps over directions more."""
+    """Reactions of joints and loops. Their derivatives need those of udot and two further sweeps over directions."""
     names = ["reaction", *(["loop_reaction"] if w.loops else [])]
     wrenches = w.of(*names)
     poses, turned = w.measuring([POSE], w.solved, w.solved_along)
@@ -116,8 +116,8 @@ def reactions_of(w: Shared) -> list[Procedure]:
     return w.pair(
         ("reactions", "reaction_sensitivities"),
         (
-            "Wrenches on links at their joints and on loops' end faces: moment, force; ground frame.",
-            "Wrenches on links at their joints and on loops' end faces, and their total derivative along seeds.",
+            "Reactions on links at their joints and on loops' end faces: moment, force; along the ground's axes.",
+            "Reactions of joints and loops, and their total derivative along seeds.",
         ),
         w.state,
         names,

@@ -1,4 +1,4 @@
-"""Steps and routines that the procedures of one system share."""
+"""Steps and routines shared by the procedures of one system."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .words import HELD_FORCES, JOINT_FORCES, MOTIONS, OTHER_WIDTHS, arrays
 
 
 class Shared:
-    """What the procedures of a system are made of: its arrays, and routines."""
+    """The arrays of a system, and the routines of which its procedures consist."""
 
     def __init__(self, system: System):
         model = system.model
@@ -42,7 +42,7 @@ class Shared:
         read = set[str]().union(*(x.value.names for x in model.prescribed))
         of_motion = {"inputs": not read.isdisjoint(model.inputs), "t": "t" in read}
         self.p = given + [n for n in rest if of_motion[n]]
-        """What places of bodies depend on beside coordinates: parameters, and what prescribed motion reads."""
+        """Arguments of the pose besides coordinates: parameters, and the inputs or time of prescribed motion."""
         self.rest = given + rest
         self.state = ["q", "u", *self.rest]
         self.loops = bool(model.loops)
@@ -58,7 +58,7 @@ class Shared:
         self._rest()
 
     def of(self, *names: str) -> tuple[Array, ...]:
-        """Arrays by name; seeds and derivatives begin with d."""
+        """Arrays by name; names of seeds and derivatives begin with d."""
         return tuple(self.array[n] if n in self.array else self.array[n[1:]].tangent() for n in names)
 
     def one(self, name: str) -> Array:
@@ -74,7 +74,7 @@ class Shared:
         along: tuple[Step, ...],
         widths: tuple[int, ...] = OTHER_WIDTHS,
     ) -> list[Procedure]:
-        """A function and its derivative along seeds of all arguments."""
+        """A function and its derivative along seeds of all its arguments."""
         given, found = self.of(*arguments), self.of(*results)
         return [
             Procedure(names[0], docs[0], given, found, steps),
@@ -92,23 +92,23 @@ class Shared:
     # -- what procedures share -------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        """What comes before sweeps, and before sweeps over directions."""
+        """Steps before sweeps, and before sweeps over directions."""
         u, dq, du = self.of("u", "dq", "du")
         held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
         motions = tuple(m.tangents() for m in self.motions)
         self.start = _performed(
             "start",
-            "Computes what depends on no other link: constants, sines and cosines, rotation matrices.",
+            "Computes quantities of single links: constants, sines and cosines, rotation matrices.",
             (Prepare(CONSTANTS), Prepare(GROUND), *self.motions, Prepare(ANGLES), *run("rotations"), *held),
         )
         self.begin: tuple[Step, ...] = (self.start, Check()) if self.loops else (self.start,)
         close = _performed(
             "close",
-            "Completes the seeds: those of dependent coordinates and speeds follow from the others.",
+            "Completes the seeds: entries of dependent coordinates and speeds follow from the others.",
             (Hold(dq, dq.called("given_dq")), Hold(du, du.called("given_du")), *motions, *run("turns", "complete")),
         )
         self.along: tuple[Step, ...] = (close,) if self.loops else ()
-        # what closes loops begins with them
+        # the completion of seeds begins with these sweeps
         self.turns: tuple[Step, ...] = () if self.loops else (*motions, *run("turns"))
         self.ground_tangent = _performed("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
 
@@ -139,24 +139,24 @@ class Shared:
         )
         self.balance = _performed(
             "balance",
-            "From seeds to dudot, with the factors and accelerations of the forward dynamics at hand.",
+            "Computes dudot from the seeds, with the factors and accelerations of the forward dynamics.",
             (*before, *run("balance_out", "balance_in", "balance_back")),
         )
         udot = self.one("udot")
         self.solved: tuple[Step, ...] = (*self.begin, Own(udot), *self.forward)
-        """Steps to accelerations that no result holds, and to their derivatives."""
+        """Steps that compute accelerations in memory of their own, and then their derivatives."""
         self.solved_along: tuple[Step, ...] = (*self.along, Own(udot.tangent()), self.balance)
 
     def _rest(self) -> None:
-        """What takes everything but the mass matrix away."""
+        """Steps that reduce the dynamics to ``M udot``, and the tangent of this product."""
         u, tau, motion = self.of("u", "tau", "prescribed")
-        moving = tuple(i for i in range(motion.size) if i % 3)  # rates and accelerations of what is prescribed
+        moving = tuple(i for i in range(motion.size) if i % 3)  # rates and accelerations of prescribed coordinates
         stopped = (ZeroEntries(motion, moving),) if moving else ()
         stopped_along = (ZeroEntries(motion.tangent(), moving),) if moving else ()
         forces: tuple[Step, ...] = (*((Zero(tau),) if self.forces else ()), Prepare(GROUND_AT_REST))
         self.at_rest = _performed(
             "at_rest",
-            "Takes speeds, gravity and joint forces away: what is left of the dynamics is the mass matrix.",
+            "Sets speeds, gravity and applied forces to zero, so that the joint forces are M udot.",
             (Own(u), Zero(u), *stopped, *forces, *(run("clear") if self.elements else ())),
         )
         cleared: tuple[Step, ...] = (
@@ -165,16 +165,16 @@ class Shared:
         )
         self.mass_tangent = _performed(
             "mass_tangent",
-            "Tangent of M x along dq and dp at fixed x = udot; force becomes M x.",
+            "Tangent of M x along dq and dp at fixed x = udot; the result force is M x.",
             (*stopped_along, *cleared, *run("inverse_out", "force_tangents")),
         )
 
     def measuring(
         self, quantities: list[Quantity], before: tuple[Step, ...] = (), along: tuple[Step, ...] = ()
     ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
-        """Steps for quantities, and for them with their tangents, that were not taken before.
+        """Steps that compute quantities, without and with tangents, except steps that have run already.
 
-        `before` are steps for values, `along` those over directions that follow them.
+        `before` are the steps that have computed values, `along` those over directions that follow.
         """
         taken = set(walk(before))
         values = tuple(s for q in quantities for s in q.values if s not in taken)
@@ -184,5 +184,5 @@ class Shared:
 
 
 def _performed(name: str, doc: str, steps: tuple[Step, ...]) -> Perform:
-    """Do what a routine does."""
+    """A step that runs a routine with these steps."""
     return Perform(Routine(name, doc, steps))

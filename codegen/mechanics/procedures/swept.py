@@ -1,4 +1,4 @@
-"""Which sweeps procedures run."""
+"""Which sweeps the procedures run."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .transposed import ALONE
 
 
 def checked_backwards(found: tuple[Procedure, ...]) -> set[str]:
-    """Sweeps over directions that meet pivots which values do not meet."""
+    """Sweeps over directions with pivots of their own, which sweeps over values do not check."""
     checking = [p for p in found if any(isinstance(s, Check) and s.lanes for s in p.steps)]
     return {s.sweep for p in checking for s in walk(p.steps) if isinstance(s, Run) and s.lanes}
 
 
 def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
-    """Sweeps whose transposes procedures run."""
+    """Sweeps whose transposes are run."""
     run = sweeps(found)
     if GRADIENT_OUT in run:
         run |= {transpose_name(s) for s in ("balance_out", "balance_in")}
@@ -32,7 +32,7 @@ def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
 
 
 def swept_together(found: tuple[Procedure, ...]) -> tuple[set[str], bool]:
-    """Sweeps of the balance's transpose that procedures run, and whether no others come after them."""
+    """Merged sweeps of the balance's transpose that are run, and whether no other transposes follow them."""
     run = sweeps(found)
     assert not {GRADIENT_OUT, transpose_name("balance_in")} <= run, "what runs as one is no longer there one by one"
     alone = any(s == Prepare(PASSING_ADJOINTS, True) for p in found for s in walk(p.steps))

@@ -1,4 +1,4 @@
-"""Functions run backwards: the transposes of functions over directions."""
+"""Transposes of functions over directions: their steps in reverse order."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ TRANSPOSED = {
     "completion": ("completion_sensitivities", "assemble_gradients"),
     "switches": ("switch_sensitivities", "switch_gradients"),
 }
-"""Functions that have a transpose, with those that give their derivatives, and what a solver calls the transpose."""
+"""Functions with a transpose: the function of their derivatives, and the solver's name for the transpose."""
 
 ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
-"""The sweeps of the balance's transpose. Where no others come after them, what they kept needs no clearing."""
+"""The sweeps of the balance's transpose. If no others follow, the memory that they leave need not be cleared."""
 
 
 def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:
@@ -52,16 +52,16 @@ def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:
     by_name = {p.name: p for p in found}
     pairs = [(by_name.get(values), by_name.get(along)) for values, (along, _) in TRANSPOSED.items()]
     both = [(values, along) for values, along in pairs if values and along]
-    # outputs that read accelerations give adjoints of their own before the balance runs backwards
+    # the adjoints of outputs that read accelerations are added before the transposed balance runs
     once = sum(Run("balance_in", True) in flat(along.steps) for _, along in both) == 1
     return [transposed(w, values, along, once) for values, along in both]
 
 
 def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Procedure:
-    """From weights of the derivatives of a function's results to the gradients of what they weigh.
+    """From weights of a function's results to the gradients of the weighted sum.
 
-    The weights have the names of the derivatives, the gradients those of the seeds: adjoints are kept where the directions of
-    the function over directions are. `once`: no other function runs the balance backwards, so its sweeps may run as two.
+    Weights have the names of the derivatives, and gradients those of the seeds, since adjoints use the memory of directions.
+    `once`: no other function transposes the balance, so its sweeps may be merged into two.
     """
     steps = [s for s in flat(along.steps) if over_directions(s)]
     swept = [s.sweep for s in steps if isinstance(s, Run)]
@@ -86,29 +86,29 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
                 back.append(Combine(step.of, (step.of, step.to)))
             case CopyEntry():
                 back.append(AddEntry(step.of, step.entry, step.to, step.index))
-            case Own() | Zero() | Hold() | Check():  # memory, which is zero at the beginning here
+            case Own() | Zero() | Hold() | Check():  # adjoints are zero at the beginning
                 pass
             case _:
                 raise TypeError(f"{along.name}: a {type(step).__name__} cannot be run backwards")
     runs = {s.sweep for s in back if isinstance(s, Run)}
     if all(link.joint.quaternion is None for link in w.system.links):
-        runs.discard(transpose_name("turns"))  # has nothing to do
+        runs.discard(transpose_name("turns"))  # there are no quaternions
     back.insert(0, Prepare(PASSING_ADJOINTS if together and runs <= ALONE else ADJOINTS, True))
     left = [s for s in along.seeds if GRADIENT_IN_CLOSED not in runs or s.name not in stored]
     back += [ZeroEntries(s, entries) for s in left if (entries := _dependent(w, s))]
     name = along.name.removesuffix("_sensitivities")
     return Procedure(
         f"{along.name}_transposed",
-        f"{values.doc.rstrip('.')}, and gradients of their weighted sums (the transpose of {along.name}).",
+        f"{values.doc.rstrip('.')}, and gradients of their weighted sums (transpose of {along.name}).",
         along.arguments,
         (*(r for r in along.results if not r.lanes), *along.seeds),
         (
             *values.steps,
-            Perform(Routine(f"{name}_scalars", "Scalars that sweeps over directions hand on.", scalars)),
-            *([Check()] if any(isinstance(s, Check) for s in steps) else []),
             Perform(
-                Routine(f"{name}_backwards", f"The steps of {along.name} over directions, backwards.", tuple(back))
+                Routine(f"{name}_scalars", "Scalars that sweeps over directions propagate between links.", scalars)
             ),
+            *([Check()] if any(isinstance(s, Check) for s in steps) else []),
+            Perform(Routine(f"{name}_backwards", f"Transposed steps of {along.name}, in reverse order.", tuple(back))),
             *([Check(True)] if w.formula_pivots and OUTPUTS.tangents() in steps else []),
         ),
         weights,
@@ -118,15 +118,15 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
 
 
 def _dependent(w: Shared, seed: Array) -> tuple[int, ...]:
-    """Entries of a seed that are those of dependent coordinates or speeds."""
+    """Entries of a seed that belong to dependent coordinates or speeds."""
     free = dict(zip(("dq", "du"), w.system.independent, strict=True)) if w.loops else {}
     return tuple(sorted(set(range(seed.size)).difference(free[seed.name]))) if seed.name in free else ()
 
 
 def run_together(w: Shared, steps: list[Step]) -> dict[str, str]:
-    """Sweeps that run in others, with the sweep that is run at their place, if any: see `sweeps.GRADIENT_OUT`.
+    """Maps sweeps that merged ones replace to the merged sweep, or to "" if nothing runs in their place (`sweeps.GRADIENT_OUT`).
 
-    The completion of seeds is among them where nothing but gravity comes between it and the balance.
+    The completion of seeds is included if only gravity comes between it and the balance.
     """
     runs = [s.sweep if isinstance(s, Run) else "" for s in steps if s != Prepare(GROUND_TANGENT, True)]
     closed = ("complete", "balance_out") in pairwise(runs)

@@ -1,4 +1,4 @@
-"""What procedures share of words: how many directions they take, what is prepared, formulas, arguments and results."""
+"""Arguments, results and formulas of procedures, and numbers of directions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...program.procedure import (
 from ..structure.system import System
 
 OTHER_WIDTHS = (8, 1)
-"""The same for all other functions: two widths less to compile, and they are called less often."""
+"""Numbers of directions that functions are compiled for, except the most frequently called: fewer, to save compile time."""
 
 JOINT_FORCES = Formulas("joint_forces", ("tau",))
 OUTPUTS = Formulas("output_formulas", ("outputs",))
@@ -38,7 +38,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
 
 
 def arrays(system: System) -> dict[str, Array]:
-    """Arguments and results by name, and the joint forces."""
+    """Arguments, results and joint forces by name."""
     model = system.model
     counts = {
         "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2, "4": 4, "6": 6,

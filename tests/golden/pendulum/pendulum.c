@@ -386,7 +386,7 @@ static void lay_out(call *a, double *work)
     a->singular = (status){0};
 }
 
-/* Computes what depends on no other link: constants, sines and cosines, rotation matrices. */
+/* Computes quantities of single links: constants, sines and cosines, rotation matrices. */
 static void start(call *a)
 {
     constants_0(a);

@@ -43,7 +43,7 @@ int pendulum_sensitivities_1(const double *q, const double *u, const double *p, 
 /* The outputs of the model. */
 int pendulum_outputs(const double *q, const double *u, const double *p, double *outputs, double *work);
 
-/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities). */
+/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (transpose of sensitivities). */
 int pendulum_sensitivities_transposed_8(const double *q, const double *u, const double *p, const double *dudot,
     double *udot, double *dq, double *du, double *dp, double *work);
 int pendulum_sensitivities_transposed_1(const double *q, const double *u, const double *p, const double *dudot,

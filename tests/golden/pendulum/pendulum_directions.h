@@ -54,7 +54,7 @@ static void DIRECTIONS(balance_out)(DIRECTIONS(call) *a)
     DIRECTIONS(balance_out_0)(a);
 }
 
-/* balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50); rod
+/* balance, inward: transmitted forces and bias forces of the solution (Eqs. 9, 45, 50); rod
  * in: lane: moment; dtau; me: inverse_pivot_0
  * out: lane: right_side_0
  * operations: 1 addition, 1 multiplication per direction */
@@ -69,7 +69,7 @@ static void DIRECTIONS(balance_in_0)(DIRECTIONS(call) *a)
     }
 }
 
-/* balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50) */
+/* balance, inward: transmitted forces and bias forces of the solution (Eqs. 9, 45, 50) */
 static void DIRECTIONS(balance_in)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(balance_in_0)(a);
@@ -120,7 +120,7 @@ static void DIRECTIONS(balance_back_transposed)(DIRECTIONS(call) *a)
     DIRECTIONS(balance_back_transposed_0)(a);
 }
 
-/* accelerations, and weights of forces, outward; rod
+/* accelerations and weights of forces, outward; rod
  * in: me: inverse_pivot_0; lane: right_side_0
  * out: lane: moment; dtau
  * operations: 1 addition, 1 multiplication per direction */
@@ -134,7 +134,7 @@ static void DIRECTIONS(gradient_out_0)(DIRECTIONS(call) *a)
     }
 }
 
-/* accelerations, and weights of forces, outward */
+/* accelerations and weights of forces, outward */
 static void DIRECTIONS(gradient_out)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(gradient_out_0)(a);
@@ -199,7 +199,7 @@ static void DIRECTIONS(open)(DIRECTIONS(call) *d, const call *c, double *work)
 
 #if ((WIDTH == 8) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 2) && (ORDERNM_HAS(11, 2))) || ((WIDTH == 1) && \
     (ORDERNM_HAS(11, 1)))
-/* From seeds to dudot, with the factors and accelerations of the forward dynamics at hand. */
+/* Computes dudot from the seeds, with the factors and accelerations of the forward dynamics. */
 static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(joint_forces_tangents)(a);
@@ -211,7 +211,7 @@ static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
 
 #if WIDTH == 8 || WIDTH == 1
 #if ((WIDTH == 8) && (ORDERNM_HAS(7, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(7, 1)))
-/* The steps of sensitivities over directions, backwards. */
+/* Transposed steps of sensitivities, in reverse order. */
 static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
 {
     for (long i = 0; i < 1L; ++i) a->dtau[i] = NOTHING;
@@ -248,7 +248,7 @@ int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const d
 
 #if WIDTH == 8 || WIDTH == 1
 #if ((WIDTH == 8) && (ORDERNM_HAS(7, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(7, 1)))
-/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities). */
+/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (transpose of sensitivities). */
 int DIRECTIONS(pendulum_sensitivities_transposed)(const double *q, const double *u, const double *p,
     const double *dudot, double *udot, double *dq, double *du, double *dp, double *work)
 {

@@ -283,7 +283,7 @@ def balance_out(a):
 
 
 def balance_in_0(a):
-    # balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50); rod
+    # balance, inward: transmitted forces and bias forces of the solution (Eqs. 9, 45, 50); rod
     # in: lane: moment; dtau; me: inverse_pivot_0
     # out: lane: right_side_0
     # operations: 1 addition, 1 multiplication per direction
@@ -298,7 +298,7 @@ def balance_in_0(a):
 
 
 def balance_in(a):
-    # balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50)
+    # balance, inward: transmitted forces and bias forces of the solution (Eqs. 9, 45, 50)
     balance_in_0(a)
 
 
@@ -337,7 +337,7 @@ def balance_back_transposed(a):
 
 
 def gradient_out_0(a):
-    # accelerations, and weights of forces, outward; rod
+    # accelerations and weights of forces, outward; rod
     # in: me: inverse_pivot_0; lane: right_side_0
     # out: lane: moment; dtau
     # operations: 1 addition, 1 multiplication per direction
@@ -351,7 +351,7 @@ def gradient_out_0(a):
 
 
 def gradient_out(a):
-    # accelerations, and weights of forces, outward
+    # accelerations and weights of forces, outward
     gradient_out_0(a)
 
 
@@ -399,7 +399,7 @@ def joint_forces_transposed(a):
 
 
 def start(a):
-    """Computes what depends on no other link: constants, sines and cosines, rotation matrices."""
+    """Computes quantities of single links: constants, sines and cosines, rotation matrices."""
     constants_0(a)
     a.records[GROUND]["acceleration_z"] = 9.81
     a.records[GROUND]["total_acceleration_z"] = 9.81
@@ -417,7 +417,7 @@ def forward(a):
 
 
 def balance(a):
-    """From seeds to dudot, with the factors and accelerations of the forward dynamics at hand."""
+    """Computes dudot from the seeds, with the factors and accelerations of the forward dynamics."""
     joint_forces_tangents(a)
     balance_out(a)
     balance_in(a)
@@ -425,7 +425,7 @@ def balance(a):
 
 
 def sensitivities_backwards(a):
-    """The steps of sensitivities over directions, backwards."""
+    """Transposed steps of sensitivities, in reverse order."""
     a.slots = [Adjoints() for _ in a.slots]
     a.lanes = [Adjoints() for _ in a.lanes]
     a.dtau = [0.0] * NU
@@ -479,7 +479,7 @@ def outputs(q, u, p):
 
 
 def sensitivities_transposed(q, u, p, dudot):
-    """Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities).
+    """Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (transpose of sensitivities).
 
     q (..., nq), u (..., nu), p (..., np)
     dudot (k, ..., nu)
