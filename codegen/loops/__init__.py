@@ -1,4 +1,4 @@
-"""Closed loops on numbers, before any symbol: where they are, how they close, and which coordinates are dependent."""
+"""Numerical analysis of closed loops: where they are, how they close, and which coordinates are dependent."""
 
 from .assembling import initial_configuration
 from .description import describe

@@ -1,4 +1,4 @@
-"""Conditions given as equations: couplings of coordinates, and points on surfaces."""
+"""Loop conditions given as equations: couplings of coordinates, and points on surfaces."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..model.vectors import Array
 from ..records import dataclass
 
 LEAST_GRADIENT = 1e-200
-"""Added to the squared length of a gradient, so that a vanishing gradient causes no division by zero."""
+"""Added to the squared norm of a gradient, so that a vanishing gradient causes no division by zero."""
 
 ON_ARRAYS = functions_for(np)
-"""The functions of the grammar, evaluated on arrays."""
+"""The functions of the expression grammar, evaluated on arrays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,9 +23,9 @@ class Coupled:
     Attributes
     ----------
     bodies : list of int
-        Whose joints' coordinates they are, that which the file gives by the others first.
+        Bodies whose joints have these coordinates. The first is the one whose coordinate the file expresses by the others.
     speeds, coordinates : (n,) array
-        Their rates, and where they stand in q.
+        Indices of the speeds in u and of the coordinates in q.
     factors : (n,) array
     offset : float
     """
@@ -38,20 +38,20 @@ class Coupled:
 
     def open(self, q: Array) -> Array:
         """Residuals ``(S,)`` of the coupling at coordinates ``(S, nq + 1)``."""
-        missed: Array = q[:, self.coordinates] @ self.factors - self.offset
-        return missed
+        residual: Array = q[:, self.coordinates] @ self.factors - self.offset
+        return residual
 
 
 @dataclass(frozen=True, slots=True)
 class Surfaced:
-    """A condition on a point: functions of its position in the start face that are zero.
+    """A condition on a point: functions of its position in the start face that must be zero.
 
     Attributes
     ----------
     functions : tuple of SurfaceFunction
-        One a condition.
+        One for each condition.
     parameters : dict of str to float64
-        Numpy's, so that nothing is raised where there is no value.
+        Values as `numpy.float64`: an invalid operation gives nan and raises nothing.
     """
 
     functions: tuple[SurfaceFunction, ...]
@@ -59,14 +59,14 @@ class Surfaced:
 
     @np.errstate(all="ignore")
     def at(self, place: Array) -> tuple[Array, Array]:
-        """Distances of points ``(S, 3)`` in the start face from the surfaces, m, and the normals there.
+        """Signed distances in m of points ``(S, 3)`` from the surfaces, and the normals there, in the start face.
 
         Returns
         -------
         distance : (S, m) array
-            To first order: the functions over the size of their gradients; 1 where they have no value.
+            To first order: each function divided by the norm of its gradient; 1 where this is not finite.
         normal : (S, m, 3) array
-            The gradients in unit length; zero where they vanish or have no value.
+            Unit vectors along the gradients; zero where a gradient vanishes or is not finite.
         """
         values = {**self.parameters, **dict(zip(COORDINATES, place.T, strict=True))}
         distance, normal = np.empty((len(place), len(self.functions))), np.empty((len(place), len(self.functions), 3))

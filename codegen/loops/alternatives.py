@@ -13,18 +13,18 @@ from .speed_groups import speed_groups
 
 
 def other_partition(model: Model, known: Sequence[Partition]) -> Partition | None:
-    """The partition that shares the fewest independent speeds with the known ones; of several, the best conditioned.
+    """Another partition, which shares as few independent speeds as possible with the known ones; None if there is none.
 
-    Each dependent speed in turn is asked to be independent instead of the hints, then each other one together with it, as long as
-    fewer are shared: a loop at its dead point for one choice of independents is seldom at one for another, and what both
-    choices share may be what fails. Of several partitions that are known the one that it is nearest to
-    counts. None where no other choice closes the loops.
+    Each dependent speed in turn is requested as independent instead of the model's hints. Then each other one is requested
+    together with it, as long as fewer independent speeds are shared. A loop that is singular for one choice of independent
+    speeds is seldom singular for another; speeds that both choices share may be the cause. If several partitions are known,
+    the one that shares most counts. Among equal candidates the best conditioned is taken.
 
     Parameters
     ----------
     model : Model
     known : sequence of Partition
-        Their independent speeds are to be avoided.
+        Partitions whose independent speeds are to be avoided.
     """
     coordinate = _coordinate_of_speeds(model.released)
     names = list(
@@ -34,11 +34,11 @@ def other_partition(model: Model, known: Sequence[Partition]) -> Partition | Non
     tried = 0
     best: Partition | None = None
 
-    def judged(found: Partition) -> tuple[int, int, float]:
+    def cost(found: Partition) -> tuple[int, int, float]:
         shared = [len({*found.independent} & {*k.independent}) for k in known]
         return max(shared), sum(shared), worst(found)
 
-    while best is None or judged(best)[0]:
+    while best is None or cost(best)[0]:
         before = best
         for name in names:
             if name in asked:
@@ -50,18 +50,18 @@ def other_partition(model: Model, known: Sequence[Partition]) -> Partition | Non
                 continue
             if any(found.independent == k.independent for k in known):
                 continue
-            if best is None or judged(found) < judged(best):
+            if best is None or cost(found) < cost(best):
                 best, better = found, name
             if len(known[0].ears) > MANY:
                 return best
-        if best is None or tried > MOST_TRIED or (before is not None and judged(best)[:2] == judged(before)[:2]):
+        if best is None or tried > MOST_TRIED or (before is not None and cost(best)[:2] == cost(before)[:2]):
             break
         asked = (*asked, better)
     return best
 
 
 MANY = 20
-"""With more ears than this, the first other choice is taken, because each one costs a whole partition."""
+"""With more ears than this, the first other choice is taken, because each candidate costs a whole partition."""
 
 
 MOST_TRIED = 40
@@ -69,12 +69,12 @@ MOST_TRIED = 40
 
 
 def worst(chosen: Partition) -> float:
-    """The largest condition of the partition's ears."""
+    """The largest condition number of the partition's ears."""
     return max((ear.condition for ear in chosen.ears), default=1.0)
 
 
 def _coordinate_of_speeds(model: Model) -> dict[int, str]:
-    """Names of the coordinates that are integrals of speeds."""
+    """Names of the coordinates whose rates are single speeds, by the speed's index."""
     return {
         group.speeds.start: model.coordinate_names[group.coordinates.start]
         for group in speed_groups(model)

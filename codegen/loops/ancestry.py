@@ -1,6 +1,6 @@
-"""Paths in the tree without walking them: where the paths of two bodies meet, and which loops pass a joint.
+"""Relations of bodies in the tree without walking its paths: where two paths meet, and which loops pass a joint.
 
-The cycles of a ladder's loops are as long as the ladder, and together as long as its square. Questions about cycles are
+Each cycle of a ladder can be as long as the ladder, so listing all of them takes quadratic time. Questions about cycles are
 therefore answered here without listing their bodies.
 """
 
@@ -14,14 +14,14 @@ from ..model.vectors import Array
 
 
 class Ancestry:
-    """The tree of bodies, for questions about cycles.
+    """The tree of bodies, prepared for questions about cycles.
 
     Parameters
     ----------
     parent : sequence of int
-        Of every body; that of the outermost is `ground`.
+        Parent of every body; the bodies next to the ground have `ground`.
     depth : sequence of int
-        Of bodies and, last, of the ground.
+        Number of joints to the ground: of every body, then of the ground (zero).
     outward : sequence of int
         Bodies, parents first.
     ground : int
@@ -29,7 +29,7 @@ class Ancestry:
 
     def __init__(self, parent: Sequence[int], depth: Sequence[int], outward: Sequence[int], ground: int):
         self.parent, self.depth, self.ground = parent, depth, ground
-        # of every body, one further inward: a jump joins the two before it if these are equally long
+        # for every body, a body further inward: a jump joins the two before it if these are equally long
         self._jump = [ground] * (ground + 1)
         inside = [1] * (ground + 1)
         for k in outward:
@@ -38,7 +38,7 @@ class Ancestry:
             self._jump[k] = self._jump[b] if even else a
         for k in reversed(outward):
             inside[parent[k]] += inside[k]
-        # positions in an order in which everything that a body carries follows it
+        # positions in an order in which all bodies outboard of a body directly follow it
         self._first = [0] * (ground + 1)
         free = [1] * (ground + 1)
         for k in outward:
@@ -59,18 +59,18 @@ class Ancestry:
         return a
 
     def carries(self, a: int, b: int) -> bool:
-        """Whether a body is another body or inboard of it."""
+        """Whether body `a` is body `b` or is inboard of it."""
         return self._first[a] <= self._first[b] < self._end[a]
 
     def sums(self, values: Sequence[int], outward: Sequence[int]) -> list[int]:
-        """Sums of values of all joints from each body inward, for all bodies and the ground."""
+        """Sums of the joints' values along the path from the ground to each body; the last entry is the ground's."""
         found = [0] * (self.ground + 1)
         for k in outward:
             found[k] = found[self.parent[k]] + values[k]
         return found
 
     def passing(self, starts: Sequence[int], ends: Sequence[int]) -> Callable[[int], Array]:
-        """A function of a joint that returns the cycles that pass it: those with exactly one end outboard, each once."""
+        """A function that returns the cycles that pass a joint: those with exactly one end outboard of it, each once."""
         first = np.array(self._first)
         places = [first[np.array(x, dtype=int)] for x in (starts, ends)]
         orders = [np.argsort(x, kind="stable") for x in places]
@@ -89,15 +89,15 @@ class Ancestry:
 
 
 class NewJoints:
-    """Joints of cycles that no earlier cycle has passed; each is visited once, however long the cycles are."""
+    """The joints of a cycle that no earlier cycle has passed. Each joint is visited once, however long the cycles are."""
 
     def __init__(self, ancestry: Ancestry):
         self.ancestry = ancestry
         self._next = list(range(ancestry.ground + 1))
-        """For each body, a body inboard from which a joint may be new."""
+        """For each body, the nearest body inboard (or itself) whose joint may not have been passed."""
 
     def of(self, start: int, end: int) -> Iterator[int]:
-        """The bodies between two bodies, from the cut inward, first on one side, then on the other."""
+        """New joints' bodies on the cycle of two bodies, from the cut inward: first on the start side, then on the end side."""
         depth = self.ancestry.depth
         base = depth[self.ancestry.meeting(start, end)]
         for k in (start, end):

@@ -1,4 +1,4 @@
-"""Assembly: coordinates that close all loops."""
+"""Assembly: finds coordinates that close all loops."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
 
 NEARLY = 10.0
-"""A loop with nearly redundant conditions may stay open by this many tolerances: angles add up and act on levers."""
+"""A loop with nearly redundant conditions may stay open by this multiple of the model's tolerance: lever arms magnify errors."""
 
 LEAST_MOTION = 1e-3
-"""Smallest share of a joint in a motion of all joints that counts; smaller shares are residues of others."""
+"""Smallest component of a joint in a unit motion of all joints that counts as motion; smaller ones are rounding."""
 
 MANY = 100
-"""With more loops, the joints of all loops are not examined together."""
+"""With more loops than this, their joints are not examined together."""
 
 TRIES = 8
-"""Number of guesses, at growing distance from the given one, from which a ring is tried again if it does not close."""
+"""Number of further guesses, at growing distance from the given one, for a ring that does not close."""
 
 GUESSES = 16
-"""The same for an ear, whose independents are held, so that there may be no closed state near the given one."""
+"""The same for an ear: its independent coordinates are held, so there may be no closed state near the given one."""
 
 SEED = 20070404
-"""Seed of these guesses: the same guess leads to the same state."""
+"""Seed of the random guesses: the same initial values lead to the same state."""
 
 
 def initial_configuration(model: Model) -> tuple[Array, Array]:
-    """The model's initial coordinates and speeds at the default parameters; in loops they are guesses.
+    """Initial coordinates and speeds of the model at the default parameters; in loops they are guesses.
 
     Returns
     -------
     q : (nq,) array
-        Missing ones zero; quaternions of unit length, the unit quaternion where nothing is given.
+        Zero where the model gives none. Quaternions have unit length; the default is the unit quaternion.
     u : (nu,) array
     """
     evaluate = evaluator(parameter_values(model, None))
@@ -61,15 +61,16 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
 
 
 def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False, tries: int = 0) -> Array:
-    """`assemble` for coordinates ``(1, nq + 1)``; up to `tries` other dependents are tried if the given ones fail to close.
+    """Coordinates ``(1, nq + 1)`` that close all loops, from a guess q, by moving the dependent coordinates only.
 
-    With `nearly`, loops that their dependents cannot close may stay open by the model's tolerance.
+    Loops that these cannot close are tried from up to `tries` other guesses. With `nearly`, loops that their dependent
+    coordinates cannot close may stay open by the model's tolerance.
     """
     for ear in partition.ears:
         geometry.follow(ear)
     dependent = [s for ear in partition.ears for s in ear.dependent]
     moving = {int(geometry.speed_body[s]) for s in dependent}
-    q = advance(geometry, q, dependent, np.zeros((1, len(dependent))))  # quaternions get unit length
+    q = advance(geometry, q, dependent, np.zeros((1, len(dependent))))  # normalizes quaternions
     if is_closed(geometry, q):
         return q
     groups = PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving])
@@ -91,7 +92,7 @@ def is_closed(geometry: Geometry, q: Array) -> bool:
     cuts = Cuts(geometry, range(len(geometry.starts)))
     residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)), q)), axis=2)
     reach = np.linalg.norm(cuts.point, axis=2) / geometry.lengths
-    # equal rotations have equal rounding errors, which add up: a 300th of ROUNDING each in a long ladder
+    # equal rotations have equal rounding errors, which add up: ROUNDING / 300 for each link of a long ladder
     deepest = np.array(
         [max(geometry.depth[i], geometry.depth[j]) for i, j in zip(geometry.starts, geometry.ends, strict=True)]
     )
@@ -108,19 +109,20 @@ def first_assembly(
 ) -> tuple[Array, list[str]]:
     """Close all loops before a partition is known: minimum-norm steps, loop by loop.
 
-    A loop moves joints that no earlier loop has passed: if possible no more of them than have to depend on it, else all;
-    where that does not close it, those of its neighbours too, their loops closed with it, and so on outward.
+    Each loop moves joints that no earlier loop has passed: first as few of them as have to be dependent, then all of them.
+    If it still does not close, it is closed together with its neighbours, and then with theirs, until nothing is left to add.
 
     Parameters
     ----------
     order : sequence of int
-        Loops.
+        Loops in the order of closing.
     q : (1, nq + 1) array
         Guess.
     held : set of int
-        Speeds whose coordinates are kept if that is possible.
+        Speeds whose coordinates are kept where possible.
     open_ : set of int, optional
-        If given, loops may stay open by the model's tolerance where no joint can close more of them; they are added to it.
+        If given, loops may stay open by the model's tolerance where no joint can close more of them. Such loops are added
+        to this set.
 
     Returns
     -------
@@ -149,8 +151,8 @@ def first_assembly(
         q = outcome.q
         if tries:
             warnings.append(
-                f"loop {geometry.model.loops[loop].name} does not close from the initial values given; it was closed "
-                f"from others, perhaps not in the way that is meant: give better values under `initial`"
+                f"loop {geometry.model.loops[loop].name} does not close from the initial values given. It was closed from other "
+                f"values, perhaps in another configuration than you intend: give better values under `initial`"
             )
     return q, warnings
 
@@ -159,12 +161,12 @@ def _closed_alone(
     ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array, random: np.random.Generator,
     open_: set[int] | None,
 ) -> tuple[Outcome, int]:  # fmt: skip
-    """Close a loop by itself, possibly only nearly; returns also the number of other guesses tried."""
-    near = _near_cut(ring, sides, q, movable)
-    outcome = close(ring, q, near)
+    """Close a loop by itself, if `open_` is given possibly only nearly; returns also the number of further guesses."""
+    near_cut = _near_cut(ring, sides, q, movable)
+    outcome = close(ring, q, near_cut)
     if outcome.closed:
         return outcome, 0
-    nearly = None if open_ is None else _nearly_closed(ring, q, near, movable)
+    nearly = None if open_ is None else _nearly_closed(ring, q, near_cut, movable)
     if nearly is None or open_ is None:
         return _tried(ring, q, movable, random)
     open_.update(() if nearly.closed else ring.cuts.loops)
@@ -172,7 +174,7 @@ def _closed_alone(
 
 
 def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
-    """A ring closed except for conditions that none of its joints can meet, by the first speeds that serve; None if none do."""
+    """Close a ring except for conditions that none of its joints can meet; None if no choice of movable speeds does."""
     tolerance = ring.geometry.tolerance
     for i, joints in enumerate(movable):
         if any(np.array_equal(joints, others) for others in movable[:i]):
@@ -184,18 +186,18 @@ def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
 
 
 def is_nearly_closed(geometry: Geometry, q: Array, loops: Sequence[int]) -> bool:
-    """Whether the residuals of loops that share joints are in conditions that no joint can change, to first order.
+    """Whether no joint can reduce the residuals of loops that share joints, to first order.
 
-    Far from a singular configuration that is so where conditions are redundant within the tolerance of the model. Near one
-    loops may be open as little in conditions that joints do change: by the square of the distance from it.
+    Away from a singular configuration this holds if the open conditions are redundant within the model's tolerance. Near one,
+    it can also hold for conditions that joints do change: their residual is then of second order in the distance from it.
     """
     return is_settled(_whole_ring(geometry, q, loops), q, geometry.tolerance)
 
 
 def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: set[int]) -> Array | None:
-    """Coordinates at which loops that share joints are nearly closed together, from some at which each is by itself, or None.
+    """Coordinates at which loops that share joints are nearly closed together; None if there are none.
 
-    Joints of an earlier loop may close what a later loop leaves open.
+    At `q` each loop is nearly closed by itself; joints of an earlier loop may reduce what a later loop leaves open.
     """
     ring = _whole_ring(geometry, q, loops)
     if is_settled(ring, q, geometry.tolerance):
@@ -205,9 +207,9 @@ def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: s
 
 
 def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]:
-    """The loops, of those that share joints, with joints that move to first order; all loops if there are very many.
+    """Those of some connected loops with joints that can move, to first order; all of them if there are more than MANY.
 
-    Of a structure, such as a triangle of bars, nothing moves.
+    In a structure, such as a triangle of bars, nothing moves.
     """
     if len(loops) > MANY:
         return list(loops)
@@ -224,13 +226,13 @@ def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]
 
 
 def _whole_ring(geometry: Geometry, q: Array, loops: Sequence[int]) -> Ring:
-    """All joints of loops that share joints with no others."""
+    """The ring of all moving joints of loops that share joints with no others."""
     bodies = {k for k in geometry.passed(loops) if geometry.speeds[k]}
     return Ring(PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in bodies]), loops, bodies)
 
 
 def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array) -> Array:
-    """As few of the movable speeds as can close a ring, near the cut."""
+    """As few of the movable speeds as can close a ring, those of joints near the cut first."""
     g, speeds = ring.geometry, ring.joints.speeds
     free = np.flatnonzero(movable)
     E = ring.evaluate(q)[1] * np.where(g.turning[speeds], 1.0, ring.length)
@@ -246,7 +248,7 @@ def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable:
 def _tried(
     ring: Ring, q: Array, movable: Array, random: np.random.Generator, tries: int = TRIES
 ) -> tuple[Outcome, int]:
-    """Close a ring, from other guesses if the first fails; returns also the number of guesses."""
+    """Close a ring, from other guesses if the given one fails; returns also the number of further guesses."""
     best = close(ring, q, movable)
     speeds = ring.joints.speeds[movable]
     size = np.where(ring.geometry.turning[speeds], 1.0, ring.length)
@@ -270,9 +272,9 @@ def _with_neighbours(
     outcome: Outcome,
     open_: set[int] | None,
 ) -> tuple[Outcome, int]:
-    """Close the last of some loops together with those that share joints with it, adding more and more of them.
+    """Close the last of some loops together with loops that share joints with it, adding more and more of them.
 
-    Held coordinates move only where nothing else helps. `ring` and `outcome` are those of the loop on its own, `open_` that of
+    Held coordinates move only if nothing else helps. `ring` and `outcome` are those of the loop by itself; `open_` is as in
     `first_assembly`.
     """
     *others, last = loops
@@ -286,7 +288,7 @@ def _with_neighbours(
             bodies = set().union(*(cycles[i] for i in together))
             wider = together | {i for i in others if cycles[i] & bodies}
             if len(together) == 1 and hold is held:
-                continue  # tried already
+                continue  # _closed_alone has tried this
             rigid = set().union(*(cycles[i] for i in others if i not in together))
             ring = Ring(PoseGroups(geometry, q, rigid), sorted(together), bodies - rigid)
             movable = ~np.isin(ring.joints.speeds, list(hold))
@@ -301,7 +303,7 @@ def _with_neighbours(
 
 
 def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
-    """Message: which loop stays open, by how much, and what to do."""
+    """The error for a ring that does not close: which loop stays open, by how much, and what to do."""
     g = ring.geometry
     model = g.model
     owner = [(i, r) for i in ring.cuts.loops for r in g.kept[i]]
@@ -317,35 +319,35 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
     moved = [model.speed_names[s] for s in ring.joints.speeds[movable]]
     rank = int(ranks(ring.evaluate(outcome.q)[1][..., movable])[0])
     if angle > 3:
-        advice = "its faces are turned by pi against each other: turn one of them, or reverse an axis in its body"
+        advice = "its faces are turned by pi relative to each other: turn one of them, or reverse an axis in its body"
     elif outcome.residual <= model.loop_tolerance and rank < len(owner):
         advice = (
-            f"that is within loop_tolerance, {model.loop_tolerance:g}, which is for conditions that no joint changes, but joints "
-            "change these near this pose: links are too short or too long by that where they are in one line; change a length by "
-            "a little more than is left, or give values under `initial` away from this pose"
+            f"this is within loop_tolerance, {model.loop_tolerance:g}, which covers only conditions that no joint changes, but "
+            "joints change these conditions near this pose: links in one line are too short or too long by the residual; "
+            "change a length by a little more than the residual, or give values under `initial` away from this pose"
         )
     elif outcome.residual < 1e-3 and rank < len(owner):
         advice = (
-            "an overconstrained loop closes only if its lengths and axes fit exactly, or conditions that follow from others "
-            f"fit to loop_tolerance, {model.loop_tolerance:g}: give lengths and axes with all digits, or loop_tolerance: "
+            "an overconstrained loop closes only if its lengths and axes fit exactly, or if its redundant conditions fit within "
+            f"loop_tolerance, {model.loop_tolerance:g}: give lengths and axes with all digits, or set loop_tolerance: "
             f"{float(f'{2 * outcome.residual:.0e}'):g}"
         )
     else:
         advice = (
-            "links may be too short or too long, or the other coordinates too far off: check lengths and axes, and the "
+            "links may be too short or too long, or other initial coordinates too far off: check lengths and axes, and the "
             "values under `initial`"
         )
     if loop.is_coupling:
-        missed = abs(mine[0][0])
+        residual = abs(mine[0][0])
         return AssemblyError(
-            f"coupling {loop.name}{together} cannot be met: {missed:.3g} is left of its condition after moving "
+            f"coupling {loop.name}{together} cannot be met: a residual of {residual:.3g} remains after moving "
             f"{listed(moved) or 'nothing'}; check its ratios and offset, and the values under `initial`",
             loop.name,
             outcome.residual,
         )
     return AssemblyError(
         f"loop {loop.name} ({loop.type} joint between {ends[0]} and {ends[1]}){together} cannot be closed: "
-        f"{gap:.3g} m and {angle:.3g} rad are left after moving {listed(moved) or 'nothing'} (rank {rank}, "
+        f"{gap:.3g} m and {angle:.3g} rad remain after moving {listed(moved) or 'nothing'} (rank {rank}, "
         f"{len(owner)} conditions); {advice}",
         loop.name,
         outcome.residual,

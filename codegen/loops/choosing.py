@@ -16,16 +16,16 @@ from .nearby_states import NearbyStates, rigid_parts
 from .ordering import Draft
 
 POOR_GROWTH = 1e5
-"""Ratio of dependent to independent speeds, in models with many loops, above which a warning is issued."""
+"""Ratio of a dependent speed to the independent ones above which a warning is issued, for loops that are not compared."""
 
 POOR_HINTS = 100.0
-"""Ratio of the condition of a choice under the model's hints to that by pivoting, above which a warning is issued."""
+"""Ratio of condition numbers, a choice under the model's hints to that by pivoting, above which a warning is issued."""
 
 ELSEWHERE = 2
 """Number of configurations far from the initial one that are returned."""
 
 SEED = 19900117
-"""Seed of the random numbers, the same for every component."""
+"""Seed of the random states, the same for every component."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,16 +36,16 @@ class Choice:
     ----------
     drafts : list of Draft
     growth : (nu,) array
-        As from `Sweep.growth`.
+        As returned by `Sweep.growth`.
     growth_of_uncompared : float
-        Its largest for dependents of components that are not compared.
+        The largest growth of a dependent speed in components that are not compared.
     compared : tuple of Comparison
     uncompared : int
-        Loops of components that are not compared.
+        Number of loops in components that are not compared.
     warnings : tuple of str
     elsewhere : (S, nq + 1) array
-        Configurations far from the initial one. The compared loops are closed as well as possible; where the initial
-        configuration is a special pose, these are more informative.
+        Configurations far from the initial one, with the compared loops closed as well as possible. They are more
+        informative if the initial configuration is a special pose.
     """
 
     drafts: list[Draft]
@@ -65,20 +65,20 @@ def choose(
     held: set[int],
     components: Sequence[Sequence[int]],
 ) -> Choice:
-    """Compare the choice for every set of loops that share joints, and replace it where another one is clearly better.
+    """Compare the choice in every component, and replace it where another choice is clearly better.
 
     Parameters
     ----------
     drafts : list of Draft
         All ears.
     growth : (nu,) array
-        As from `Sweep.growth`.
+        As returned by `Sweep.growth`.
     q : (1, nq + 1) array
-        Assembled.
+        An assembled configuration.
     held : set of int
         Speeds that must stay independent.
     components : sequence of sequence of int
-        Loops that share joints.
+        Sets of loops that share joints.
     """
     of_loop = {i: n for n, loops in enumerate(components) for i in loops}
     ears: list[list[Draft]] = [[] for _ in components]
@@ -92,19 +92,19 @@ def choose(
         groups = rigid_parts(geometry, q, [components[n] for n in small])
         for n in small:
             order = [i for d in ears[n] for i in d.loops]
-            near = NearbyStates(groups, components[n], q, np.random.default_rng(SEED))
-            elsewhere = near.put(elsewhere)
-            judge = Conditioning(near, order, held, sum(len(d.dependent) for d in ears[n]), SEED)
-            ears[n], found = judge.better(ears[n])
-            unasked = None
-            if held.intersection(judge.speeds):
-                unasked = Conditioning(near, order, set(), judge.rank, SEED)
-                found = unasked.compare(ears[n])
+            nearby = NearbyStates(groups, components[n], q, np.random.default_rng(SEED))
+            elsewhere = nearby.put(elsewhere)
+            conditioning = Conditioning(nearby, order, held, sum(len(d.dependent) for d in ears[n]), SEED)
+            ears[n], found = conditioning.better(ears[n])
+            without_hints = None
+            if held.intersection(conditioning.speeds):
+                without_hints = Conditioning(nearby, order, set(), conditioning.rank, SEED)
+                found = without_hints.compare(ears[n])
             compared.append(found)
-            if found.loss > (ACCEPTED if unasked is None else POOR_HINTS):
-                warnings.append(_poor(geometry, found, unasked))
+            if found.loss > (ACCEPTED if without_hints is None else POOR_HINTS):
+                warnings.append(_poor(geometry, found, without_hints))
         drafts = _in_their_places(drafts, ears, of_loop)
-        for draft in drafts:  # other choices have changed these
+        for draft in drafts:  # comparing other choices has changed these lengths
             geometry.lengths[list(draft.loops)] = np.max(geometry.own_lengths[list(draft.loops)])
     rest = [n for n in range(len(components)) if n not in small]
     dependent = [s for n in rest for d in ears[n] for s in d.dependent]
@@ -112,37 +112,39 @@ def choose(
     if worst > POOR_GROWTH:
         name = geometry.model.speed_names[max(dependent, key=lambda s: float(growth[s]))]
         warnings.append(
-            f"{name} is {worst:.1e} times as fast as the independent speeds that it follows, and as many times less exact; "
-            f"other coordinates under `independent` may do better"
+            f"{name} is {worst:.1e} times as fast as the independent speeds that determine it, and as many times less "
+            f"accurate; other coordinates under `independent` may do better"
         )
     uncompared = sum(len(components[n]) for n in rest if any(d.dependent for d in ears[n]))
     return Choice(drafts, growth, worst, tuple(compared), uncompared, tuple(warnings), elsewhere if small else q[:0])
 
 
 def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict[int, int]) -> list[Draft]:
-    """Ears of all components, at the places of those that the components had."""
+    """The ears of all components in one list, in which each component keeps its places."""
     left: list[Iterator[Draft]] = [iter(x) for x in ears]
     result = [d for old in drafts for d in (next(left[of_loop[old.loops[0]]], None),) if d is not None]
     return result + [d for more in left for d in more]
 
 
-def _poor(geometry: Geometry, found: Comparison, unasked: Conditioning | None) -> str:
-    """Warning about a poor choice; `unasked` compares choices without the model's hints, if it has any for these loops."""
+def _poor(geometry: Geometry, found: Comparison, without_hints: Conditioning | None) -> str:
+    """Warning about a poor choice; `without_hints` compares choices without the model's hints, if it has any for these loops."""
     model = geometry.model
     text = (
-        f"{loops_named(model, found.loops)}: the closure matrix of all dependents is {found.loss:.0f} times worse "
-        f"conditioned than the one that pivoting finds, here or at other assembled states"
+        f"{loops_named(model, found.loops)}: the condition number of the closure matrix of all dependents is {found.loss:.0f} "
+        f"times that of the matrix that pivoting finds, here or at other assembled states"
     )
-    other = unasked.own_choice() if unasked is not None else None
-    if unasked is not None and other is not None and other[1].loss * WORTH_IT < found.loss:
+    other = without_hints.own_choice() if without_hints is not None else None
+    if without_hints is not None and other is not None and other[1].loss * WORTH_IT < found.loss:
         dependent = {s for d in other[0] for s in d.dependent}
-        hint = ", ".join(independent_names(geometry, unasked.speeds, dependent))
-        return f"{text}; `independent: [{hint}]` would be {other[1].loss:.1f} times worse, and no hint at all may serve too"
-    return f"{text}; other coordinates under `independent`{', or none,' * (unasked is not None)} may do better"
+        hint = ", ".join(independent_names(geometry, without_hints.speeds, dependent))
+        return (
+            f"{text}; with `independent: [{hint}]` the ratio is {other[1].loss:.1f}, and no hint at all may do as well"
+        )
+    return f"{text}; other coordinates under `independent`{', or none,' * (without_hints is not None)} may do better"
 
 
 def independent_names(geometry: Geometry, speeds: Sequence[int], dependent: set[int]) -> Iterator[str]:
-    """Names to write under `independent` for the same choice, as far as possible: quaternion joints as a whole."""
+    """Names under `independent` that give the same choice, as far as possible; a quaternion joint is named as a whole."""
     model = geometry.model
     bodies = dict.fromkeys(int(geometry.speed_body[s]) for s in speeds)
     for k in bodies:

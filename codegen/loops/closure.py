@@ -18,9 +18,10 @@ surface   f / abs(grad f) / length, f of x_end - x_start n . v / length, n = gra
           in the start face
 ========= ============================================= ==============================================================
 
-A sine would vanish at half a turn too, where a revolute or fixed joint is closed the wrong way round; 2 sin(t/2) grows up
-to there, and near closure it is t. Its derivative is the closure matrix where the loop is closed; the linear rows' and the
-universal joint's is everywhere. The directions of the rows are those of `Geometry`: ``linear`` and ``angular``.
+A sine would also vanish at half a turn, where a revolute or fixed joint would be closed the wrong way round. 2 sin(t/2) grows
+up to half a turn, and near closure it equals t. For linear and universal rows the closure matrix is the exact derivative of
+the residual; for the others it is so only where the loop is closed. `Geometry.linear` and `Geometry.angular` hold the
+directions n and m.
 """
 
 from __future__ import annotations
@@ -36,19 +37,19 @@ Frames = tuple[Array, Array]
 """Rotations (body into base components) ``(S, n, 3, 3)`` and origins ``(S, n, 3)``, m."""
 
 COUPLED = 3
-"""Row of a coupling among the six of a loop."""
+"""Row of a coupling's condition among the six rows of a loop."""
 
 HALF_TURN = 1e-12
-"""Value of 1 + cos below which the direction that leads back from half a turn is arbitrary."""
+"""Value of 1 + cos below which the rotation counts as half a turn, and the sign of its axis is arbitrary."""
 
 
 # --- kinematics of all bodies -------------------------------------------------------------------------------------------
 
 
 def body_frames(geometry: Geometry, q: Array) -> Frames:
-    """Frames of all bodies and the ground (the last) in the ground frame.
+    """Frames of all bodies and of the ground (the last) in the ground frame.
 
-    Each round composes every body's frame with that of the body relative to which it is given: log n rounds for a chain of n.
+    Each round composes every body's frame with that of its current reference body: log n rounds for a chain of n.
     """
     n, S = geometry.ground, len(q)
     R, o = np.empty((S, n + 1, 3, 3)), np.empty((S, n + 1, 3))
@@ -70,7 +71,7 @@ def ground_screws(geometry: Geometry, q: Array, frames: Frames) -> tuple[Array, 
 
 
 def shifted(w: Array, v: Array, r: Array) -> Array:
-    """Velocities of points at r ``(..., 3)`` from points at which bodies have twists w, v ``(..., 3, K)``."""
+    """Velocities of points from the twists w, v ``(..., 3, K)`` at other points; r ``(..., 3)`` points from these to those."""
     return v + np.swapaxes(cross(np.swapaxes(w, -1, -2), r[..., None, :]), -1, -2)
 
 
@@ -78,10 +79,10 @@ def shifted(w: Array, v: Array, r: Array) -> Array:
 
 
 class PlacedCuts:
-    """Conditions of l loops at S configurations: their values, and their rates for given motions.
+    """Conditions of l loops at S configurations: their residuals, and their rates for given motions.
 
-    Every loop has six rows here, three linear and three angular, of which some are idle; `kept` leaves those out, and
-    those that have been dropped. `rows` asks for others, loop by loop.
+    Every loop has six rows here, three linear and three angular. Some of them may be no conditions, or dropped ones; `kept`
+    leaves these out. `rows` selects other rows, loop by loop.
 
     Attributes
     ----------
@@ -106,11 +107,11 @@ class PlacedCuts:
         self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
 
     def kept(self, six: Array) -> Array:
-        """The rows of ``(S, l, 6, ...)`` that are conditions, as ``(S, rows, ...)``."""
+        """The rows of ``(S, l, 6, ...)`` that are selected conditions, as ``(S, rows, ...)``."""
         return six.reshape(len(six), 6 * six.shape[1], *six.shape[3:])[:, self.row_index]
 
     def at_cut(self, w: Array, v: Array, o: Array) -> Array:
-        """Velocities at the cuts ``(S, l, f, 3)`` of screws w, v about points o, base frame, ``(S, f, 3)`` each."""
+        """Velocities ``(S, l, f, 3)`` at the cuts of unit screws w, v ``(S, f, 3)`` about the points o, base frame."""
         return v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
 
     def matrix(self, w: Array, at_cut: Array, sign: Array, speeds: Sequence[int] | Array) -> Array:
@@ -119,13 +120,13 @@ class PlacedCuts:
         Parameters
         ----------
         w : (S, f, 3) array
-            Angular velocities of unit speeds, base frame.
+            Angular velocities per unit speed, base frame.
         at_cut : (S, l, f, 3) array
-            Their velocities at the cuts.
+            Velocities at the cuts per unit speed.
         sign : (l, f) array
             1 on the end side of a loop, -1 on its start side, 0 where it does not pass the joint.
         speeds : (f,)
-            Which speeds they are.
+            Indices of the speeds.
         """
         E = np.empty((len(w), len(self.loops), 6, w.shape[1]))
         E[:, :, :3] = self.n @ np.swapaxes(at_cut, -1, -2)
@@ -137,12 +138,12 @@ class PlacedCuts:
         return self.kept(E)
 
     def conditions(self, w: Array, v: Array) -> Array:
-        """Values ``(S, l, 6, K)`` of the rows for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
+        """Rates ``(S, l, 6, K)`` of the rows for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
         return np.concatenate([self.n @ v, self.m @ w], axis=-2)
 
 
 class Cuts(PlacedCuts):
-    """Cuts whose faces can be placed: attributes of `PlacedCuts` are available after `place`."""
+    """Cuts computed from the poses of their faces; `place` sets the attributes of `PlacedCuts`."""
 
     def __init__(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
         super().__init__(geometry, loops, rows)
@@ -165,7 +166,7 @@ class Cuts(PlacedCuts):
         return result[0], result[1], result[2], result[3]
 
     def place(self, faces: tuple[Array, Array, Array, Array], q: Array) -> Array:
-        """Position residuals ``(S, l, 6)``; stores the places of the cuts and the directions of their conditions."""
+        """Position residuals ``(S, l, 6)``; stores the positions of the cuts and the directions of their conditions."""
         C_s, x_s, C_e, x_e = faces
         back = np.swapaxes(C_s, -1, -2)
         R = back @ C_e
@@ -190,7 +191,7 @@ class Cuts(PlacedCuts):
         return residual
 
     def _rotations(self, R: Array) -> Array:
-        """Rotations from the start faces to the end faces, as vectors of length 2 sin(t/2); R ``(S, l, 3, 3)``."""
+        """Relative rotations R ``(S, l, 3, 3)`` from start to end faces, as vectors of length 2 sin(t/2)."""
         b = turn(R, self.axis)
         versine = 1 + (self.axis * b).sum(axis=-1)
         r = cross(self.axis, b) * np.sqrt(2 / np.maximum(versine, HALF_TURN))[..., None]
@@ -202,7 +203,7 @@ class Cuts(PlacedCuts):
         return r
 
     def of(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> PlacedCuts:
-        """The cuts of some loops, taken from those of all loops, which have been placed."""
+        """The cuts of some loops, taken from those of all loops (self), which have been placed."""
         found = PlacedCuts(geometry, loops, rows)
         i, other = found.loops, self.lengths[found.loops] / found.lengths
         found.point, found.m = self.point[:, i], self.m[:, i]
@@ -213,11 +214,11 @@ class Cuts(PlacedCuts):
 
 
 def quaternion_vector(R: Array) -> Array:
-    """Vector part of the unit quaternion with positive scalar part, ``(..., 3)`` of rotations ``(..., 3, 3)``."""
+    """Vector part ``(..., 3)`` of the unit quaternion with positive scalar part, from rotations ``(..., 3, 3)``."""
     vee = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
     trace = np.trace(R, axis1=-2, axis2=-1)
     v = vee / (2 * np.sqrt(np.maximum(1 + trace, HALF_TURN)))[..., None]
-    for i in map(tuple, np.argwhere(1 + trace < 0.5)):  # near half a turn the symmetric part is more accurate
+    for i in map(tuple, np.argwhere(1 + trace < 0.5)):  # near half a turn the symmetric part of R is more accurate
         outer = (R[i] + R[i].T + (1 - trace[i]) * np.eye(3)) / 4
         k = int(np.argmax(np.diag(outer)))
         v[i] = outer[k] / np.sqrt(outer[k, k])

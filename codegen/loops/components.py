@@ -9,11 +9,11 @@ from .geometry import Geometry
 def components(geometry: Geometry) -> list[list[int]]:
     """Sets of loops that share no moving joint, each ascending, in the order of their first loops.
 
-    The joints of a component are a connected part of the tree. A walk along a cycle that meets one goes on from the body
-    that carries it, so that every joint is passed about once, however long the cycles are.
+    The joints of a component form a connected part of the tree. A walk along a cycle that meets such a part continues from
+    the part's base. So every joint is passed about once, however long the cycles are.
     """
     depth = geometry.depth
-    carrier = list(range(geometry.ground + 1))  # bodies on joints without freedom move with their parents
+    carrier = list(range(geometry.ground + 1))  # bodies on joints without degrees of freedom move with their parents
     for k in geometry.model.outward:
         if not geometry.speeds[k]:
             carrier[k] = carrier[geometry.parent[k]]
@@ -38,7 +38,7 @@ def components(geometry: Geometry) -> list[list[int]]:
         base[i] = min([a, *(base[c] for c in touched)], key=depth.__getitem__)
         for c in touched:
             joined.join(c, i)
-    for i, coupled in geometry.couplings.items():  # their joints need not be connected, so they come last
+    for i, coupled in geometry.couplings.items():  # joints of a coupling need not be connected, so couplings come last
         for k in coupled.bodies:
             joined.join(owner.setdefault(k, i), i)
     return sorted(joined.members().values())

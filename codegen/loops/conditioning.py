@@ -1,11 +1,11 @@
-"""Conditioning of the choice of dependents of loops that share joints: its condition and its reach, as a whole.
+"""Quality of the dependents of a whole component: the condition number of all their columns, and their reach.
 
-Ears are chosen one after the other, each at its best. The whole can still be poor: an ear may have to follow, with large
-speeds, what another ear left independent, and a choice that is good at the initial configuration may be poor at another.
-So the columns of all dependents are examined together, at configurations spread over the range of the mechanism. Their
-condition is divided by that of the columns which a pivoted Gram-Schmidt process takes at each configuration, and random
-displacements of the independents are closed. A choice that loses more than a digit, or that closes far fewer displacements
-than another, is replaced, preferably by one whose ears still close one after the other.
+Each ear gets the best dependents for itself, one ear after the other. The whole can still be poor: an ear may need large
+speeds to follow what another ear left independent, and a choice that is good at the initial configuration may be poor at
+another. So the columns of all dependents are examined together, at configurations spread over the mechanism's range. Their
+condition number is divided by that of the columns which a pivoted Gram-Schmidt process takes at each configuration. The
+reach is the fraction of random displacements of the independents for which the loops close. A choice that loses more than
+a digit, or closes far less often than another, is replaced, preferably by one whose ears still close one after the other.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ FEW = 30
 
 MOST_LOOPS = 8
 MOST_SPEEDS = 60
-"""Larger components are not compared, because their matrix is dense."""
+"""Components with more loops or speeds are not compared, because their closure matrix is dense."""
 
 QUANTILE = 0.75
-"""Quantile of the configurations that counts: a choice may be poor at a quarter of them."""
+"""Quantile of the condition numbers that counts: a choice may be poor at a quarter of the configurations."""
 
 EVERY = 30
-"""In models with more loops, only components with an ear of poor condition are compared."""
+"""In models with more loops, a component is compared only if it has a poorly conditioned ear."""
 
 DOUBTFUL = 100.0
-"""Condition from which an ear is poor."""
+"""Condition number from which an ear is poorly conditioned."""
 
 SINGULAR = 100 * RANK_TOLERANCE
-"""Configurations whose smallest singular value is below this part of the largest are ignored."""
+"""Configurations whose smallest singular value is below this fraction of the largest are ignored."""
 
 EXACT = 1e-9
-"""Residual up to which a configuration may serve for a choice."""
+"""Residual up to which dependents may be chosen at a configuration."""
 
 SERVING = 4
-"""Number of configurations that serve beside the initial one."""
+"""Number of configurations, beside the initial one, at which dependents are chosen together."""
 
 BRANCHES = 3
-"""Number of the worst dependent speeds that are tried as independent ones, each in turn."""
+"""Number of the fastest dependent speeds that are tried as independent ones, each in turn."""
 
 ROUNDS = 2
 """Number of rounds of these trials."""
@@ -64,11 +64,11 @@ class Conditioning:
     ----------
     near : NearbyStates
     loops : sequence of int
-        In the order of first trial.
+        In the order in which they are tried.
     held : set of int
         Speeds that must stay independent.
     rank : int
-        How many speeds are dependent.
+        Number of dependent speeds.
     seed : int
     """
 
@@ -90,12 +90,12 @@ class Conditioning:
         self.serving = np.concatenate([[0], good[:: max(1, -(-len(good) // SERVING))]])
 
     def compare(self, drafts: Sequence[Draft]) -> Comparison:
-        """Conditioning and reach of a choice."""
+        """Condition numbers and reach of a choice."""
         chosen = tuple(sorted(self.column[s] for d in drafts for s in d.dependent))
-        return self._judged(chosen, sum(len(d.dependent) for d in drafts if len(d.loops) > 1))
+        return self._compare_columns(chosen, sum(len(d.dependent) for d in drafts if len(d.loops) > 1))
 
-    def _judged(self, chosen: tuple[int, ...], clustered: int) -> Comparison:
-        """Conditioning and reach of a choice of columns."""
+    def _compare_columns(self, chosen: tuple[int, ...], clustered: int) -> Comparison:
+        """Condition numbers and reach of a choice of columns."""
         known = self._known.get((chosen, clustered))
         if known is not None:
             return known
@@ -122,7 +122,7 @@ class Conditioning:
         return result
 
     def better(self, drafts: list[Draft]) -> tuple[list[Draft], Comparison]:
-        """A choice that is clearly better, or the same."""
+        """A choice that is clearly better than the given one, or the given one."""
         given = best = self.compare(drafts)
         if not given.is_poor:
             return drafts, given
@@ -136,23 +136,24 @@ class Conditioning:
         return (chosen, best) if best.is_clearly_better(given) else (drafts, given)
 
     def own_choice(self) -> tuple[list[Draft], Comparison] | None:
-        """An own choice, improved by `better`; None if the loops cannot be ordered."""
+        """A choice made from the start and improved by `better`; None if the loops cannot be ordered."""
         drafts = self._arranged(self.held, False)
         return self.better(drafts) if drafts is not None else None
 
     def _further_reaching(self, given: Comparison) -> Iterator[list[Draft]]:
-        """Choices that may close more often: for a single loop the best of all, otherwise those of other configurations.
+        """Choices that may close more often.
 
-        Quaternion joints are not divided for that, and nothing becomes a cluster.
+        For a single loop this is the best of all choices, otherwise the choice made from the start. No quaternion joint is
+        divided for it, and no cluster is added.
         """
         g = self.geometry
         scalar = not any(g.whole[k] for k in g.speed_body[self.speeds])
         if len(self.loops) == 1 and scalar and math.comb(len(self.free), self.rank) <= FEW:
             all_choices = (tuple(x) for x in combinations(self.free, self.rank))
-            acceptable = [x for x in all_choices if self._judged(x, 0).loss <= ACCEPTED]
+            acceptable = [x for x in all_choices if self._compare_columns(x, 0).loss <= ACCEPTED]
             if not acceptable:
                 return
-            best = max(acceptable, key=lambda x: self._judged(x, 0).worth)
+            best = max(acceptable, key=lambda x: self._compare_columns(x, 0).worth)
             dependent = {self.speeds[c] for c in best}
             other = self._arranged({s for s in self.speeds if s not in dependent}, False)
         else:
@@ -161,7 +162,7 @@ class Conditioning:
             yield other
 
     def _better_conditioned(self, drafts: list[Draft]) -> Iterator[list[Draft]]:
-        """Choices that may be better conditioned, those whose ears close one after the other first."""
+        """Choices that may be better conditioned; first those whose ears close one after the other."""
         best = drafts
         for dividing in (False, True):
             other = self._arranged(self.held, dividing)
@@ -188,7 +189,7 @@ class Conditioning:
             yield other
 
     def _worst_followers(self, drafts: Sequence[Draft]) -> list[int]:
-        """Dependent speeds that are largest per unit of all independent ones."""
+        """The dependent speeds that are largest per unit of all independent ones."""
         chosen = [self.column[s] for d in drafts for s in d.dependent]
         rest = [c for c in range(len(self.speeds)) if c not in chosen]
         E = self.E[self.regular] if np.any(self.regular) else self.E
@@ -197,7 +198,7 @@ class Conditioning:
         return [self.speeds[chosen[i]] for i in np.argsort(-size, kind="stable")[:BRANCHES]]
 
     def _arranged(self, held: set[int], dividing: bool) -> list[Draft] | None:
-        """Ears for these independents, chosen at several configurations; None if there is no order of full rank."""
+        """Ears with these independents, chosen at several configurations; None if no order has full rank."""
         sweep = Sweep(self.geometry, self.q[self.serving], held, np.random.default_rng(self.seed))
         sweep.dividing = sweep.dividing_for_condition = dividing
         try:

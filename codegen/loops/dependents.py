@@ -1,8 +1,8 @@
-"""Choice of dependent speeds: well-conditioned columns of a closure matrix, near the cut.
+"""Choice of dependent speeds: well-conditioned columns of a closure matrix, belonging to joints near the cut.
 
-The elimination is a pivoted Gram-Schmidt with re-orthogonalisation (the paper's Eqs. 33-38, done stably). The pivot is not
-the largest column but the first in a given order, from the cut inward, that is not much smaller than the largest among
-its neighbours: that keeps an ear short.
+The elimination is a pivoted Gram-Schmidt process with re-orthogonalisation (a stable form of the paper's Eqs. 33-38). The
+columns are ordered from the cut inward. The pivot is the first column that is not much smaller than the largest among the
+next few. That keeps an ear short.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from ..model.vectors import Array
 from .geometry import Geometry
 
 RANK_TOLERANCE = 1e-7
-"""Singular values below this part of the largest count as zero: well above the rounding of the assembly, well
-below those of a closure matrix half a degree from a singular pose."""
+"""Singular values below this fraction of the largest count as zero. This is well above the rounding errors of assembly, and
+well below the singular values of a closure matrix half a degree from a singular pose."""
 
 WINDOWS = (10, 30, 100)
-"""Number of useful columns that compete for a pivot, in order of trial."""
+"""Number of nonzero columns that compete for a pivot, in order of trial."""
 
 THRESHOLDS = (0.05, 0.3, 1.0)
-"""A column is taken if it is at least this part of the best in the window, in order of trial."""
+"""A column is taken if its norm is at least this fraction of the largest in the window, in order of trial."""
 
 GOOD_CONDITION = 20.0
-"""Condition below which no other choice is sought; above it, one 4 times better is worth twice the distance from the cut."""
+"""Condition number below which the search ends; above it, a 4 times better one is worth twice the distance from the cut."""
 
 MAX_COMBINATIONS = 500
-"""Number of ways of making whole quaternion joints dependent that are tried."""
+"""Number of combinations of whole quaternion joints that are tried as dependent."""
 
 MAX_SERVING = 8
-"""Number of ways that serve and are compared."""
+"""Number of the valid ones among them that are compared."""
 
 MAX_DIVIDED = 6
 """Number of rotations or displacements that are tried as the only divided one."""
@@ -47,11 +47,11 @@ def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 
 
 def conditions(A: Array) -> Array:
-    """Condition ``(S,)`` of the columns of dependent speeds, ``(S, rows, f)``, scaled: section 4.7 of the theory page.
+    """Condition numbers ``(S,)`` of the scaled columns of dependent speeds, ``(S, rows, f)``; see section 4.7 of the theory page.
 
-    How far dependent speeds follow what opens the loop by one, in parts of the least that f of them can: the Frobenius norm
-    of the inverse times that of the matrix, or of a unit matrix if it is smaller, over f. So it grows too where the columns
-    become small all together; of a single column it is one over its length.
+    The number measures how much the dependent speeds move per unit violation of the conditions, relative to the least that f
+    of them can. It is the Frobenius norm of the inverse times that of the matrix (at least that of a unit matrix), over f.
+    So it grows also if all columns become small together; for a single column it is one over the column's length.
     """
     f = A.shape[-1]
     if 0 in A.shape:
@@ -65,12 +65,12 @@ def conditions(A: Array) -> Array:
 
 
 def condition(A: Array) -> float:
-    """The worst condition of matrices ``(S, rows, f)``."""
+    """The worst condition number of matrices ``(S, rows, f)``."""
     return float(np.max(conditions(A), initial=1.0))
 
 
 def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tuple[int, ...]]:
-    """Columns in the order given, those of a quaternion joint together; `speeds` are the speeds of the columns."""
+    """Columns in the given order, those of a quaternion joint together; `speeds` are the speeds of all columns."""
     joints: dict[int, list[int]] = {}
     for c in map(int, columns):
         s = int(speeds[c])
@@ -80,10 +80,10 @@ def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tupl
 
 
 def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int, ...]]]:
-    """The same columns with quaternion joints divided, with the fewest divisions first.
+    """Ways to divide the quaternion joints among these columns, the fewest divisions first.
 
-    Rotations and displacements of free joints apart; then single columns of one such group, those near the cut first; then
-    single columns of all.
+    First, rotations and displacements of free joints are separated. Then one such group is divided into single columns, those
+    near the cut first. Last, all are.
     """
     groups = [part for columns in joints for part in ((columns[:3], columns[3:]) if len(columns) == 6 else (columns,))]
     if len(groups) > len(joints):
@@ -95,7 +95,7 @@ def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int
 
 
 def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
-    """Columns that span A, as `choose_dependents` finds them, with as few quaternion joints divided as possible."""
+    """Columns that span A, as `choose_dependents` finds them, with few quaternion joints divided."""
     best: list[int] = []
     lowest = float("inf")
     for parts in divided_joints(joints):
@@ -118,15 +118,15 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, de
     A : (S, rows, f) array
         Closure matrices at S configurations, columns scaled, each of rank `rank`.
     joints : sequence of tuple of int
-        The columns in order of preference; several together are taken together or not at all.
+        The columns in order of preference; those of one tuple are taken together or not at all.
     rank : int
     dense : bool
-        Whether the way from the cut hardly matters: a condition twice as good is worth twice the way.
+        Whether distance from the cut hardly matters: halving the condition number is then worth twice the distance.
 
     Returns
     -------
     list of int or None
-        `rank` columns; None if whole joints do not add up to the rank.
+        `rank` columns; None if no combination of whole joints adds up to the rank.
     """
     single = [c for columns in joints if len(columns) == 1 for c in columns]
     several = [columns for columns in joints if len(columns) > 1]
@@ -153,7 +153,7 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, de
 
 
 def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int, ...], ...]]:
-    """Sets of joints to take as a whole, the smallest first, those near the cut first."""
+    """Sets of joints to take as a whole; the smallest first, then those near the cut."""
     for count in range(len(several) + 1):
         if count and count * min(map(len, several)) > rank:
             return
@@ -161,7 +161,7 @@ def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int
 
 
 def _extend(A: Array, taken: list[int], single: list[int], rank: int, weight: float) -> list[int]:
-    """`taken` and as many of `single` as complete the rank: a good condition, not far from the cut."""
+    """`taken` and as many of `single` as complete the rank, well conditioned and not far from the cut."""
     if len(taken) == rank:
         return taken
     if len(taken) + len(single) == rank:
@@ -180,7 +180,7 @@ def _extend(A: Array, taken: list[int], single: list[int], rank: int, weight: fl
 
 
 def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window: int, threshold: float) -> list[int]:
-    """One elimination; see the module."""
+    """The columns `taken` and those that one elimination adds; the module's docstring explains the pivots."""
     chosen = list(taken)
     rest = A[..., single].copy()
     basis: list[Array] = []
@@ -189,7 +189,7 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
     while len(chosen) < rank:
         size = np.min(np.linalg.norm(rest, axis=1), axis=0)
         useful = np.flatnonzero(size > RANK_TOLERANCE * 10)[:window]
-        if not len(useful):  # full rank in sum but not column by column: the tolerance of ranks decides
+        if not len(useful):  # full rank together but not column by column: `ranks` has accepted it
             useful = np.array([int(np.argmax(size))])
         pivot = useful[np.argmax(size[useful] >= threshold * np.max(size[useful]))]
         chosen.append(single[pivot])
@@ -199,12 +199,12 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
 
 
 def columns_at_all(A: Array, rank: int) -> list[int]:
-    """Columns of ``(S, rows, f)`` by an elimination that always takes the largest column of the worst matrix."""
+    """Columns of ``(S, rows, f)`` from an elimination that always takes the column whose smallest norm over S is largest."""
     return _eliminate(A, [], list(range(A.shape[2])), rank, A.shape[2], 1.0)
 
 
 def pivoted_columns(A: Array, rank: int) -> Array:
-    """Columns ``(S, rank)`` that a Gram-Schmidt process with column pivoting takes of each matrix ``(S, rows, f)``."""
+    """Columns ``(S, rank)`` that a Gram-Schmidt process with column pivoting takes in each matrix ``(S, rows, f)``."""
     rest, basis = A.copy(), list[Array]()
     chosen = np.empty((len(A), rank), dtype=int)
     for i in range(rank):
@@ -216,7 +216,7 @@ def pivoted_columns(A: Array, rank: int) -> Array:
 
 def _orthogonalise(rest: Array, basis: list[Array], column: Array) -> None:
     """Add a column ``(S, rows)`` to the orthonormal basis, and project it out of the rest ``(S, rows, f)``."""
-    for _ in range(2):  # a second time, for the rounding of the first
+    for _ in range(2):  # the second pass removes the rounding errors of the first
         for b in basis:
             column = column - np.sum(b * column, axis=1, keepdims=True) * b
     b = column / np.maximum(np.linalg.norm(column, axis=1, keepdims=True), 1e-300)

@@ -7,13 +7,13 @@ from .ears import Ear, Partition
 from .errors import listed, loops_counted
 
 LINES = 12
-"""If there are more ears than this, equal ones share a line."""
+"""With more ears than this, equal ones share a line."""
 
 
 def describe(model: Model, partition: Partition) -> list[str]:
-    """Lines for a reader: loops, ears, dependents, ranks, redundant conditions, clusters and degrees of freedom.
+    """Lines for the user: loops, ears, dependents, ranks, redundant conditions, clusters and degrees of freedom.
 
-    The model's prescribed motion counts as none of the freedoms; the partition is that of the released model.
+    Prescribed coordinates are not counted as degrees of freedom; the partition is that of the released model.
     """
     prescribed, model = set(model.prescribed_names), model.released
     if not partition.ears:
@@ -55,16 +55,13 @@ def describe(model: Model, partition: Partition) -> list[str]:
         )
     lines += _comparison(model, partition)
     if rank < rows:
-        lines.append(
-            f"{rows - rank} of {rows} conditions are redundant: they follow from the others, and the joints' reactions "
-            f"to them are not unique"
-        )
+        lines.append(f"{rows - rank} of {rows} conditions are redundant; the joint reactions to them are not unique")
     lines += partition.remarks
     if partition.opening:
         opened = listed([model.parameter_names[j] for j in partition.opening])
         lines.append(
-            f"parameters that open redundant conditions when they change alone: {opened}; along them derivatives are those "
-            f"of the nearest motion, and a warning says so"
+            f"changing one of these parameters alone opens redundant conditions: {opened}; derivatives with respect to them "
+            f"are those of the nearest motion, and a warning is issued"
         )
     return lines + [f"warning: {text}" for text in partition.warnings]
 
@@ -78,22 +75,22 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
         which = ""
         if len(compared) > 1:
             which = f" of {listed([model.loops[i].name for i in found.loops])}, the worst of {len(compared)},"
-        text = f"  dependents{which} together: condition {found.condition:.2g}, by pivoting {found.pivoted:.2g}"
+        text = f"  dependents{which} together: condition number {found.condition:.2g}, by pivoting {found.pivoted:.2g}"
         if found.worst == found.worst:
             text += f"; in three of four other states at most {found.worst:.2g}, by pivoting {found.worst_pivoted:.2g}"
         if found.reach == found.reach:
-            text += f"; {found.reach:.0%} of random states nearby close"
+            text += f"; the loops close in {found.reach:.0%} of random states nearby"
         lines.append(text)
     if partition.uncompared:
         lines.append(
-            f"  {partition.uncompared} loops not compared with pivoting, which would be dense; their dependents follow the "
-            f"independents {partition.growth:.2g} times as fast at most"
+            f"  {partition.uncompared} loops not compared with pivoting, which would be dense; their dependent speeds are at "
+            f"most {partition.growth:.2g} times the independent ones"
         )
     return lines
 
 
 def _line(model: Model, ears: list[Ear]) -> str:
-    """One ear, or several equal ones."""
+    """Line for one ear, or for several equal ones."""
     first, last = ears[0], ears[-1]
     names = [listed([model.loops[i].name for i in ear.loops]) for ear in (first, last)]
     text = f"cluster of {names[0]}" if len(first.loops) > 1 else names[0]
@@ -106,5 +103,5 @@ def _line(model: Model, ears: list[Ear]) -> str:
     redundant = f", {first.redundant} redundant" if first.redundant else ""
     return (
         f"  {text}: {dependent} dependent{' (of the first)' * (len(ears) > 1)}; rank {first.rank} of {first.rows} "
-        f"conditions{redundant}; condition {worst:.2g}"
+        f"conditions{redundant}; condition number {worst:.2g}"
     )

@@ -1,10 +1,10 @@
-"""Disjoint sets of numbers that are merged (union-find: R. E. Tarjan, J. ACM 22 (1975), 215-225; with path halving)."""
+"""Disjoint sets of integers that can be merged (union-find with path halving: R. E. Tarjan, J. ACM 22 (1975), 215-225)."""
 
 from __future__ import annotations
 
 
 class DisjointSets:
-    """The numbers 0 to n - 1, each in a set of its own at first; a set is identified by one of its members."""
+    """The numbers 0 to n - 1, at first each in its own set; one of its members identifies a set."""
 
     def __init__(self, n: int) -> None:
         self._towards = list(range(n))
@@ -18,7 +18,7 @@ class DisjointSets:
         return i
 
     def join(self, i: int, into: int) -> None:
-        """Merge the set of i into another, which keeps its identifying member."""
+        """Merge the set of i into the set of `into`, which keeps its identifying member."""
         self._towards[self.find(i)] = self.find(into)
 
     def members(self) -> dict[int, list[int]]:

@@ -1,8 +1,8 @@
-"""Warnings about a partition: ears that are poorly conditioned or large, changed initial values, motions that are blocked.
+"""Warnings about a partition: poorly conditioned or large ears, changed initial values, blocked motions.
 
-A condition that a motion breaks by much less than others do stops it all the same: the mechanism has a freedom less, and the
-joints' forces there are large. Above the tolerance of the model this may be meant; it may also be that an axis is given with
-three digits, where exact ones would let go.
+A motion can violate a condition by much less than motions usually do. It is blocked all the same: the mechanism has one
+degree of freedom less, and the joint forces there are large. Above the model's tolerance this may be intended. It may also be
+that an axis is given with three digits where exact ones would permit the motion.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ from .ordering import Draft
 from .velocities import Motion, complete_speeds
 
 POOR_CONDITION = 1e4
-"""Condition of a closure matrix above which another choice is sought and a warning names the loops."""
+"""Condition number of a closure matrix above which another choice is sought and a warning names the loops."""
 
 LARGE_CLUSTER = 5
-"""Number of loops above which a cluster is reported."""
+"""Number of loops above which a warning reports a cluster."""
 
 FAR_ANGLE = 1.6
-"""Changes of initial values by closing, in rad, above which they are reported."""
+"""Change of an initial value by closing the loops, in rad, above which it is reported."""
 
 SMALL = 1e-2
-"""Motions whose singular value is below this part of the largest are nearly free."""
+"""Motions whose singular value is below this fraction of the largest are nearly permitted."""
 
 PART = 0.2
-"""Joints whose share in such a motion is less than this part of the largest are not named."""
+"""Joints whose component in such a motion is below this fraction of the largest are not named."""
 
 
 def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
-    """Warnings about angles of the model that closing has changed by more than a quarter turn."""
+    """Warnings about initial angles of the model that closing the loops has changed by more than a quarter turn."""
     for i, (name, unit) in enumerate(zip(model.coordinate_names, model.coordinate_units, strict=True)):
         if unit == "rad" and name in model.initial_q and abs(q[0, i] - guess[0, i]) > FAR_ANGLE:
             yield (
                 f"closing the loops has moved {name} from its initial value {guess[0, i]:.4g} to {q[0, i]:.4g} rad, more than a "
-                f"quarter turn: another branch may be meant; give nearer values under `initial`"
+                f"quarter turn. You may intend another configuration: give better values under `initial`"
             )
 
 
 def ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
-    """Initial values of dependent speeds that closure replaces."""
+    """Warning about initial values of dependent speeds that closure replaces."""
     named = [s for s in found.dependent if model.speed_names[s] in model.initial_u]
     if not named:
         return
@@ -56,29 +56,29 @@ def ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
     ignored = [s for s in named if abs(u[s] - given[s]) > 1e-6 * max(1.0, float(np.abs(u).max()))]
     if ignored:
         text = listed([f"{model.speed_names[s]} from {given[s]:.4g} to {u[s]:.4g}" for s in ignored])
-        yield f"initial u of dependent speeds do not close the loops; they are changed, {text}"
+        yield f"initial values u of dependent speeds do not close the loops and were changed: {text}"
 
 
 def doubts_of(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> Iterator[str]:
-    """Warnings about an ear."""
+    """Warnings about the conditioning and the size of an ear."""
     loops = loops_named(model, draft.loops)
     spare = draft.rows > len(draft.dependent)
     if draft.condition > POOR_CONDITION:
         yield (
-            f"{loops}: the closure matrix of the dependent speeds has condition {draft.condition:.1e} at the initial "
+            f"{loops}: the closure matrix of the dependent speeds has condition number {draft.condition:.1e} at the initial "
             f"configuration, which is at or near a singular one; start from another configuration"
-            + (", or give a larger loop_tolerance where loops should not hold these speeds" if spare else "")
+            + (", or give a larger loop_tolerance if the loops should not hold these speeds" if spare else "")
         )
     if len(draft.loops) > LARGE_CLUSTER:
-        asked = bool(held & geometry.passed_speeds(draft.loops))
+        has_hints = bool(held & geometry.passed_speeds(draft.loops))
         yield (
-            f"{loops} close only all together, in one dense system of rank {len(draft.dependent)}; other coordinates "
-            f"under `independent`{', or none,' * asked} may do better"
+            f"{loops} close only together, in one dense system of rank {len(draft.dependent)}; other coordinates "
+            f"under `independent`{', or none,' * has_hints} may do better"
         )
 
 
 def stopped(geometry: Geometry, draft: Draft, q: Array) -> list[tuple[float, Array, list[int]]]:
-    """Motions of an ear's joints that its loops nearly permit: parts of the largest singular value, shares, speeds."""
+    """Motions of an ear's joints that its loops nearly permit: singular value relative to the largest, components, speeds."""
     closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops)
     E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
     _, s, V = np.linalg.svd(E, full_matrices=False)
@@ -89,7 +89,7 @@ def stopped(geometry: Geometry, draft: Draft, q: Array) -> list[tuple[float, Arr
 
 
 def nearly_locked(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> list[str]:
-    """Warnings about motions that are nearly permitted at all configurations; a single one may be near a dead point."""
+    """Warnings about motions nearly permitted at all configurations; at one alone, a singular pose may be the cause."""
     lines = []
     for draft in drafts:
         first, *others = (stopped(geometry, draft, q) for q in configurations)
@@ -101,8 +101,7 @@ def nearly_locked(geometry: Geometry, drafts: Sequence[Draft], configurations: S
         names = [geometry.model.speed_names[speeds[i]] for i in order if abs(shares[i]) > PART * abs(shares[order[0]])]
         loops = loops_named(geometry.model, draft.loops)
         lines.append(
-            f"{loops}: a motion of {listed(names)} is stopped by {ratio:.1e} of the largest "
-            f"singular value only; if the loop should move that way, give its axes and lengths with all digits, or a larger "
-            f"loop_tolerance"
+            f"{loops}: a motion of {listed(names)} is blocked by only {ratio:.1e} of the largest singular value; if the loop "
+            f"should permit this motion, give its axes and lengths with all digits, or a larger loop_tolerance"
         )
     return lines

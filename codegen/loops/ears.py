@@ -10,30 +10,30 @@ from .speed_groups import SpeedGroup, speed_groups
 
 @dataclass(frozen=True, slots=True)
 class Ear:
-    """Loops that are closed together: a single one, or those of a cluster.
+    """Loops that are closed together: a single loop, or those of a cluster.
 
     Attributes
     ----------
     loops : tuple of int
         Indices into `Model.loops`.
     dependent : tuple of int
-        Indices of the speeds that they make dependent, in path order: outward on the start side, then outward on the end
-        side; loop by loop in a cluster. As many as `rank`.
+        Indices of the speeds that they make dependent, as many as `rank`. Their order follows the path: outward on the start
+        side, then outward on the end side, loop by loop in a cluster.
     rows : int
-        Conditions that the loop joints set.
+        Number of conditions that the loop joints impose.
     rank : int
-        How many of them are independent, for all motions that earlier ears allow.
+        Number of independent ones among them, for all motions that earlier ears permit.
     condition : float
-        Of the closure matrix of the dependent speeds, displacements and linear conditions scaled with `length`, at the
-        assembled initial configuration.
+        Condition number of the closure matrix of the dependent speeds at the assembled initial configuration, with
+        displacements and linear conditions scaled by `length`.
     length : float
-        Characteristic length of the loops, a power of two, m: linear conditions are divided by it.
+        Characteristic length of the loops, a power of two, m; linear conditions are divided by it.
     dropped : tuple of (int, int)
-        Conditions that follow from the others but for a little, loop and place among `closure_row_names`: they do not count.
-        As many are left as there are dependents. Empty where the redundant ones follow to rounding: then all are met.
+        Ignored conditions, redundant within the tolerance but not exactly: loop and position among `closure_row_names`.
+        As many conditions remain as there are dependents. Empty if the redundancy is exact to rounding: then all are met.
     gaps : bool
-        The loops may be open in some conditions, which were dropped, or be opened by a parameter: what moves their faces
-        apart is followed.
+        Whether the loops may be open, in conditions that were dropped or by a change of a parameter. The relative motion of
+        their faces is then taken into account.
     """
 
     loops: tuple[int, ...]
@@ -53,7 +53,7 @@ class Ear:
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """The loops in an order in which each ear closes on links that are resolved already.
+    """The ears of a model's loops, in an order in which each ear closes on links whose motion is already known.
 
     Attributes
     ----------
@@ -61,22 +61,22 @@ class Partition:
     independent : tuple of int
         Indices of the independent speeds, ascending.
     q : tuple of float
-        The assembled initial configuration that ranks were found at.
+        The assembled initial configuration at which the ranks were found.
     warnings : tuple of str
-        What a user should know about the choice.
+        What the user should know about the choice.
     compared : tuple of Comparison
-        How good the choice is for loops that share joints, taken together.
+        Quality of the choice for each component of loops that share joints.
     uncompared : int
-        How many loops share joints with too many others for that.
+        Number of loops in components that are too large for that.
     growth : float
-        How much faster than all independent speeds a dependent speed of these is: the root mean square of random motions,
-        of the speed that is worst, displacements per characteristic length.
+        Largest ratio of a dependent speed of these loops to the independent speeds: root mean square over random motions,
+        displacements per characteristic length.
     remarks : tuple of str
         Conditions that were dropped, and why.
     opening : tuple of int
-        Parameters that open redundant conditions when they change alone.
+        Parameters that open redundant conditions if they change alone.
     turned : tuple of int
-        Loops of which conditions were dropped and are along the axes of ``to``: see `Model.with_turned`.
+        Loops with dropped conditions that are taken along the axes of ``to``: see `Model.with_turned`.
     """
 
     ears: tuple[Ear, ...]
@@ -96,7 +96,7 @@ class Partition:
         return tuple(sorted(s for ear in self.ears for s in ear.dependent))
 
     def split(self, model: Model) -> list[SpeedGroup]:
-        """Rotations and displacements with some dependent and some independent speeds."""
+        """Rotations and displacements of which some speeds are dependent and some independent."""
         dependent = set(self.dependent)
         return [group for group in speed_groups(model) if group.is_split(dependent)]
 

@@ -1,4 +1,4 @@
-"""Errors of loops, and lists of names and loops in messages."""
+"""Exceptions about loops, and lists of names for messages."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from ..model.model import Model
 
 
 def listed(names: Sequence[str], limit: int = 6) -> str:
-    """Names, separated by commas; long lists are shortened."""
+    """The names, separated by commas; beyond `limit` only their number is given."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
 
 
 def loops_named(model: Model, loops: Sequence[int]) -> str:
-    """Some of a model's loops and couplings by their names, with what they are: ``loops left, right and coupling gear``."""
+    """Loops and couplings by kind and name: ``loops left, right and coupling gear``."""
     parts = []
     for word, named in (
         ("loop", [model.loops[i].name for i in loops if not model.loops[i].is_coupling]),
@@ -26,14 +26,14 @@ def loops_named(model: Model, loops: Sequence[int]) -> str:
 
 
 def loops_counted(model: Model) -> str:
-    """How many loops and couplings a model has: ``2 loops and 1 coupling``."""
+    """Number of loops and couplings of a model: ``2 loops and 1 coupling``."""
     couplings = sum(loop.is_coupling for loop in model.loops)
     counts = (("loop", len(model.loops) - couplings), ("coupling", couplings))
     return " and ".join(f"{n} {word}{'s' * (n > 1)}" for word, n in counts if n)
 
 
 class AssemblyError(ValueError):
-    """Loops that cannot be closed by the joints that may move; the text names the loop and its residual.
+    """Raised if the movable joints cannot close the loops; the text names the loop and its residual.
 
     Attributes
     ----------
@@ -50,14 +50,14 @@ class AssemblyError(ValueError):
 
 
 class PartitionError(ValueError):
-    """Coordinates that cannot be divided as requested: a hint that cannot be independent, or no freedom left.
+    """Raised if no partition exists as requested: a hint cannot be independent, or no degree of freedom is left.
 
     Attributes
     ----------
     loops : tuple of str
-        The loops that do not close because of that, where it is a hint.
+        The loops that do not close because of a hint; empty if no hint is the cause.
     names : tuple of str
-        The speeds that are asked to be independent and cannot be, or not all of them; empty where it is no hint.
+        Hinted speeds that cannot be independent, or not all together; empty if no hint is the cause.
     """
 
     def __init__(self, message: str, loops: Sequence[str] = (), names: Sequence[str] = ()) -> None:

@@ -1,7 +1,7 @@
-"""The geometry of a model as numbers: joints, loop joints and paths, for arithmetic on many at once.
+"""The geometry of a model as numbers: joints, loop joints and paths, for arithmetic on many configurations at once.
 
-Configurations come in batches: q is ``(S, nq)``, one row a configuration, and everything computed from it has S as its
-first axis. The ground is a body too, the last one: index `Geometry.ground`.
+q is ``(S, nq)``, one row per configuration, and everything computed from it has S as its first axis. The ground counts as
+the last body, with index `Geometry.ground`.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from .ears import Ear
 from .speed_groups import speed_groups
 
 LEAST_TOLERANCE = 1e-12
-"""Well above rounding: smaller values count as zero."""
+"""Smallest tolerance, well above rounding: smaller values count as zero."""
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
-    """Parameters by name; the defaults for None."""
+    """Parameters by name; None gives the defaults."""
     values = [x.value for x in model.parameters] if p is None else [float(x) for x in p]
     if len(values) != len(model.parameters):
         raise ValueError(f"p has {len(values)} values; the model has {len(model.parameters)} parameters")
@@ -34,7 +34,7 @@ def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[st
 
 
 def evaluator(values: dict[str, float]) -> Callable[[Iterable[Expression]], list[float]]:
-    """Values of expressions; an object that a model shares is evaluated once."""
+    """A function that evaluates expressions; an object shared within the model is evaluated once."""
     known: dict[int, float] = {}
 
     def evaluate(expressions: Iterable[Expression]) -> list[float]:
@@ -50,7 +50,7 @@ def evaluator(values: dict[str, float]) -> Callable[[Iterable[Expression]], list
 
 
 def axis_frame(axis: Vector, a: Array, defaults: dict[str, float]) -> tuple[int, Array]:
-    """The frame of a loop joint's conditions, see `closure_row_names`: which of its columns is the axis, and the columns.
+    """Column of the axis, and frame of a loop joint's conditions, see `closure_row_names`.
 
     Parameters
     ----------
@@ -75,37 +75,37 @@ class Geometry:
     ----------
     model : Model
     p : sequence of float, optional
-        Design parameters; the defaults if left out.
+        Design parameters; the defaults if omitted.
     lengths : (L,) array, optional
-        Characteristic lengths; those of the loops themselves if left out.
+        Characteristic lengths; those of the single loops if omitted.
 
     Attributes
     ----------
     ground : int
         Index of the ground, behind the bodies.
     parent, depth : list of int
-        By body; ground's parent is itself, its depth 0.
+        By body; the ground is its own parent, at depth 0.
     R0, at : (n, 3, 3), (n, 3) array
         Fixed rotation (joint frame into parent components) and origin (in the parent, m) of the joint frames.
     speeds : list of range
         Speeds of each body's joint.
     speed_body : (nu,) array
-        The body whose joint a speed belongs to.
+        The body of each speed's joint.
     whole : list of bool
-        By body: its joint has a quaternion.
+        By body: whether its joint has a quaternion.
     coordinate : (nu,) array
-        The coordinate that a speed is the rate of; `nq` for the speeds of quaternion joints.
+        The coordinate whose rate each speed is; `nq` for the speeds of quaternion joints.
     moved : list of slice
-        By speed, the coordinates that it moves: a single one; of quaternion joints the position, or the quaternion.
+        By speed, the coordinates that it changes: a single one; in quaternion joints the position or the quaternion.
     turning : (nu,) array
-        Whether a speed is an angular one.
+        Whether each speed is angular.
     kinds : list of type of JointType
         By body.
     chains : dict of type of JointType to Chain
-        The motion of all joints of a type; `row (n,)` tells where a body's stands in it.
+        The motion of all joints of a type; `row (n,)` holds each body's position in it.
     screw_w, screw_v : (nu, 3) array
-        Angular velocity and velocity of the body's origin, relative to the parent in child components, of a unit speed; of
-        motions that later ones of a joint change as they were without these. `still_w`, `still_v`: without such motions.
+        Angular velocity of the body and velocity of its origin per unit speed, relative to the parent, child components.
+        Motions that later ones of the same joint rotate are given without that rotation; `still_w`, `still_v` are zero there.
     all_joints : Joints
     ancestry : Ancestry
     starts, ends : list of int
@@ -115,15 +115,15 @@ class Geometry:
     linear, angular : (L, 3, 3) array
         Directions of the loops' conditions in the start face; rows of zeros where there are fewer than three.
     surfaces : dict of int to Surfaced
-        Those of the loops that are conditions on points.
+        By loop, its conditions on points.
     couplings : dict of int to Coupled
-        Those of the loops that are couplings; their condition stands in the fourth row, the first of angular ones.
+        By loop, its coupling; the condition is in the fourth row, the first angular one.
     rows, kept : list of list of int
-        Which of the six (linear, then angular) are conditions of a loop; and those of them that have not been dropped.
+        Rows of each loop among six (linear, then angular) that are conditions; and those of them that are not dropped.
     tolerance : float
-        Part of a condition that may be missing where it follows from others.
+        Residual within which a redundant condition counts as met.
     own_lengths, lengths : (L,) array
-        Characteristic length of each loop, a power of two, m; and that of its ear, by which linear conditions are divided.
+        Characteristic length of each loop, a power of two, m; and of its ear, by which linear conditions are divided.
     """
 
     def __init__(self, model: Model, p: Sequence[float] | Array | None = None, lengths: Array | None = None) -> None:
@@ -162,7 +162,7 @@ class Geometry:
         return R
 
     def turned_behind(self, body: int, q: Array) -> Array | None:
-        """Rotation ``(S, 3, 3)`` from child components to those after the first motion of a body's joint; None without one."""
+        """Rotation ``(S, 3, 3)`` that the later motions of a body's joint give its first one; None if they do not rotate."""
         known = self._behind.get(body)
         if known is None:
             chain = self.chains[self.kinds[body]].behind_first()
@@ -260,7 +260,7 @@ class Geometry:
         self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
 
     def _coupled(self, of: Coupling) -> Coupled:
-        """A coupling as numbers."""
+        """Numerical values of a coupling."""
         places = [[s.start + t.index for s in self.slices[t.body]] for t in of.terms]
         q, u = (np.array([place[i] for place in places], dtype=int) for i in (0, 1))
         return Coupled(
@@ -280,8 +280,8 @@ class Geometry:
     def _length(self, loop: int, window: int = 8) -> float:
         """Mean distance between neighbouring joints near the cut, rounded to a power of two, m.
 
-        It uses what is fixed in the bodies and so does not depend on the configuration. Distances within the tolerance of
-        the model's largest are not meant: joints stand in one place.
+        It depends only on dimensions of the bodies, not on the configuration. Distances below the tolerance times the model's
+        largest dimension are ignored: such joints coincide.
         """
         ends = [self.starts[loop], self.ends[loop]]
         points = [self.face_at[0, loop], self.face_at[1, loop]]
@@ -297,14 +297,14 @@ class Geometry:
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0
 
     def turn_round(self, loops: Collection[int]) -> None:
-        """Take the conditions of some loops along the axes of the other face."""
+        """Express the conditions of some loops along the axes of the other face."""
         kept, self.model = self.kept, self.model.with_turned(loops)
         self._cycles.clear()
         self._loops()
         self.kept = kept
 
     def follow(self, ear: Ear) -> None:
-        """Set the characteristic length of an ear, and drop its dropped conditions."""
+        """Take the characteristic length and the dropped conditions of an ear."""
         self.lengths[list(ear.loops)] = ear.length
         for i in {i for i, _ in ear.dropped}:
             self.kept[i] = [r for n, r in enumerate(self.rows[i]) if (i, n) not in ear.dropped]
@@ -312,7 +312,7 @@ class Geometry:
     def cycle(self, loop: int) -> tuple[list[int], list[int]]:
         """Bodies whose joints the loop passes, from the cut inward: on the start side, on the end side.
 
-        A coupling passes the joints that it relates, and none between them.
+        A coupling passes the joints whose coordinates it couples, and none between them.
         """
         known = self._cycles.get(loop)
         if known is None and loop in self.couplings:
@@ -336,12 +336,12 @@ class Geometry:
         return {k for i in loops for side in self.cycle(i) for k in side}
 
     def passed_speeds(self, loops: Iterable[int]) -> set[int]:
-        """The speeds of these joints."""
+        """Speeds of the joints on the cycles of some loops."""
         return {s for k in self.passed(loops) for s in self.speeds[k]}
 
 
 class Joints:
-    """The joints of some bodies, for repeated evaluation.
+    """The joints of some bodies, prepared for repeated evaluation.
 
     Parameters
     ----------
@@ -354,7 +354,7 @@ class Joints:
     speeds : (f,) array
         The speeds of these joints, body by body.
     place : (f,) array
-        Which of the m bodies a speed belongs to.
+        Position of each speed's body among the m bodies.
     """
 
     def __init__(self, geometry: Geometry, bodies: Iterable[int]) -> None:
@@ -379,7 +379,7 @@ class Joints:
             chain = g.chains[kind].of(g.row[b[places]])
             self.chains.append((places, chain))
             if chain.seen:
-                first = np.searchsorted(self.place, places)  # of their speeds
+                first = np.searchsorted(self.place, places)  # first of their speeds
                 columns = first[:, None] + np.arange(len(kind.speeds))
                 self.changing.append((chain, [columns[:, chain.steps[i].speeds] for i in chain.seen]))
         self.unturned = np.array(unturned, dtype=int)
@@ -434,7 +434,7 @@ class Joints:
 
 
 def padded(q: Sequence[float] | Array) -> Array:
-    """Coordinates ``(nq,)`` or ``(S, nq)`` as ``(S, nq + 1)`` with a zero at the end, for bodies without an angle."""
+    """Coordinates ``(nq,)`` or ``(S, nq)`` as ``(S, nq + 1)``; the zero at the end serves bodies without a coordinate."""
     q = np.atleast_2d(np.asarray(q, dtype=float))
     return np.concatenate([q, np.zeros((len(q), 1))], axis=1)
 
@@ -446,10 +446,10 @@ def advance(geometry: Geometry, q: Array, speeds: Sequence[int] | Array, step: A
     ----------
     q : (S, nq + 1) array
     speeds : (f,)
-        Of a quaternion joint some or all; where one of them turns, the quaternion gets unit length.
+        Some or all of a quaternion joint's; if one of them is angular, the quaternion is normalized.
     step : (S, f) array
-        rad and m; of quaternion joints the rotation vector and displacement in child components, zero along speeds that
-        are not listed.
+        rad and m. In quaternion joints: rotation vector and displacement in child components, zero along speeds that are
+        not listed.
     """
     g = geometry
     q = q.copy()
@@ -465,7 +465,7 @@ def advance(geometry: Geometry, q: Array, speeds: Sequence[int] | Array, step: A
         which = speeds[of_body] - g.speeds[k].start
         moved = np.zeros((len(q), len(g.speeds[k])))
         moved[:, which] = step[:, of_body]
-        for m in motion:  # the displacement comes first: the ball joint rotates its velocities
+        for m in motion:  # displacements first, because the ball joint rotates their axes
             own = speeds_of(m)
             if not np.any((which >= own.start) & (which < own.stop)):
                 continue

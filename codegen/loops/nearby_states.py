@@ -12,31 +12,31 @@ from .paths import PoseGroups
 from .rings import LARGEST_STEP, Ring
 
 WALKS = 5
-"""Number of walks from the initial configuration, each in a direction of its own."""
+"""Number of walks from the initial configuration, each in its own direction."""
 
 STRIDES = 4
-"""Number of steps of a walk; after each the loops are closed again."""
+"""Number of steps of a walk; the loops are closed again after each."""
 
 STRIDE = 0.4
 """Largest component of a step, rad or characteristic lengths."""
 
 CORRECTIONS = 4
-"""Newton steps that close the loops again."""
+"""Number of Newton steps that close the loops again."""
 
 DRAWS = 20
-"""Number of random independents with which a choice of dependents is tested."""
+"""Number of random sets of independent coordinates with which a choice of dependents is tested."""
 
 RANGE = 0.5
-"""Largest distance of these from the initial configuration, rad and characteristic lengths."""
+"""Largest distance of these sets from the initial configuration, rad and characteristic lengths."""
 
 PARTS = 3
-"""Number of steps in which the independents move there."""
+"""Number of steps in which the independent coordinates move there."""
 
 TRIALS = 10
-"""Newton steps that may close the loops after the last of them."""
+"""Number of Newton steps that may close the loops after the last of them."""
 
 DAMPING = 1e-11
-"""Part of the squared size of a closure matrix that is added to its squares, so that redundant conditions do not matter."""
+"""This fraction of the trace of E E^T is added to its diagonal, so that redundant conditions do not make it singular."""
 
 NEARLY_CLOSED = 1e-5
 """Residual, in characteristic lengths or rad, up to which a configuration is good enough for comparing columns."""
@@ -45,18 +45,18 @@ NEARLY_CLOSED = 1e-5
 class NearbyStates:
     """Closure matrices of some loops at the initial configuration and at others that can be reached from it.
 
-    Coordinates of other joints keep their values. All configurations are computed at once.
+    Coordinates of other joints keep their values. All configurations are computed at the same time.
 
     Attributes
     ----------
     speeds : (f,) array
-        Of the joints on the loops' cycles.
+        Speeds of the joints on the loops' cycles.
     q : (S, nq + 1) array
         The initial configuration first.
     E : (S, rows, f) array
-        Linear conditions and displacements per characteristic length.
+        Closure matrices; linear conditions and displacements per characteristic length.
     residual : (S,) array
-        How far the loops are open: rad, and characteristic lengths.
+        Largest residual of each configuration: rad, and characteristic lengths.
     """
 
     def __init__(self, groups: PoseGroups, loops: Sequence[int], q: Array, random: np.random.Generator) -> None:
@@ -69,14 +69,14 @@ class NearbyStates:
         self.q, self.E, self.residual = self._walked(np.repeat(q, WALKS, axis=0), random)
 
     def reach(self, dependent: Sequence[int]) -> float:
-        """Part of random independents at which Newton's method closes the loops by moving the dependents.
+        """Fraction of random independents for which Newton's method closes the loops by moving the dependents.
 
-        The same displacements of all joints are drawn for every choice; dependents begin at the initial configuration.
+        The same displacements of all joints are drawn for every choice. Dependents start from the initial configuration.
 
         Parameters
         ----------
         dependent : sequence of int
-            Columns.
+            Columns of E.
         """
         step = self.draws / PARTS
         step[:, dependent] = 0
@@ -93,7 +93,7 @@ class NearbyStates:
         return float(np.mean(_largest(rows) < NEARLY_CLOSED))
 
     def put(self, q: Array) -> Array:
-        """Configurations with these joints' coordinates at the ends of walks, closed as well as possible."""
+        """Configurations with these joints' coordinates set to ends of the walks, with the loops closed as well as possible."""
         moved = sorted({i for s in self.speeds for i in range(*self.geometry.moved[s].indices(q.shape[1]))})
         far = np.argsort(-np.max(np.abs(self.q - self.q[0]), axis=1), kind="stable")[: len(q)]
         far = np.resize(far, len(q))
@@ -111,7 +111,7 @@ class NearbyStates:
             step = STRIDE * along / np.where(size > 0, size, 1.0)
             moved, found, residual = self._corrected(advance(self.geometry, q, self.speeds, step * self.scale))
             closed = residual < NEARLY_CLOSED
-            # A walk that has reached the end of the range turns back.
+            # a walk that has reached the end of the range turns back
             direction = np.where(closed[:, None], along, -direction)
             q, E = np.where(closed[:, None], moved, q), np.where(closed[:, None, None], found, E)
             configurations.append(q[closed])
@@ -140,7 +140,7 @@ def _largest(rows: Array) -> Array:
 
 
 def _limited(step: Array) -> Array:
-    """Steps ``(S, f)`` shortened to where a linearisation is valid."""
+    """Steps ``(S, f)``, shortened to the range in which a linearisation is valid."""
     size = np.max(np.abs(step), axis=1, keepdims=True)
     limited: Array = step * np.minimum(1.0, LARGEST_STEP / np.where(size > 0, size, 1.0))
     return limited
@@ -161,6 +161,6 @@ def _least(E: Array, right: Array) -> Array:
 
 
 def rigid_parts(geometry: Geometry, q: Array, components: Iterable[Sequence[int]]) -> PoseGroups:
-    """Groups of bodies that no joint of these loops separates."""
+    """Groups of bodies that no moving joint of these loops separates."""
     moving = geometry.passed(i for loops in components for i in loops)
     return PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving or not geometry.speeds[k]])

@@ -1,9 +1,10 @@
-"""The order of the ears: loop after loop where each closes by itself, clusters elsewhere.
+"""The order of the ears: single loops where each closes by itself, clusters elsewhere.
 
-A loop closes by itself if, for every motion that earlier loops allow, the speeds of joints that none of them has passed can
-keep it closed. Random motions are propagated through the loops resolved so far; their effect at the cut must lie in the
-range of the new columns. If it does not, some degree of freedom inside earlier ears must depend on this loop: another order
-is sought in which the loop precedes one of them, or that one follows it; failing that, they become one cluster.
+A loop closes by itself if the speeds of joints that no earlier loop has passed can keep it closed, for every motion that
+earlier loops permit. This is tested with random motions that are propagated through the loops resolved so far: their effect
+at the cut must lie in the range of the new columns. If it does not, some degree of freedom inside earlier ears must depend on
+this loop. Then another order is sought, in which the loop precedes one of these ears, or one of them follows it. If there is
+none, they become one cluster.
 """
 
 from __future__ import annotations
@@ -26,22 +27,22 @@ MOTIONS = 12
 """Number of random motions: more than a loop has conditions."""
 
 FOLLOWED = 1e-8
-"""Largest residual of a random motion that counts as followed, relative to the motions at the cut."""
+"""Residual of a random motion, relative to the motions at the cut, up to which the loop counts as closed."""
 
 NEIGHBOURS = 8
-"""Number of the loops that share joints with one that are tried in other orders, the latest first."""
+"""Number of loops sharing joints with a stuck loop that are tried in other orders, the latest first."""
 
 WORTH_DIVIDING = 3.0
-"""Factor by which the condition must improve for dividing quaternion joints that could stay whole."""
+"""Factor by which the condition number must improve to divide quaternion joints that could stay whole."""
 
 Order = list[tuple[int, ...]]
-"""Ears, each as the tuple of its loops."""
+"""Ears in their order, each as the tuple of its loops."""
 
 
 def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
-    """Loops outward: next the loop with the fewest new degrees of freedom, of several the innermost.
+    """Loops in the order of first trial: next the loop with the fewest new degrees of freedom, of several the innermost.
 
-    So a loop next to a closed one precedes one that is far from it, and hinted coordinates count as known.
+    So a loop next to a closed one precedes one that is far from it. Hinted coordinates count as known.
     """
     freedoms = [sum(s not in held for s in speeds) for speeds in geometry.speeds]
     cuts = list(zip(geometry.starts, geometry.ends, strict=True))
@@ -65,19 +66,19 @@ def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
 
 @dataclass(slots=True)
 class Draft:
-    """An ear as one sweep has found it.
+    """An ear found in one sweep.
 
     Attributes
     ----------
     loops : tuple of int
     dependent : list of int
-        Speeds.
+        Dependent speeds.
     rows : int
-        Conditions.
+        Number of conditions.
     condition : float
-        Of the scaled closure matrix of the dependents at the first configuration.
+        Condition number of the dependents' scaled closure matrix at the first configuration.
     certain : bool
-        Whether no other configuration could show a higher rank.
+        Whether the rank is as high as at any configuration.
     """
 
     loops: tuple[int, ...]
@@ -89,7 +90,7 @@ class Draft:
 
 @dataclass(slots=True)
 class Open:
-    """The reason why an ear does not close by itself: a text, the names of hinted speeds that prevent it, and the ear."""
+    """Reason why an ear does not close by itself: a text, the hinted speeds that prevent it, and the ear's place in the order."""
 
     text: str
     refused: list[str] = field(default_factory=list)
@@ -97,7 +98,7 @@ class Open:
 
 
 class Sweep:
-    """Ears one after the other, with random motions of the independents found so far.
+    """Builds ears one after the other, testing each with random motions of the independent speeds found so far.
 
     Parameters
     ----------
@@ -111,9 +112,9 @@ class Sweep:
     dividing : bool
         Whether single speeds of quaternion joints may be dependent.
     would_divide : bool
-        Whether that would have helped.
+        Whether dividing them would have helped.
     dividing_for_condition : bool
-        Whether they may be where whole joints would do, if the condition gains by it.
+        Whether they may also be dependent where whole joints suffice, if the condition number improves.
     """
 
     def __init__(self, geometry: Geometry, q: Array, held: set[int], random: np.random.Generator) -> None:
@@ -124,7 +125,7 @@ class Sweep:
         self.motion = Motion(geometry, q, np.repeat(motions, len(q), axis=0))
 
     def run(self, order: Order) -> tuple[list[Draft], Open | None]:
-        """The ears up to the first that does not close by itself."""
+        """The ears up to the first that does not close by itself, and why that one does not; None if all close."""
         self.motion.restart()
         self.regular = np.ones(len(self.q), dtype=bool)
         drafts: list[Draft] = []
@@ -140,11 +141,11 @@ class Sweep:
         return drafts, None
 
     def growth(self) -> Array:
-        """Size ``(nu,)`` of every speed in the random motions of the last run.
+        """Growth ``(nu,)`` of every speed in the random motions of the last run.
 
-        The root mean square, displacements per characteristic length, at the first configuration. Independent speeds have
-        about one; a dependent one has the norm of its row of Y in ``x = Y s``, by which errors may grow along the
-        ears. It comes at no cost, for any number of loops.
+        It is the root mean square at the first configuration, displacements per characteristic length. Independent speeds
+        have about one. A dependent speed has the norm of its row of Y in ``x = Y s``, the factor by which errors may grow
+        along the ears. It is cheap for any number of loops.
         """
         rms: Array = np.sqrt(np.mean(self.motion.u[0] ** 2, axis=1)) / self.unit
         return rms
@@ -157,7 +158,7 @@ class Sweep:
         free, held = np.flatnonzero(~np.array(hinted, dtype=bool)), np.flatnonzero(hinted)
         found = ranks(E[..., free], g.tolerance)
         rank = int(np.max(found[self.regular]))
-        # Where the rank is lower, the pose is a special one and shows nothing more.
+        # where the rank is lower, the pose is singular and gives no further information
         self.regular &= found == rank
         regular = self.regular
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank, g.tolerance):
@@ -203,7 +204,7 @@ class Sweep:
 
 
 def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -> bool:
-    """Whether the columns of E, of this rank, can compensate known motions at the cut."""
+    """Whether the columns of E, which has this rank, can compensate the known motions at the cut."""
     rows = E.shape[1]
     if rank == rows:
         return True
@@ -214,12 +215,12 @@ def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -
 def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
     """Ears in an order in which each closes by itself; quaternion joints are divided only if no other order exists.
 
-    Ears that start from each other's bodies become a cluster and are chosen together, since they are resolved together.
+    Ears that start from each other's bodies become a cluster with common dependents, since they are resolved together.
 
     Parameters
     ----------
     loops : sequence of int
-        All loops, in the order of first trial.
+        All loops, in the order in which they are tried.
 
     Raises
     ------
@@ -243,29 +244,29 @@ def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
 
 
 def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
-    """An order in which more ears close, or with fewer ears."""
+    """Another order in which more ears close, or in which some become one cluster."""
     i, ear = stuck.place, order[stuck.place]
     passed = sweep.geometry.passed_speeds(ear)
-    near = [j for j in reversed(range(i)) if sweep.geometry.passed_speeds(order[j]) & passed]
-    if not near:
+    sharing = [j for j in reversed(range(i)) if sweep.geometry.passed_speeds(order[j]) & passed]
+    if not sharing:
         model = sweep.geometry.model
         names = [model.loops[k].name for k in ear]
         raise PartitionError(f"{loops_named(model, ear)}: {stuck.text}", names, stuck.refused)
-    for other, length in _others(order, i, near[:NEIGHBOURS]):
+    for other, length in _others(order, i, sharing[:NEIGHBOURS]):
         if sweep.run(other[:length])[1] is None:
             return other
-    cluster = tuple(sorted({*ear, *(k for j in near for k in order[j])}))
-    return [x for j, x in enumerate(order[:i]) if j not in near] + [cluster] + order[i + 1 :]
+    cluster = tuple(sorted({*ear, *(k for j in sharing for k in order[j])}))
+    return [x for j, x in enumerate(order[:i]) if j not in sharing] + [cluster] + order[i + 1 :]
 
 
-def _others(order: Order, i: int, near: list[int]) -> Iterator[tuple[Order, int]]:
-    """Other orders of the ears up to i, and the number of those ears: first without clusters, then with one more."""
+def _others(order: Order, i: int, sharing: list[int]) -> Iterator[tuple[Order, int]]:
+    """Other orders with their numbers of ears to test: first without further clusters, then with one that ear i joins."""
     before, ear, after = order[:i], order[i], order[i + 1 :]
-    for j in near:
+    for j in sharing:
         yield before[:j] + [ear] + before[j:] + after, i + 1
-    for j in near:
+    for j in sharing:
         yield before[:j] + before[j + 1 :] + [ear, before[j]] + after, i + 1
-    for j in near:
+    for j in sharing:
         cluster = tuple(sorted((*ear, *before[j])))
         yield before[:j] + [cluster] + before[j + 1 :] + after, i
         yield before[:j] + before[j + 1 :] + [cluster] + after, i

@@ -35,29 +35,32 @@ from .velocities import Motion
 __all__ = ["Ear", "Partition", "partition"]
 
 NEARBY = 2
-"""Number of configurations near the initial one that are examined where a special pose could mislead."""
+"""Number of configurations near the initial one that are examined where that one may be singular."""
 
 DISTANCE = 0.08
-"""Distance at which they start, rad and characteristic lengths."""
+"""Distance of these configurations from it, rad and characteristic lengths."""
 
 FEW = 100
-"""With more ears, redundant conditions are examined in one configuration only."""
+"""With more ears than this, redundant conditions are examined at the initial configuration only."""
 
 OTHERS = 3
-"""Number of configurations for this examination beside that one."""
+"""Number of further configurations at which redundant conditions are examined."""
 
 PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
-"""Distances at which these are sought until there are enough, rad and characteristic lengths; nearby ones may all be special."""
+"""Distances at which these are sought until enough are found, rad and characteristic lengths. The first are large, because
+nearby configurations may all be special."""
 
 SEED = 20030617
-"""Seed of the random numbers: the same model has the same partition."""
+"""Seed of the random numbers: the same model always has the same partition."""
 
 
 class _NotNearlyClosed(PartitionError):
-    """Message: loops stay open in conditions that are not redundant, which must be closed to rounding."""
+    """Raised if loops stay open in conditions that are not redundant and therefore have to be closed to rounding."""
 
 
-@np.errstate(all="ignore")  # numbers of a model may have any size: what overflows does not close, and is reported
+@np.errstate(
+    all="ignore"
+)  # numbers of a model may have any size: a loop whose numbers overflow does not close, and is reported
 def partition(model: Model) -> Partition:
     """Choose dependents and order the ears.
 
@@ -66,11 +69,11 @@ def partition(model: Model) -> Partition:
     AssemblyError
         A loop cannot be closed.
     PartitionError
-        A hint cannot be honoured, a loop has no freedom to close with, or no freedom is left at all.
+        A hint cannot be met, a loop has no degree of freedom to close with, or none is left at all.
 
     Notes
     -----
-    A prescribed coordinate moves on its own: it counts as independent, and speeds are those of `Model.released`.
+    A prescribed coordinate counts as independent. Speeds are those of `Model.released`, which has no prescribed motion.
     """
     prescribed, model = model.prescribed_names, model.released
     guess = padded(initial_configuration(model)[0])
@@ -80,20 +83,21 @@ def partition(model: Model) -> Partition:
     try:
         return _found(model, geometry, guess)
     except PartitionError as error:
-        asked = [n for n in prescribed if n in error.names]
-        if not asked:
+        refused = [n for n in prescribed if n in error.names]
+        if not refused:
             raise
         named = loops_named(model, [i for i, x in enumerate(model.loops) if x.name in error.loops])
+        several = len(refused) > 1
         raise PartitionError(
-            f"{named}: {listed(asked)} cannot be prescribed{' together' if len(asked) > 1 else ''}, since "
-            f"closure determines too much of that; take {'one of them' if len(asked) > 1 else 'it'} from `motion`, or give "
-            f"the loop one more freedom"
+            f"{named}: {listed(refused)} cannot be prescribed{' together' * several}, because the loops determine too many of "
+            f"these coordinates; remove {'one of them' if several else 'it'} from `motion`, or give the loop one more degree "
+            f"of freedom"
         ) from None
-    except np.linalg.LinAlgError:  # from matrices that are not finite
+    except np.linalg.LinAlgError:  # raised for matrices that are not finite
         widest = int(np.argmax(geometry.own_lengths))
         name, length = model.loops[widest].name, geometry.own_lengths[widest]
         raise PartitionError(
-            f"loop {name}, whose joints are about {length:.1g} m apart, cannot be closed in floating-point numbers, since "
+            f"loop {name}, whose joints are about {length:.1g} m apart, cannot be closed in floating-point numbers, because "
             f"squares of such lengths are too large; check lengths and units"
         ) from None
 
@@ -143,7 +147,7 @@ class _Choice:
         Speeds that must stay independent.
     random : np.random.Generator
     open_ : set of int or None
-        Takes loops that stay open by the tolerance of the model in conditions that are then dropped. None if none may.
+        Receives the loops that stay open by the model's tolerance in conditions that are then dropped; None if none may.
     """
 
     def __init__(
@@ -151,7 +155,7 @@ class _Choice:
     ) -> None:
         self.geometry, self.order, self.held, self.random, self.open_ = geometry, order, held, random, open_
         self.shared = components(geometry)
-        """Loops that share joints."""
+        """Components: sets of loops that share joints."""
         self.warnings: list[str] = []
         self.stuck: list[int] = []
 
@@ -170,9 +174,9 @@ class _Choice:
         redundancy = _redundancy(geometry, chosen, q, random, self.stuck)
         if redundancy.dropped or self.open_:
             q = assembled(geometry, _partition(geometry, chosen.drafts, q, []), q)
-        moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, self.warnings)
-        if q is not moved:
-            drafts = _judged(geometry, chosen.drafts, q)
+        before, q = q, _near_guess(geometry, chosen.drafts, guess, q, self.warnings)
+        if q is not before:
+            drafts = _with_conditions_at(geometry, chosen.drafts, q)
             kept, geometry.kept = geometry.kept, [list(rows) for rows in geometry.rows]
             if max(d.condition for d in drafts) > POOR_CONDITION:
                 chosen = self._choice(q)
@@ -185,12 +189,12 @@ class _Choice:
         return q, chosen, self.warnings, redundancy
 
     def _choice(self, q: Array) -> Choice:
-        """The ears at an assembled configuration."""
+        """The ears at an assembled configuration, compared with other choices."""
         sweep, drafts = self._chosen(q)
         return choose(self.geometry, drafts, sweep.growth(), q, self.held, self.shared)
 
     def _chosen(self, q: Array) -> tuple[Sweep, list[Draft]]:
-        """Ears at an assembled configuration, and at some near it if one is not enough; stores which loops are stuck."""
+        """Ears at an assembled configuration, and if necessary at some near it; stores which loops are stuck there."""
         geometry, order, self.stuck = self.geometry, self.order, []
         try:
             sweep = Sweep(geometry, q, self.held, self.random)
@@ -198,7 +202,7 @@ class _Choice:
             if all(d.certain for d in drafts):
                 return sweep, drafts
             doubtful = [i for d in drafts if not d.certain for i in d.loops]
-        except PartitionError:  # the pose may be a special one: others nearby decide about every loop
+        except PartitionError:  # the pose may be singular: configurations nearby decide about every loop
             doubtful = list(range(len(order)))
         configurations = [q, *self._nearby(q)]
         still = {i for i in doubtful if not _moves(geometry, i, configurations)}
@@ -207,11 +211,13 @@ class _Choice:
         if self.open_ and self.open_.intersection(stuck):
             raise _NotNearlyClosed("loops that are open and move nowhere are not nearly closed")
         advice = (
-            f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which "
-            f"seems to be singular, so that the rank there says nothing: start from another configuration, or check whether "
+            f"{loops_named(geometry.model, stuck)} cannot be closed in any other configuration near the initial one, which "
+            f"seems to be singular, so its rank is not meaningful: start from another configuration, or check whether "
             f"lengths are just long enough"
         )
-        if len(configurations) > 1:  # the same loops again; where no ear was found, others may show more
+        if (
+            len(configurations) > 1
+        ):  # the same loops are tried once more; if no ear was found, other configurations may show more
             self._refuse_hints(stuck, advice)
         others = [x for x in configurations[1:] if any(_moves(geometry, i, [q, x]) for i in doubtful)]
         try:
@@ -226,7 +232,7 @@ class _Choice:
         return sweep, drafts
 
     def _refuse_hints(self, stuck: list[int], advice: str) -> None:
-        """Reject hinted speeds of loops that are stuck."""
+        """Raise an error if hinted speeds belong to loops that are stuck."""
         geometry, model = self.geometry, self.geometry.model
         wrong = sorted(self.held & geometry.passed_speeds(stuck))
         if wrong:
@@ -239,7 +245,7 @@ class _Choice:
             )
 
     def _nearby(self, q: Array) -> Iterator[Array]:
-        """Assembled configurations near one."""
+        """Assembled configurations near a given one."""
         geometry = self.geometry
         size = np.where(geometry.turning, 1.0, np.median(geometry.lengths))
         for _ in range(NEARBY):
@@ -253,7 +259,7 @@ class _Choice:
                     yield settled
 
     def _settled(self, q: Array, open_: set[int] | None, held: set[int]) -> Array | None:
-        """Coordinates at which open loops are nearly closed together with those that share joints with them, or None."""
+        """Coordinates at which the open loops of each component are nearly closed together; None if there are none."""
         for loops in self.shared:
             if open_ and open_.intersection(loops):
                 settled = settled_together(self.geometry, q, loops, held)
@@ -266,17 +272,17 @@ class _Choice:
 def _redundancy(
     geometry: Geometry, chosen: Choice, q: Array, random: np.random.Generator, stuck: list[int]
 ) -> Redundancy:
-    """Redundant conditions: drop those that need it (changes `geometry.kept`), and find parameters that open others.
+    """Drop redundant conditions where necessary (changes `geometry.kept`), and find parameters that open others.
 
-    Nothing is dropped of loops that are stuck: if only one configuration is known, and that is singular, conditions
-    are redundant by chance.
+    No condition of a stuck loop is dropped: if only one configuration is known and that is singular, conditions are
+    redundant by chance.
     """
     result, drafts = Redundancy(), chosen.drafts
     if not any(d.rows > len(d.dependent) for d in drafts):
         return result
     loose = _partition(geometry, drafts, q, [])
     few = len(drafts) <= FEW
-    # at the initial configuration conditions may be redundant by chance, or its pose special, such as a flat parallelogram
+    # at the initial configuration conditions may be redundant by chance, or the pose special, such as a flat parallelogram
     open_ones = [q, *(_others(geometry, loose, q, random, nearly=True) if few else [])]
     found = {d.loops for x in open_ones for d in nearly_redundant(geometry, drafts, x, random)}
     found |= {d.loops for x in chosen.elsewhere for d in nearly_redundant(geometry, drafts, x[None], random, FAR)}
@@ -303,7 +309,7 @@ def _redundancy(
 
 
 def _locked(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random.Generator) -> list[str]:
-    """Warnings about motions that loops nearly permit."""
+    """Warnings about motions that the loops nearly permit."""
     doubtful = [d for d in drafts if stopped(geometry, d, q)] if len(drafts) <= FEW else []
     if not doubtful:
         return []
@@ -314,7 +320,7 @@ def _locked(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random
 def _others(
     geometry: Geometry, loose: Partition, q: Array, random: np.random.Generator, nearly: bool = False
 ) -> list[Array]:
-    """Further assembled configurations, up to half a radian from one; `nearly` as for `assembled`."""
+    """Further assembled configurations, up to half a radian from the given one; `nearly` as for `assembled`."""
     speeds = np.array(loose.independent)
     size = np.where(geometry.turning[speeds], 1.0, float(np.median(geometry.lengths)))
     shared = components(geometry) if nearly else []
@@ -331,21 +337,21 @@ def _others(
 
 
 def _moves(geometry: Geometry, loop: int, configurations: list[Array]) -> bool:
-    """Whether the joints of a loop have other positions in some of the configurations than in the first."""
+    """Whether the coordinates of a loop's joints differ between the first configuration and another one."""
     where = sorted({i for s in geometry.passed_speeds([loop]) for i in _places(geometry, s)})
     first, *others = (q[0, where] for q in configurations)
     return any(np.max(np.abs(q - first), initial=0.0) > DISTANCE / 20 for q in others)
 
 
 def _places(geometry: Geometry, speed: int) -> list[int]:
-    """Indices of the coordinates that a speed moves."""
+    """Indices of the coordinates that a speed changes."""
     return list(range(geometry.moved[speed].start, geometry.moved[speed].stop))
 
 
 def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array, warnings: list[str]) -> Array:
-    """The assembled configuration with the independents of the guess; `q` if there is none.
+    """The assembled configuration with the independent coordinates of the guess; `q` if there is none.
 
-    Dependents start from the guess, then from `q`.
+    Dependent coordinates start from the guess, then from `q`.
     """
     loose = _partition(geometry, drafts, guess, [])
     start = q.copy()
@@ -363,16 +369,16 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
     names = geometry.model.coordinate_names
     moved = listed([f"{names[i]} from {guess[0, i]:.4g} to {q[0, i]:.4g}" for i in places if i < geometry.nq])
     warnings.append(
-        f"loop {loop} cannot be closed with the initial values of the independent coordinates ({residual:.2g} of its "
-        f"characteristic length, or rad, is left); they were moved, {moved}: give values under `initial` that fit"
+        f"loop {loop} cannot be closed with the initial values of the independent coordinates (a residual of {residual:.2g} "
+        f"characteristic lengths or rad remains); they were changed, {moved}: give other values under `initial`"
     )
     return q
 
 
 def _closed_together(geometry: Geometry, drafts: list[Draft], q: Array, redundancy: Redundancy) -> list[Draft]:
-    """The ears as they are computed: those that couplings join become one, with the largest of their lengths.
+    """The ears as they are computed: ears that couplings join become one, with the largest of their lengths.
 
-    This matters only where conditions are redundant: the whole ear then shares the residual that parameters open.
+    This matters only where conditions are redundant: the residual that a parameter opens is then shared by the whole ear.
     """
     order = closed_together(geometry, [d.loops for d in drafts], {s for d in drafts for s in d.dependent})
     found: list[Draft] = []
@@ -384,11 +390,11 @@ def _closed_together(geometry: Geometry, drafts: list[Draft], q: Array, redundan
             continue
         geometry.lengths[list(loops)] = np.max(geometry.lengths[list(loops)])
         found.append(Draft(loops, dependent, rows, parts[0].condition, all(d.certain for d in parts)))
-    return drafts if len(found) == len(drafts) else _judged(geometry, found, q)
+    return drafts if len(found) == len(drafts) else _with_conditions_at(geometry, found, q)
 
 
-def _judged(geometry: Geometry, drafts: list[Draft], q: Array) -> list[Draft]:
-    """The same ears with their conditions at another configuration."""
+def _with_conditions_at(geometry: Geometry, drafts: list[Draft], q: Array) -> list[Draft]:
+    """The same ears with their condition numbers at another configuration."""
     motion = Motion(geometry, q, np.zeros((1, geometry.nu, 1)))
     result = []
     for draft in drafts:
@@ -411,8 +417,8 @@ def _partition(
     if not independent:
         raise PartitionError(
             f"no freedom left: closing {listed([x.name for x in geometry.model.loops])} takes all {geometry.nu} speeds "
-            f"(rank {len(dependent)}); remove a loop{' or a coupling' * bool(geometry.couplings)} or give a joint one more "
-            f"freedom"
+            f"(rank {len(dependent)}); remove a loop{' or a coupling' * bool(geometry.couplings)}, or give a joint one more "
+            f"degree of freedom"
         )
     known = redundancy or Redundancy()
     ears = tuple(_ear(geometry, d, known) for d in drafts)

@@ -1,9 +1,9 @@
-"""Paths of loops through the tree, with known joints contracted.
+"""Paths of loops through the tree, contracted across known joints.
 
-A joint is known when its coordinates (or speeds) are given or have been found by an earlier loop. Bodies that are separated
-by known joints only form one group. A loop then contains the few joints that are still unknown, however long its cycle is.
-Each body of a group stores a link to an inboard body, with the relative frame or twist. Links are shortened whenever they
-are followed (union-find), so all loops together cost little more than the number of joints.
+A joint is known when its coordinates (or speeds) are given or have been found by an earlier loop. Bodies separated only by
+known joints form one group. A loop then contains only the few joints that are still unknown, however long its cycle is.
+Each body of a group stores a link to an inboard body, with its frame or twist relative to that body. Links are shortened
+whenever they are followed (union-find). So the cost of all loops together is little more than proportional to the joints.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Groups:
             self.link[k] = self.geometry.parent[k]
 
     def find(self, body: int) -> int:
-        """The innermost body of the group; links on the way are shortened to it."""
+        """The innermost body of a body's group; shortens the links on the way to it."""
         link, path = self.link, []
         while link[body] != body:
             path.append(body)
@@ -51,10 +51,10 @@ class Groups:
         return self.link[body] != body
 
     def _shorten(self, k: int, via: int) -> None:
-        """Compose the relative data of body k and of `via`, so that k is relative to the body to which `via` is."""
+        """Compose the relative data of body k with those of `via`, so that k is relative to the body that `via` links to."""
 
     def unknown(self, loop: int) -> tuple[list[int], list[int]]:
-        """Bodies with unknown joints on a loop's cycle, from the cut inward, on the start side and on the end side."""
+        """Bodies with unknown joints on a loop's cycle, from the cut inward: on the start side, on the end side."""
         g = self.geometry
         sides: tuple[list[int], list[int]] = ([], [])
         if loop in g.couplings:
@@ -68,12 +68,12 @@ class Groups:
 
 
 class PoseGroups(Groups):
-    """Groups with relative frames, from the coordinates of known joints.
+    """Groups with the relative frames of their bodies, from the coordinates of known joints.
 
     Attributes
     ----------
     R, o : (n + 1, S, 3, 3), (n + 1, S, 3) array
-        Frame of each body in the body it links to; m.
+        Frame of each body in the body it links to, origins in m.
     """
 
     def __init__(self, geometry: Geometry, q: Array, known: Iterable[int]) -> None:
@@ -92,7 +92,7 @@ class PoseGroups(Groups):
         self.R[k] = self.R[via] @ self.R[k]
 
     def found(self, joints: Joints, q: Array) -> None:
-        """Mark the joints of these bodies as known, with their coordinates."""
+        """Mark these joints as known, with their coordinates."""
         R, o = joints.transforms(q)
         for i, k in enumerate(joints.bodies):
             self.R[k], self.o[k] = R[:, i], o[..., i, :]
@@ -100,7 +100,7 @@ class PoseGroups(Groups):
 
 
 class TwistGroups(Groups):
-    """Groups with relative twists of K motions, from the speeds of known joints and `own` motions of bodies.
+    """Groups with the relative twists of K motions, from the speeds of known joints and from additional motions `own`.
 
     Attributes
     ----------
@@ -139,27 +139,27 @@ class TwistGroups(Groups):
         self.join(bodies)
 
     def difference(self, loop: int, point: Array) -> tuple[Array, Array, Array, tuple[list[int], list[int]]]:
-        """Relative motion of the faces of a loop due to known speeds.
+        """Relative motion of a loop's faces due to known speeds.
 
         Parameters
         ----------
         point : (S, 3) array
-            The cut, m.
+            Position of the cut, m.
 
         Returns
         -------
         w, v : (S, 3, K) array
             Relative twist at the cut.
         size : (S, K) array
-            Sum of what it is the difference of.
+            Sum of the magnitudes of the twists whose difference this is, a measure for rounding errors.
         unknown : tuple of two lists of int
-            As from `unknown`.
+            Bodies with unknown joints, as returned by `unknown`.
         """
         sides = self.unknown(loop)
         g = self.geometry
         w, v = np.zeros_like(self.w[0]), np.zeros_like(self.v[0])
         size = np.zeros(w.shape[::2])
-        if loop in g.couplings:  # this needs speeds, not motions of bodies
+        if loop in g.couplings:  # a coupling needs speeds, not motions of bodies
             return w, v, size, sides
         for body, side, sign in ((g.starts[loop], sides[0], -1), (g.ends[loop], sides[1], 1)):
             for part in (body, *(g.parent[k] for k in side)):

@@ -1,13 +1,13 @@
-"""Redundant conditions of loops, to rounding or within the tolerance, and parameters that open them.
+"""Redundant conditions of loops, exact to rounding or within the tolerance, and parameters that open them.
 
-Where the redundant conditions of an ear follow to rounding all of its conditions are met together, and nothing is done. Numbers
-of few digits, such as 1.5708 for pi/2, leave a planar loop a little out of its plane: then the redundant conditions can be met
-nearly, never exactly. So many of them are dropped that as many are left as there are dependent speeds. Which ones is decided
-once: a set that stays well conditioned at several configurations, in directions of the start face, in which the plane of a planar
-loop and the centre of a spherical one stand still.
+If the redundancy of an ear is exact to rounding, all of its conditions are met together, and none is dropped. Numbers of few
+digits, such as 1.5708 for pi/2, leave a planar loop a little out of its plane. The redundant conditions can then be met
+nearly, never exactly. Conditions are dropped until as many are left as there are dependent speeds. Which ones is decided
+once: the kept set must be well conditioned at several configurations. Conditions are taken along axes of the start face,
+because the plane of a planar loop and the centre of a spherical one are fixed there.
 
-A parameter may open what is redundant: one that shifts a hinge along its axis, say. Which parameters do is decided here from
-small changes of the joints' frames; no derivative of the generated code comes from these.
+A parameter may open redundant conditions, for instance one that shifts a revolute joint along its axis. Which parameters do is
+decided here from small changes of the joints' frames. No derivative of the generated code is computed this way.
 """
 
 from __future__ import annotations
@@ -30,34 +30,34 @@ from .ordering import Draft
 from .velocities import Motion, VelocityClosure
 
 ROUNDING = 2e-14
-"""Residuals of redundant conditions that count as rounding, in proportion to the distance from the base."""
+"""Residual of redundant conditions that counts as rounding, per unit of the distance from the base."""
 
 SPACING = 4e-16
-"""The same in proportion to the condition of the dependents' columns, which limits what is known of their range."""
+"""The same per unit of the condition number of the dependents' columns, which limits the accuracy of their range."""
 
 FAR = 2e-11
-"""The same at configurations that are closed less well."""
+"""The same at configurations that are closed less accurately."""
 
 OPENED = 1e-7
-"""A parameter that opens a redundant condition by less than this per unit leaves it closed."""
+"""Largest residual, per unit change of a parameter, up to which the parameter does not count as opening a redundant condition."""
 
 ALLOWED = 10.0
-"""Multiples of the model's tolerance up to which a dropped condition may be open: angles add up and act on levers."""
+"""A dropped condition may be open by this multiple of the model's tolerance: lever arms magnify errors."""
 
 SUBSETS = 5000
-"""Number of sets of conditions that are compared; beyond that rows are eliminated one by one."""
+"""Number of sets of conditions that are compared; if there are more, rows are eliminated one by one."""
 
 LEAST_OFF = 1e-13
-"""Angle in rad up to which axes count as parallel to rounding, which is no reason for a gap."""
+"""Angle in rad up to which axes count as parallel to rounding and leave no gap."""
 
 AS_GOOD = 0.7
-"""A set of conditions is replaced by a later one only if its quality is below this part of the other's."""
+"""A later set of conditions replaces the best one unless its quality, times this factor, is below the best one's."""
 
 WORTH_TURNING = 0.6
-"""Conditions along the axes of ``to`` are kept if the others determine dependents less well than by this factor."""
+"""Conditions along the axes of ``to`` are used if the quality of the others is below this fraction of theirs."""
 
 STEP = 2.0**-10
-"""Step of parameters, relative, or absolute for small ones."""
+"""Relative step of parameters; for small parameters this fraction of it, absolute."""
 
 
 @dataclass(slots=True)
@@ -67,9 +67,9 @@ class Redundancy:
     Attributes
     ----------
     dropped : dict of int to list of int
-        By loop, places among `closure_row_names` of the conditions that do not count.
+        By loop, positions of the ignored conditions among `closure_row_names`.
     gaps : set of int
-        Loops whose faces may be apart, or be moved apart by a parameter.
+        Loops whose faces may be apart, or may be moved apart by a parameter.
     opening : set of int
         Parameters that open redundant conditions.
     remarks : list of str
@@ -84,7 +84,7 @@ class Redundancy:
 def nearly_redundant(
     geometry: Geometry, drafts: Sequence[Draft], q: Array, random: np.random.Generator, rounding: float = ROUNDING
 ) -> list[Draft]:
-    """Ears with redundant conditions that are not redundant to rounding, at an assembled configuration ``(1, nq + 1)``."""
+    """Ears whose redundant conditions are not redundant to rounding, at an assembled configuration ``(1, nq + 1)``."""
     found = []
     motion = Motion(geometry, q, random.normal(size=(1, geometry.nu, 4)))
     for draft in drafts:
@@ -96,7 +96,7 @@ def nearly_redundant(
 
 
 def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
-    """Residuals of redundant conditions for the motions of the loop and for its position, over the size of rounding."""
+    """Residuals of an ear's redundant conditions, for its motions and for its position, relative to rounding errors."""
     E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
     A = E[:, [closure.column[s] for s in draft.dependent]]
     U, s, _ = np.linalg.svd(A)
@@ -109,9 +109,9 @@ def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
 
 
 def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> list[tuple[int, int]]:
-    """Conditions of an ear, as loop and number among the six, that determine its dependents best at the worst configuration.
+    """Conditions of an ear that determine its dependents best, at the worst configuration; as pairs of loop and row of six.
 
-    Singular configurations are ignored; if all are singular, all conditions are kept. An ear without dependents has none.
+    Singular configurations are ignored; if all are singular, all conditions are kept. An ear without dependents keeps none.
     """
     if not draft.dependent:
         return []
@@ -120,7 +120,7 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
     rank = A.shape[2]
     if not len(A):
         return names
-    # angular conditions come first: where they serve, the displacement between the faces needs no condition
+    # angular conditions first: if they suffice, the displacement between the faces needs no condition
     order = sorted(range(len(names)), key=lambda n: (names[n][1] < 3, n))
     if comb(len(names), rank) > SUBSETS:
         return sorted(names[n] for n in _eliminated(A, order))
@@ -135,7 +135,7 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
 
 
 def _columns(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> Array:
-    """Columns of an ear's dependents, ``(S, rows, r)``, at the configurations that are not singular."""
+    """Columns of an ear's dependents, ``(S, rows, r)``, at the regular configurations."""
     matrices = []
     for q in configurations:
         closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
@@ -148,10 +148,10 @@ def _columns(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) 
 def turned_round(
     geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]], configurations: Sequence[Array]
 ) -> list[int]:
-    """Loops of an ear whose conditions are better kept along the axes of the other face: these determine the dependents of an ear
-    well in poses in which `rows` do not.
+    """Loops of an ear whose conditions should be taken along the axes of the other face.
 
-    A crank beside others is determined by the condition across it in all poses, by one along the rod not where they are in line.
+    These conditions determine the dependents well in poses in which `rows` do not. For instance, a crank of a parallel-crank
+    mechanism is determined in all poses by the condition across itself. The condition along the rod fails when both are in line.
     """
     names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
     loops = [i for i in draft.loops if i not in geometry.couplings and sum(r < 3 for r in geometry.rows[i]) == 3]
@@ -176,7 +176,7 @@ def _quality(A: Array, rows: list[int]) -> float:
 
 
 def _eliminated(A: Array, order: list[int]) -> list[int]:
-    """As many rows of A ``(S, rows, r)`` as it has columns, each time the one with nearly the largest remainder, in an order."""
+    """As many rows of A ``(S, rows, r)`` as it has columns: each time the first in `order` with nearly the largest remainder."""
     rest, chosen = A.copy(), list[int]()
     while len(chosen) < A.shape[2]:
         size = np.min(np.linalg.norm(rest, axis=2), axis=0)
@@ -189,13 +189,13 @@ def _eliminated(A: Array, order: list[int]) -> list[int]:
 
 
 def keep(geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]]) -> None:
-    """Keep only these conditions of an ear."""
+    """Keep only these conditions of an ear, and drop the others."""
     for i in draft.loops:
         geometry.kept[i] = [r for r in geometry.rows[i] if (i, r) in rows]
 
 
 def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
-    """For each of the six numbers of a loop's conditions, its position among `closure_row_names`."""
+    """Positions among `closure_row_names` of a loop's conditions, by their row of six."""
     return {r: n for n, r in enumerate(geometry.rows[loop])}
 
 
@@ -203,7 +203,7 @@ def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
 
 
 def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
-    """Remark: which conditions of an ear are dropped, and why."""
+    """Text about the dropped conditions of an ear, and the reason."""
     model = geometry.model
     dropped = [
         closure_row_names(model.loops[i])[n]
@@ -222,16 +222,16 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
     turned = max((x for (_, r), x in left.items() if r >= 3), default=0.0)
     fit = f"lengths fit to {apart:.1e} m, axes to {turned:.1e} rad at the initial configuration"
     shape = _shape(geometry, closure) or f"moves in a plane, where its {fit}"
-    missing = f"{largest:.1e} of them stays open at the initial configuration"
     return (
         f"loop{'s' * (len(draft.loops) > 1)} {names} {shape}; dropped as redundant to that "
-        f"accuracy: {', '.join(dropped)} ({missing}; `closure` reports the residuals). They follow near the initial "
-        f"configuration; a motion ends where one of them opens by more than {ALLOWED * geometry.tolerance:g}"
+        f"accuracy: {', '.join(dropped)} (residual at the initial configuration {largest:.1e}; `closure` reports the residuals). "
+        f"They are redundant near the initial configuration; a motion ends where one of them opens by more than "
+        f"{ALLOWED * geometry.tolerance:g}"
     )
 
 
 def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
-    """The kind of motion that the joints of an ear nearly have, and how nearly."""
+    """The kind of motion that the joints of an ear nearly have, and its deviation from that."""
     turning = geometry.turning[closure.speeds]
     w, v = closure.screws[0][0][turning], closure.screws[1][0][~turning]
     if len(w):
@@ -241,7 +241,7 @@ def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
         if off <= ALLOWED * geometry.tolerance:
             return f"taken as planar: axes agree to {off:.1e} rad" if off > LEAST_OFF else ""
         if not len(v):
-            # the point nearest to all axes
+            # x is the point closest to all axes
             o = closure.origins[0][turning]
             P = np.eye(3) - w[:, :, None] * w[:, None, :]
             x = np.linalg.lstsq(P.reshape(-1, 3), (P @ o[..., None]).reshape(-1), rcond=None)[0]
@@ -255,7 +255,7 @@ def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
 
 
 def opening(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> tuple[set[int], set[int]]:
-    """Parameters that open redundant conditions when they change alone, and the loops that they open."""
+    """Parameters that open redundant conditions if they change alone, and the loops that they open."""
     model = geometry.model
     if not any(d.rows > len(d.dependent) for d in drafts):
         return set(), set()
@@ -272,7 +272,7 @@ def opening(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequenc
 
 
 def _names(model: Model) -> set[str]:
-    """Names in the expressions that place joints and faces."""
+    """Names in the expressions for the poses of joints and faces."""
     found: set[str] = set()
 
     def place(at: Vector, rotation: Iterable[tuple[Vector, Expression]], axes: Iterable[Vector]) -> None:
@@ -296,14 +296,14 @@ def _step(model: Model, j: int) -> float:
 
 
 def _changed(geometry: Geometry, j: int, by: float) -> Geometry:
-    """The geometry with one parameter changed, and the lengths of the given one."""
+    """The geometry with one parameter changed by `by`, with the characteristic lengths of the given one."""
     values = [p.value for p in geometry.model.parameters]
     values[j] += by
     return Geometry(geometry.model, values, geometry.lengths)
 
 
 def _rate(values: Sequence[Array], step: float) -> Array:
-    """Rate of change, from values a step and half a step to both sides."""
+    """Rate of change by a fourth-order central difference, from values at plus and minus one step and half a step."""
     whole, half = (values[0] - values[1]) / (2 * step), (values[2] - values[3]) / step
     return (4 * half - whole) / 3
 
@@ -311,7 +311,7 @@ def _rate(values: Sequence[Array], step: float) -> Array:
 def _opened(
     geometry: Geometry, drafts: Sequence[Draft], q: Array, moving: list[int], changed: list[list[Geometry]]
 ) -> Iterable[tuple[int, Draft]]:
-    """Pairs of a parameter and an ear that it opens at a configuration; dependent joints follow as far as they can."""
+    """Pairs of a parameter and an ear that it opens at a configuration, after the dependent joints have closed what they can."""
     model = geometry.model
     steps = [_step(model, j) for j in moving]
     K, n = len(moving), geometry.ground
@@ -344,6 +344,6 @@ def _opened(
 
 
 def _residuals(changed: Geometry, geometry: Geometry, motion: Motion) -> Array:
-    """Position residuals ``(L, 6)`` of all loops with the bodies at the positions of a motion."""
+    """Position residuals ``(L, 6)`` of a changed geometry's loops, with the bodies at the positions of a motion."""
     cuts = Cuts(changed, range(len(geometry.model.loops)), geometry.rows)
     return cuts.place(cuts.faces(motion.frames), motion.q)[0]

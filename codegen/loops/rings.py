@@ -1,4 +1,4 @@
-"""Rings of joints that close loops: evaluated relative to what is known around them, closed by damped Newton steps."""
+"""Rings of joints that close loops. Poses are relative to the known bodies around them; damped Newton steps close them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .geometry import Joints, advance
 from .paths import PoseGroups
 
 ROUNDING = 5e-16
-"""Residuals below this, times the distance from the base in characteristic lengths, need no further step."""
+"""Residual that counts as rounding, per unit of the distance from the base in characteristic lengths: no further step."""
 
 CLOSED = 1e-10
-"""Residuals that count as closed, in the same measure: between rounding and any intended gap."""
+"""Residual that counts as closed, in the same measure: between rounding and any intended gap."""
 
 SETTLED = 1e-3
-"""A step that changes the residual by less than this part is the last."""
+"""Iteration ends with a step that changes the residual by less than this fraction."""
 
 MAX_STEPS = 60
 
@@ -27,29 +27,29 @@ PATIENCE = 6
 """Number of steps within which the residual must decrease by a third."""
 
 LARGEST_STEP = 0.7
-"""Largest step, rad or characteristic lengths: over more than half a radian a linearisation is not valid."""
+"""Largest step, rad or characteristic lengths: beyond half a radian a linearisation is no longer valid."""
 
 LEAST_STEP = 1e-5
-"""If steps of this length do not help, none will."""
+"""Step length below which the iteration gives up."""
 
 LEAST_PIVOT = 1e-9
-"""Singular values of the closure matrix below this part of the largest are not divided by."""
+"""Singular values of the closure matrix below this fraction of the largest count as zero."""
 
 
 class Ring:
-    """The unknown joints of some loops, with everything known in between rigid: closes loops numerically.
+    """The unknown joints of some loops, with all known joints in between rigid: closes the loops numerically.
 
     Parameters
     ----------
     groups : PoseGroups
     loops : sequence of int
     bodies : iterable of int
-        Those whose joints move.
+        Bodies whose joints move.
 
     Attributes
     ----------
     joints : Joints
-        Outward.
+        The moving joints, outward.
     length : float
         The largest characteristic length of the loops, m.
     """
@@ -61,7 +61,7 @@ class Ring:
         self.cuts = Cuts(g, loops)
         self.length = float(np.max(g.lengths[self.cuts.loops]))
         place = {k: i for i, k in enumerate(self.joints.bodies)}
-        fixed = len(place)  # for bodies that no moving joint carries
+        fixed = len(place)  # index for bodies that no moving joint carries
         inboard = [self._carrier(groups, place, g.parent[k]) for k in self.joints.bodies]
         self.inboard = [c for c, _, _, _ in inboard]
         self.R_in = np.stack([R for _, R, _, _ in inboard], axis=1) if inboard else np.zeros((1, 0, 3, 3))
@@ -90,7 +90,7 @@ class Ring:
 
     @staticmethod
     def _carrier(groups: PoseGroups, place: dict[int, int], body: int) -> tuple[int, Array, Array, int]:
-        """The moving joint that carries a body, the body's frame in that joint's body, and the innermost body."""
+        """Moving joint that carries a body, the body's frame relative to that joint's body, and the innermost body."""
         base = groups.find(body)
         if body == base:
             R, o = np.broadcast_to(np.eye(3), groups.R[body].shape), np.zeros_like(groups.o[body])
@@ -99,7 +99,7 @@ class Ring:
         return place.get(base, len(place)), R, o, base
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Position residuals ``(S, rows)`` and closure matrix ``(S, rows, f)`` of all speeds of the moving joints."""
+        """Position residuals ``(S, rows)``, and closure matrix ``(S, rows, f)`` of the moving joints' speeds."""
         joints, m = self.joints, len(self.joints.bodies)
         R_joint, d = joints.transforms(q)
         R, o = np.empty((len(q), m + 1, 3, 3)), np.empty((len(q), m + 1, 3))
@@ -123,7 +123,7 @@ class Ring:
         return self.cuts.kept(residual), E
 
     def reach(self) -> float:
-        """Distance of the cuts from the base in characteristic lengths: the measure of rounding."""
+        """Distance of the cuts from the base in characteristic lengths, to which rounding errors are proportional."""
         lengths = self.geometry.lengths[self.cuts.loops]
         return float(np.max(np.linalg.norm(self.cuts.point, axis=-1) / lengths))
 
@@ -139,8 +139,8 @@ class Outcome:
         Scaled position residuals.
     closed : bool
     settled : bool
-        No joint of the ring, whether it may move or not, can close anything more: what is left is in conditions that
-        follow from others, nearly.
+        Whether no joint of the ring, movable or not, can reduce the residual further: what remains is in nearly
+        redundant conditions.
     """
 
     q: Array
@@ -155,7 +155,7 @@ class Outcome:
 
 
 def is_closed_as_given(ring: Ring, q: Array) -> bool:
-    """Whether `close` has nothing to do, whatever may move."""
+    """Whether a ring is closed to rounding, so that `close` has nothing to do."""
     rows, _ = ring.evaluate(q)
     return float(np.linalg.norm(rows)) <= ROUNDING * (1 + ring.reach())
 
@@ -163,8 +163,8 @@ def is_closed_as_given(ring: Ring, q: Array) -> bool:
 def close(ring: Ring, q: Array, movable: Array, pivot: float = LEAST_PIVOT) -> Outcome:
     """Close the loops of a ring by minimum-norm least-squares Newton steps within a trust region.
 
-    A step beyond the range of the linearisation is not shortened but damped (Levenberg and Marquardt): near a singular
-    pose the regular joints then continue, and only the singular one waits. Angles count in rad, displacements in
+    A step beyond the range of the linearisation is not shortened but damped (Levenberg-Marquardt). Near a singular pose the
+    regular joints then continue to move, and only the singular one is held back. Angles count in rad, displacements in
     characteristic lengths.
 
     Parameters
@@ -172,9 +172,9 @@ def close(ring: Ring, q: Array, movable: Array, pivot: float = LEAST_PIVOT) -> O
     q : (1, nq + 1) array
         Guess.
     movable : (f,) array of bool
-        Which speeds of the ring's joints may move.
+        Which speeds of the ring's joints may be nonzero.
     pivot : float
-        Singular values of the closure matrix below this part of the largest are not divided by.
+        Singular values of the closure matrix below this fraction of the largest count as zero.
     """
     g, speeds = ring.geometry, ring.joints.speeds[movable]
     scale = np.where(g.turning[speeds], 1.0, ring.length)
@@ -197,22 +197,22 @@ def close(ring: Ring, q: Array, movable: Array, pivot: float = LEAST_PIVOT) -> O
         expected = norm - float(np.linalg.norm(rows[0] + scaled @ y))
         rounding = norm < CLOSED * unit and norm_new > 0.5 * norm
         if norm_new < norm:
-            won = norm - norm_new
+            gain = norm - norm_new
             q, rows, E, norm = q_new, rows_new, E_new, norm_new
         else:
-            won = 0.0
+            gain = 0.0
         if rounding:
             break
-        if won < 0.25 * expected:
+        if gain < 0.25 * expected:
             radius = float(np.abs(y).max()) / 3
-        elif won > 0.7 * expected:
+        elif gain > 0.7 * expected:
             radius = min(2 * radius, LARGEST_STEP)
     settled = pivot > LEAST_PIVOT and _is_settled(ring, rows[0], E[0], pivot)
     return Outcome(q, rows[0], bool(np.abs(rows).max(initial=0.0) < CLOSED * unit), settled)
 
 
 def is_settled(ring: Ring, q: Array, pivot: float) -> bool:
-    """Whether no joint of a ring can close anything more at coordinates ``(1, nq + 1)``; `pivot` as for `close`."""
+    """Whether no joint of a ring can reduce the residual further at coordinates ``(1, nq + 1)``; `pivot` as for `close`."""
     rows, E = ring.evaluate(q)
     return _is_settled(ring, rows[0], E[0], pivot)
 
@@ -227,7 +227,7 @@ def _is_settled(ring: Ring, rows: Array, E: Array, pivot: float) -> bool:
 
 
 def _step(E: Array, rows: Array, radius: float, pivot: float) -> Array:
-    """The step ``(f,)``, damped until no component is larger than the radius."""
+    """The step ``(f,)``, damped until no component exceeds the radius."""
     U, s, Vt = np.linalg.svd(E, full_matrices=False)
     k = int(np.sum(s > pivot * max(s[0], 1e-300)))
     s, against = s[:k], U[:, :k].T @ rows

@@ -1,9 +1,9 @@
 """Which coordinates belong to which speeds.
 
-A scalar coordinate belongs to its rate. A quaternion belongs to the three angular speeds of its joint, a position
-to the three linear ones: no single one of these coordinates is the integral of a single speed. A group of coordinates
-counts as independent as long as one of its speeds is. Displacements of a group are small rotations and displacements
-along child axes, one for each speed.
+A scalar coordinate belongs to its rate. A quaternion belongs to the three angular speeds of its joint, a position to the
+three linear ones: none of these coordinates is the integral of a single speed. A group of coordinates counts as
+independent as long as one of its speeds is. The displacements of a group, one per speed, are small rotations and
+displacements along the child's axes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SpeedGroup:
-    """Speeds of a joint with the coordinates that they, and no other speeds of the joint, move.
+    """Speeds of a joint, with the coordinates that only they change.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class SpeedGroup:
 
 def speed_groups(model: Model) -> list[SpeedGroup]:
     """All speeds of a model in groups, in the order of the speeds."""
-    groups: dict[tuple[int, int], SpeedGroup] = {}  # of two motions by one coordinate one
+    groups: dict[tuple[int, int], SpeedGroup] = {}  # one group for two motions by the same coordinate
     for k, (body, (q, u)) in enumerate(zip(model.bodies, model.coordinate_slices, strict=True)):
         for m in body.joint.kind.motion:
             match m:
@@ -53,7 +53,7 @@ def speed_groups(model: Model) -> list[SpeedGroup]:
 
 
 def coordinates_of(model: Model, dependent: Collection[int]) -> tuple[list[int], list[int]]:
-    """Indices of the dependent coordinates, all of whose speeds are dependent, and of those of split groups."""
+    """Indices of coordinates whose speeds are all dependent, and of coordinates in split groups."""
     whole: list[int] = []
     split: list[int] = []
     for group in speed_groups(model):

@@ -1,7 +1,7 @@
-"""Tangles: ears that start from each other's bodies. None of them can be resolved first, so they are one dense system.
+"""Tangles: ears that start from each other's bodies, so that none can be resolved first. They become one dense system.
 
-A loop may close by itself for every motion of earlier loops and still, by its dependents, move bodies that carry
-the joints of another ear on which its own cut depends.
+A loop may close by itself for every motion of earlier loops. Still, its dependents may move bodies that carry joints of
+another ear, on which its own cut depends.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ T = TypeVar("T")
 
 
 def untangled(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: set[int]) -> list[tuple[int, ...]]:
-    """The ears by their loops, with each tangle as one; the same list if there is none.
+    """The ears as tuples of their loops, with each tangle merged into one ear; the same list if there is none.
 
     Parameters
     ----------
     geometry : Geometry
     ears : sequence of tuple of int
-        In their order.
+        Ears in their order.
     dependent : set of int
-        Speeds.
+        Dependent speeds.
     """
     joints = NewJoints(geometry.ancestry)
     owner = {
         k: i for loops in ears for i in loops for k in joints.of(geometry.starts[i], geometry.ends[i])
-    }  # the first loop that passes a body's joint
+    }  # the first loop that passes each body's joint
     return _untangled(geometry, ears, owner, {*_bodies_of(geometry, dependent)})
 
 
 def closed_together(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: set[int]) -> list[tuple[int, ...]]:
-    """The ears that one system closes: a coupling is one with the ears whose cycles pass the joints that it relates.
+    """The ears that are closed as one system: a coupling joins the ears whose cycles pass the joints that it couples.
 
-    Parameters are those of `untangled`.
+    The parameters are those of `untangled`.
     """
     joints, owner = NewJoints(geometry.ancestry), dict[int, int]()
     couplings = geometry.couplings
@@ -63,7 +63,7 @@ def closed_together(geometry: Geometry, ears: Sequence[tuple[int, ...]], depende
 def _untangled(
     geometry: Geometry, ears: Sequence[tuple[int, ...]], owner: Mapping[int, int], moved: set[int]
 ) -> list[tuple[int, ...]]:
-    """The same, with the loop to which each body on cycles belongs, and the bodies that dependents move."""
+    """The same, given the loop that owns each body on a cycle, and the bodies that dependents move."""
     ears, couplings = list(ears), geometry.couplings
     outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
     parent = {k: geometry.parent[k] for k in outward}
@@ -88,7 +88,7 @@ def _as_one(ears: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def joined(things: Sequence[T], tangled: Sequence[Sequence[int]], join: Callable[[list[T]], T]) -> list[T]:
-    """Items in their order, each tangle as one at the place of its last item, which needs all that the others needed."""
+    """Merge each tangle into one item, at the place of its last one, after everything that the others need."""
     last = {tangle[-1]: join([things[n] for n in tangle]) for tangle in tangled}
     gone = {n for tangle in tangled for n in tangle[:-1]}
     return [last.get(n, thing) for n, thing in enumerate(things) if n not in gone]
@@ -101,9 +101,9 @@ class Members:
     Attributes
     ----------
     moved : list of set of int
-        Of each ear, the nodes that its dependents move, as far out as its own cycles go.
+        For each ear, the nodes that its dependents move, as far out as its own cycles reach.
     before : list of set of int
-        Of each ear, those that move what it starts from.
+        For each ear, the ears that move the nodes from which it starts.
     """
 
     moved: list[set[int]]
@@ -117,26 +117,26 @@ def ear_members(
     faces: Sequence[Iterable[int]],
     is_moved: Callable[[int], bool],
 ) -> Members:
-    """Nodes (bodies or links) on cycles that an ear's dependents move, and the ears from which it starts.
+    """Nodes (bodies or links) on cycles that each ear's dependents move, and the ears that each ear starts from.
 
-    Nodes inboard of all dependents of an ear move without it, and are free to carry other ears.
+    Nodes inboard of all dependents of an ear move without it, and may carry other ears.
 
     Parameters
     ----------
     parent, owner : mapping of int to int
-        Of nodes on cycles: the parent; the first ear with a cycle through the node.
+        For nodes on cycles: the parent; the first ear with a cycle through the node.
     outward : iterable of int
         The same nodes, parents first.
     faces : sequence of iterable of int
-        Of each ear, the nodes that its loops end at.
+        For each ear, the nodes at which its loops end.
     is_moved : callable
-        Whether a node's joint has a dependent freedom.
+        Whether a node's joint has a dependent degree of freedom.
     """
     moved: list[set[int]] = [set() for _ in faces]
     carrier: dict[int, int] = {}
 
     def take(e: int, i: int) -> None:
-        """Add a node that an ear moves, and those between it and the ear."""
+        """Add a node that ear e moves, and the nodes inboard of it up to those that are already added."""
         while i not in moved[e]:
             moved[e].add(i)
             i = parent[i]
@@ -162,7 +162,7 @@ def ear_members(
 
 
 def tangles(before: Sequence[set[int]]) -> list[list[int]]:
-    """Sets of several items that wait for each other, directly or through others, sorted.
+    """Sets of two or more items that wait for each other, directly or through others, sorted.
 
     The strongly connected components, by Tarjan's method (SIAM J. Comput. 1, 1972, 146-160).
     """

@@ -27,14 +27,14 @@ def complete_speeds(
     u: Sequence[float] | Array,
     p: Sequence[float] | Array | None = None,
 ) -> Array:
-    """Dependent speeds from independent ones, by the velocity closure of one ear after the other.
+    """Dependent speeds from independent ones, by closing the velocities of one ear after the other.
 
     Parameters
     ----------
     q : (nq,) array
-        Assembled.
+        Coordinates at which the loops are closed.
     u : (nu,) array
-        Its independent entries are kept, the others ignored.
+        Speeds; only the independent ones are used.
 
     Returns
     -------
@@ -52,17 +52,17 @@ def complete_speeds(
 
 
 class Motion:
-    """K motions at S configurations, resolved ear by ear: the velocity level of closure.
+    """Velocities of K motions at S configurations, resolved ear by ear.
 
     Parameters
     ----------
     own : tuple of two (S, n + 1, 3, K) arrays, optional
-        What bodies move against their parents beside their speeds, angular velocity and velocity of the origin, ground frame.
+        Additional motion of each body relative to its parent: angular velocity and velocity of the origin, ground frame.
 
     Attributes
     ----------
     u : (S, nu, K) array
-        Speeds; dependent ones are right once their ear has been resolved.
+        Speeds; dependent ones are valid once their ear has been resolved.
     """
 
     def __init__(self, geometry: Geometry, q: Array, u: Array, own: tuple[Array, Array] | None = None) -> None:
@@ -73,22 +73,22 @@ class Motion:
 
     @cached_property
     def cuts(self) -> Cuts:
-        """The cuts of all loops, placed."""
+        """The cuts of all loops at their positions."""
         found = Cuts(self.geometry, range(len(self.geometry.model.loops)))
         found.place(found.faces(self.frames), self.q)
         return found
 
     def restart(self) -> None:
-        """Forget everything that has been resolved."""
+        """Undo the resolution of all ears."""
         self.u = self.given.copy()
         self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1], self.own)
 
     def closure(self, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> VelocityClosure:
-        """The velocity closure of an ear, given the speeds known so far; `rows` as in `Cuts`."""
+        """The velocity conditions of an ear, given the speeds known so far; `rows` as in `PlacedCuts`."""
         return VelocityClosure(self, loops, rows)
 
     def resolve(self, closure: VelocityClosure, dependent: Sequence[int]) -> None:
-        """Compute the dependent speeds of an ear; its joints are known from now on."""
+        """Compute the dependent speeds of an ear; its joints then count as known."""
         columns = [closure.column[s] for s in dependent]
         others = [c for c in range(len(closure.speeds)) if c not in columns]
         right = closure.known + closure.E[..., others] @ self.u[:, closure.speeds[others]]
@@ -98,26 +98,26 @@ class Motion:
 
 
 class VelocityClosure:
-    """``E u + known = 0`` for the unknown joints of some loops.
+    """Velocity conditions ``E u + known = 0`` on the speeds of the unknown joints of some loops.
 
     Attributes
     ----------
     bodies : list of int
-        The f speeds' bodies, those near the cuts first.
+        Bodies of the f speeds, those near the cuts first.
     speeds : (f,) array
     column : dict of int to int
-        Where a speed stands.
+        Column of each speed.
     E : (S, rows, f) array
     known : (S, rows, K) array
-        What the known speeds contribute.
+        Contributions of the known speeds.
     size : (S, K) array
-        How large the contributions are that `known` is the difference of.
+        Sum of the magnitudes of the contributions whose difference `known` is.
     position : (S, rows) array
         Position residuals.
     screws : tuple of two (S, f, 3) arrays
-        Of the speeds about their bodies' origins, ground frame.
+        Unit screws of the speeds about their bodies' origins, ground frame.
     origins : (S, f, 3) array
-        These, m.
+        Origins of the speeds' bodies, m.
     """
 
     def __init__(self, motion: Motion, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
@@ -168,24 +168,24 @@ class VelocityClosure:
 
     @staticmethod
     def _of_known(motion: Motion, coupled: Coupled) -> Array:
-        """Contributions of known speeds to a coupling, one by one, ``(S, n, K)``."""
+        """Contributions of the known speeds to a coupling, one by one, ``(S, n, K)``."""
         groups, body = motion.groups, motion.geometry.speed_body
         known = [i for i, s in enumerate(coupled.speeds) if groups.is_known(int(body[s]))]
         parts: Array = coupled.factors[known, None] * motion.u[:, coupled.speeds[known]]
         return parts
 
     def disturbance(self, others: Array, configurations: Array) -> tuple[Array, Array]:
-        """Contributions ``(S, rows, K)`` of known speeds and further columns to the conditions, and their possible size."""
+        """Contributions ``(S, rows, K)`` of known speeds and of the columns `others`, and the size of their terms."""
         E, u = self.E[configurations][..., others], self._u[configurations][:, self.speeds[others]]
         size = self.size[configurations] + np.sum(np.max(np.abs(E), axis=1)[..., None] * np.abs(u), axis=1)
         return self.known[configurations] + E @ u, size
 
     def reach(self) -> float:
-        """Distance of the cuts from the base in characteristic lengths: the measure of rounding."""
+        """Distance of the cuts from the base in characteristic lengths, to which rounding errors are proportional."""
         return float(np.max(np.linalg.norm(self._cuts.point, axis=-1))) / self._length
 
     def possible(self) -> int:
-        """Number of conditions that motions of this kind can violate: in a plane only those in the plane."""
+        """Number of conditions that motions of this kind can violate: for planar motions only those in the plane."""
         cuts = self._cuts
         total = len(cuts.couplings)
         for j, passing in enumerate(self._passing):
@@ -195,25 +195,25 @@ class VelocityClosure:
         return total
 
     def scaled(self, geometry: Geometry, length: float) -> Array:
-        """E with the columns of displacements per characteristic length."""
+        """E with its linear columns per characteristic length."""
         return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
 
     def weighed(self, geometry: Geometry, length: float) -> Array:
-        """The same for a choice of dependent speeds: the ratios of a single coupling are constant and do not count."""
+        """The same, with only the signs for a lone coupling: its constant ratios must not affect the choice of dependents."""
         E = self.scaled(geometry, length)
         return np.sign(E) if is_lone_coupling(geometry, self._cuts.loops) else E
 
 
 def is_lone_coupling(geometry: Geometry, loops: Sequence[int]) -> bool:
-    """Whether these loops are one coupling, for which every choice of dependent coordinates is equally good."""
+    """Whether these loops are a single coupling, in which every coordinate is an equally good dependent."""
     return len(loops) == 1 and loops[0] in geometry.couplings
 
 
 def _possible(n: Array, m: Array, w: Array, v: Array, tolerance: float) -> int:
-    """Rank of a loop's conditions n, m ``(3, 3)`` for all motions of the kind of some twists ``(3, f)`` at its cut.
+    """Rank of a loop's conditions n, m ``(3, 3)``, for all motions like those of the twists ``(3, f)`` at its cut.
 
-    Twists with one direction of w and all v across it are motions in a plane, whatever the configuration; all others are
-    taken for motions in space.
+    Twists with a single direction of w and all v perpendicular to it are planar motions at every configuration. All others
+    count as spatial.
     """
     U, s, _ = np.linalg.svd(w)
     planar = s[0] > 0 and np.max(s[1:], initial=0.0) < max(tolerance, PLANAR) * s[0]

@@ -120,8 +120,8 @@ def test_what_is_said_of_a_choice_is_what_it_is(four_loops, chosen):
     size = np.sqrt(max(np.sum(s**2), len(s))) / len(s)
     assert compared.condition == pytest.approx(np.sqrt(np.sum(s**-2.0)) * size, rel=1e-6)
     (line,) = [x for x in describe(four_loops, chosen) if "together" in x]
-    assert f"condition {compared.condition:.2g}, by pivoting {compared.pivoted:.2g}; in three" in line
-    assert f"{compared.reach:.0%} of random states nearby" in line
+    assert f"condition number {compared.condition:.2g}, by pivoting {compared.pivoted:.2g}; in three" in line
+    assert f"the loops close in {compared.reach:.0%} of random states nearby" in line
 
 
 def closing(made, found, spread=0.4, count=40):
@@ -187,5 +187,5 @@ def test_clusters_that_no_hint_asked_for_are_not_blamed_on_hints():
         bodies.append(body(f"rod{i}", GROUND, "spherical", at=tuple(at)))
         loops.append(loop(f"ball{i}", "spherical", (i + 1, (0, 0, 1)), (0, tuple(0.5 * at))))
     made = model(bodies, loops, {"plate.pz": 0.9, "plate.qw": 1.0})
-    told = [x for x in partition(made).warnings if "only all together" in x]
+    told = [x for x in partition(made).warnings if "only together" in x]
     assert not [x for x in told if "or none" in x]

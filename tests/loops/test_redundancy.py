@@ -90,7 +90,7 @@ def test_lengths_that_do_not_fit_by_little_are_taken_so():
     model = four_bar(offset="1e-7")
     chosen = partition(model)
     assert dropped(model, chosen) == ["bearing.l2", "bearing.a1", "bearing.a2"]
-    assert "1.0e-07 of them stays open" in chosen.remarks[0]
+    assert "residual at the initial configuration 1.0e-07" in chosen.remarks[0]
 
 
 @pytest.mark.parametrize("long", [0, 1e-9, 1e-6])
@@ -194,11 +194,11 @@ def test_motions_that_are_stopped_by_little_are_told():
     model = parse_model(LOCKED.format(tilt=3e-3, at=-1e-3))
     chosen = partition(model)
     assert [model.speed_names[s] for s in chosen.independent] == ["other"]
-    (told,) = (x for x in chosen.warnings if "is stopped by" in x)
-    assert "loop bearing: a motion of" in told and "loop_tolerance" in told
-    assert f"warning: {told}" in describe(model, chosen)
+    (warning,) = (x for x in chosen.warnings if "is blocked by" in x)
+    assert "loop bearing: a motion of" in warning and "loop_tolerance" in warning
+    assert f"warning: {warning}" in describe(model, chosen)
     loose = parse_model(LOCKED.format(tilt=3e-3, at=-1e-3) + "loop_tolerance: 1e-2\n")
-    assert not any("is stopped by" in x for x in partition(loose).warnings)
+    assert not any("is blocked by" in x for x in partition(loose).warnings)
     assert len(partition(loose).independent) == 2
 
 
@@ -254,6 +254,6 @@ def test_links_that_are_too_short_in_one_line_say_so():
         "loops:\n  l: {joint: {type: point}, from: {body: b, at: [1, 0, 0]}, to: {body: ground, at: [2.00000009, 0, 0]}}\n"
     )
     with pytest.raises(
-        AssemblyError, match=r"9e-08 m .* within loop_tolerance, 0\.0001, .* too short or too long by that"
+        AssemblyError, match=r"9e-08 m .* within loop_tolerance, 0\.0001, .* too short or too long by the residual"
     ):
         partition(parse_model(text))
