@@ -41,15 +41,15 @@ def said(model: Model) -> list[str]:
     [
         (
             "andrews",
-            "region of E3, E4, E6 (links k1, k2, k3, k5, k4, k7 and 1 more): base ground, where the ways inward from the faces "
+            "region of E3, E4, E6 (links k1, k2, k3, k5, k4, k7 and 1 more): base ground, where the paths inward from the faces "
             "of its loops meet; moves with 1 independent speed (k1)",
         ),
         (
             "closed_chain",
-            "region of end (links link_12, link_13, link_14, link_15, link_16): base link_11, a region of one ear, as its loops "
-            "share links with more than 5 independent speeds and are no shorter as one region (docs/theory.md, 4.3): of the "
-            "links outside that its links hang on, or its loops end on, the only one that moves; the other is the ground; moves "
-            "with the motion of the base",
+            "region of end (links link_12, link_13, link_14, link_15, link_16): base link_11, a region of one ear, since its "
+            "loops share links with more than 5 independent speeds and a common region would not save enough operations "
+            "(docs/theory.md, 4.3); it is the only moving link among those that carry its links or the faces of its loops; the "
+            "other is the ground; moves with the motion of the base",
         ),
     ],
 )
@@ -59,9 +59,10 @@ def test_of_examples(name: str, line: str) -> None:
 
 def test_of_links_on_two_branches() -> None:
     assert said(parse_model(ARMS)) == [
-        "region of hold (links b_0_6, b_1_5, b_1_6): base b_0_5, a region of one ear, as its loops share links with more than 5 "
-        "independent speeds and are no shorter as one region (docs/theory.md, 4.3): of the moving links outside the one that "
-        "most of its links hang on, of equals the first: 1 on b_0_5, 1 on b_1_4; moves with the motion of b_1_4 against the base"
+        "region of hold (links b_0_6, b_1_5, b_1_6): base b_0_5, a region of one ear, since its loops share links with more than "
+        "5 independent speeds and a common region would not save enough operations (docs/theory.md, 4.3); it is the moving link "
+        "that carries most of its links, the first of equals: 1 on b_0_5, 1 on b_1_4; moves with the motion of b_1_4 relative "
+        "to the base"
     ]
 
 
@@ -79,6 +80,6 @@ def test_of_a_loop_that_a_body_carries_and_of_many() -> None:
     )  # fmt: skip
     lines = said(model)
     assert lines[0].startswith(
-        "region of pin_1 (links a_1, b_1, c_1): base cart, where the ways inward from the faces of its loops meet; moves with 1 "
+        "region of pin_1 (links a_1, b_1, c_1): base cart, where the paths inward from the faces of its loops meet; moves with 1 "
     )
-    assert len(lines) == LINES + 1 and lines[-1] == "and 3 regions more"
+    assert len(lines) == LINES + 1 and lines[-1] == "and 3 more regions"

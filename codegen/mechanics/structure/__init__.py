@@ -1,1 +1,1 @@
-"""Links, ears and regions, the order in which they are worked on, and what is the same of them: kinds and constants."""
+"""Structure of a model: links, ears, regions, the order of the sweeps, and kinds and constants of these units."""

@@ -1,7 +1,7 @@
-"""Constants of links: which are zero, which are numbers, which depend on design parameters, and by what statements.
+"""Constants of links and the statements that compute them: zeros, numbers, and functions of design parameters.
 
-Links whose constants come from expressions of the same form share one *shape*: a block that computes the constants that
-depend on parameters, together with their derivative primitives, from the link's parameters and numbers.
+Links whose constants come from expressions of the same form share a *shape*: a block that computes the constants that depend on
+parameters, and their derivative primitives, from the link's parameters and numbers.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from ..stores import PARAMETER
 _LARGE = 100
 
 Leaf = Callable[[Tree], Expr]
-"""The symbol of a name or of a numbered slot."""
+"""Gives the symbol of a name or of a numbered slot."""
 
 
 class Slots:
-    """Turns expressions of one form into the same tree: parameters and numbers become numbered slots."""
+    """Replaces parameters and numbers by numbered slots, so that expressions of the same form give the same tree."""
 
     def __init__(self) -> None:
         self.parameters: list[str] = []
@@ -56,9 +56,9 @@ class Slots:
 def split(
     tree: Tree, is_part: Callable[[Tree], bool], part: Callable[[Tree], Tree], name: Callable[[Tree], Tree]
 ) -> Tree:
-    """A tree with other ones in the place of its largest parts of a sort, and of its other names.
+    """A tree whose largest subtrees that satisfy `is_part` are replaced by `part`, and its other names by `name`.
 
-    Numbers that structure depends on (0, 1, -1, 2 and exponents) stay.
+    Numbers that determine structure (0, 1, -1, 2 and exponents) remain.
     """
     if tree[0] == "number" and tree[1] in (0, 1, -1, 2):
         return tree
@@ -72,7 +72,7 @@ def split(
 
 
 def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> Tree:
-    """A tree with numbered slots in the place of numbers, which are appended to `numbers`, and of names; see `split`."""
+    """A tree with numbered slots for its numbers, which are appended to `numbers`, and for its names; see `split`."""
 
     def numbered(part: Tree) -> Tree:
         numbers.append(float(part[1]))
@@ -82,9 +82,9 @@ def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> T
 
 
 class Statements:
-    """Writes an expression tree as statements of an expansion: names where the tree would grow a large expression.
+    """Writes an expression tree as statements, with names for intermediate values that would make expressions long.
 
-    `tag`: the equation that they belong to.
+    `tag` is the equation of the statements.
     """
 
     def __init__(self, x: Expansion, leaf: Leaf, tag: str = ""):
@@ -126,7 +126,7 @@ class Statements:
         if kind == "/":
             return a / b
         if not (isinstance(b, Number) and b.is_Integer and abs(b) <= 2):
-            a = self.let(a)  # a power of a product stays one: its factors' powers overflow where it does not
+            a = self.let(a)  # powers of its factors may overflow
         return self.let(Power(a, b))
 
     def named(self, tree: Tree) -> Expr:
@@ -138,9 +138,9 @@ class Statements:
 
 
 def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") -> Value:
-    """The value of an expression: as statements, or whether it can differ from zero, with every operand asked for all the same.
+    """The value of an expression, as statements; on zero patterns whether it may differ from zero. Reads every operand.
 
-    `leaf` gives the value of a name's tree; `tag` is the equation that the statements belong to.
+    `leaf` gives the value of a name; `tag` is the equation of the statements.
     """
     if isinstance(x, Expansion):
         value: Value = Statements(x, lambda name: algebra.expression(leaf(name)), tag).write(tree)
@@ -160,16 +160,16 @@ def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") 
             return values[0] - values[1]
         case "*":
             return values[0] * values[1]
-    return x.call("sqrt", 1)  # what a quotient, a power or a function is cannot be known from patterns
+    return x.call("sqrt", 1)  # on patterns, a quotient, a power or a function may be nonzero
 
 
 def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict[str, Value]]) -> Shape:
-    """Expand the constants of a form of links.
+    """Expand the constants of links whose expressions have the same form.
 
     Parameters
     ----------
     slots : Slots
-        Filled while the form was recognised.
+        Filled when the form was determined.
     write : callable (expansion, leaf) -> dict
         Writes the statements and returns the constants.
     """
@@ -182,7 +182,6 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict
 
     fields = {name: algebra.expression(value) for name, value in write(x, leaf).items()}
     parameters = [x.symbol(PARAMETER, j) for j in range(len(slots.parameters))]
-    # which symbols depend on a parameter
     depends: set[Symbol] = set(parameters)
     statements = list(x.block.statements)
     for s in statements:

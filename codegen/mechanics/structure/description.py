@@ -1,4 +1,4 @@
-"""What the regions of a model's loops are, in words: which link is the base of each, and why."""
+"""Description of a model's regions for the user: which link is the base of each, and why."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .regions import Regions, find_regions
 from .system import in_order_of_units
 
 _ALONE = (
-    f"a region of one ear, as its loops share links with more than {FEW_SOURCES} independent speeds and are no shorter as one "
-    f"region (docs/theory.md, 4.3)"
+    f"a region of one ear, since its loops share links with more than {FEW_SOURCES} independent speeds and a common region would "
+    f"not save enough operations (docs/theory.md, 4.3)"
 )
 LINES = 12
-"""So many regions are described; the others are counted."""
+"""At most this many regions are described; the rest are counted."""
 
 
 def describe_regions(model: Model, partition: Partition) -> list[str]:
-    """Lines for a reader, one a region: its loops, its base and why it is that link, what it moves with."""
+    """One line for each region: its loops, its base and the reason for it, and the sources of its motion."""
     defaults = model.defaults
 
     def evaluate(e: Expression) -> float:
@@ -33,7 +33,7 @@ def describe_regions(model: Model, partition: Partition) -> list[str]:
     regions = find_regions(model, links, carriers, partition)
     lines = [_line(model, links, regions, region) for region in regions.regions[:LINES]]
     more = len(regions.regions) - len(lines)
-    return lines + ([f"and {more} region{'s' * (more > 1)} more"] if more else [])
+    return lines + ([f"and {more} more region{'s' * (more > 1)}"] if more else [])
 
 
 def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> str:
@@ -45,18 +45,18 @@ def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> 
     if region.far:
         hanging = [ear.roots[-1 - p] for ear in ears for p in ear.parents if p < 0]
         counts = ", ".join(f"{hanging.count(i)} on {_name(links, i)}" for i in (region.base, *region.far))
-        why = f"{_ALONE}: of the moving links outside the one that most of its links hang on, of equals the first: {counts}"
-        sources.append(f"the motion of {listed([_name(links, i) for i in region.far])} against the base")
+        why = f"{_ALONE}; it is the moving link that carries most of its links, the first of equals: {counts}"
+        sources.append(f"the motion of {listed([_name(links, i) for i in region.far])} relative to the base")
     elif not region.rigid:
         why = (
-            f"{_ALONE}: of the links outside that its links hang on, or its loops end on, the only one that moves; the other is "
-            f"the ground"
+            f"{_ALONE}; it is the only moving link among those that carry its links or the faces of its loops; the other is the "
+            f"ground"
         )
         sources.append("the motion of the base")
     else:
         couplings = all(model.loops[c.loop].is_coupling for ear in ears for c in ear.closures)
         what = "coupled joints" if couplings else "faces of its loops"
-        why = f"where the ways inward from the {what} meet"
+        why = f"where the paths inward from the {what} meet"
     moved = listed([_name(links, i) for ear in ears for i in ear.links])
     return (
         f"region of {loops} (links {moved}): base {base}, {why}; moves with {' and '.join(sources) or 'nothing else'}"

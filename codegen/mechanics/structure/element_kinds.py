@@ -1,8 +1,8 @@
-"""Force elements on bodies: where their ends are, of which form their coefficients are, and which are alike.
+"""Force elements on bodies: their attachment points, the forms of their coefficients, and their kinds.
 
-A coefficient is an expression of the model. What it contains of positions and velocities of points is computed in the element's
-block; the largest parts without any are *coefficients* in the generated code, formulas that are evaluated beforehand. Elements
-whose coefficients are alike but for those parts are of one kind.
+A coefficient is an expression of the model. The element's block computes its terms in positions and velocities of points. Its
+largest subexpressions without any are *coefficients* of the generated code: formulas that are evaluated before the sweeps.
+Elements of one kind may differ in these subexpressions only.
 """
 
 from __future__ import annotations
@@ -46,30 +46,30 @@ from .shared_constants import SharedConstants, pattern
 
 @dataclass(slots=True, eq=False)
 class PlacedElement:
-    """A force element between links.
+    """A force element on links.
 
     Attributes
     ----------
     links : tuple of int
-        That it acts on or looks at, each once; `GROUND`.
+        Links on which it acts or whose motion it reads, each once; `GROUND`.
     ends : tuple of int
-        For each end, where it acts and then the points that it only looks at, the place of its link among `links`.
+        For each attachment point, then for each point that it only reads: index of its link in `links`.
     steps : tuple of tuples of Placement
-        From the body frame of that link to the end.
+        From the body frame of the point's link to the point.
     frames : tuple of Frame
-        Of that link.
+        Frame of that link in its body.
     oriented : tuple of bool
-        Whether the axes of an end matter.
+        Whether the element uses axes at the point.
     axis : Frame
-        Of the axis of its faces.
+        The axis of its faces, as a frame.
     forms : tuple of Tree
-        Its coefficients, then the mode of its angle or its line, if that has one, and the line's direction, with
-        ``("name", "coefficient", i)`` for the parts that are evaluated beforehand and ``("name",
-        "position", end, i)`` and ``("name", "velocity", end, i)`` for what points do.
+        Its coefficients, then the mode of its angle or line and the direction of the line, if any. They contain
+        ``("name", "coefficient", i)`` for the parts that are evaluated before the sweeps. Points have the names
+        ``("name", "position", end, i)`` and ``("name", "velocity", end, i)``.
     parts : tuple of (str, Tree)
-        Those parts, each with the key of the model file where it stands.
+        Those parts, each with its key in the model file.
     first : int
-        Place of the first of them in its array.
+        Index of the first of them in its array.
     constants : Constants
     """
 
@@ -87,11 +87,11 @@ class PlacedElement:
 
     @property
     def acted_on(self) -> list[int]:
-        """Links that it acts on, for each end."""
+        """The link of each attachment point."""
         return [self.links[j] for j in self.ends[: len(self.element.ends)]]
 
     def expressions(self) -> list[Expression]:
-        """All that its constants are made of, in a fixed order."""
+        """The expressions in its constants, in a fixed order."""
         found: list[Expression] = []
         for steps, frame, oriented in zip(self.steps, self.frames, self.oriented, strict=True):
             found += frame.vector or ()
@@ -101,20 +101,20 @@ class PlacedElement:
         return found
 
     def structure(self) -> tuple[object, ...]:
-        """Equal for elements whose constants are the same but for numbers and parameters."""
+        """A key, equal for elements whose constants differ only in numbers and parameters."""
         return (
             "ends", self.oriented, self.axis.form(), *(f.form() for f in self.frames),
             *map(form_of_steps, self.steps),
         )  # fmt: skip
 
     def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
-        """Places of the ends, in link components, and axes of those whose axes matter.
+        """Positions of the attachment points along the links' axes, and the axes of faces.
 
         Returns
         -------
         dict
-            ``A``, ``B``, ... the ends: ``A.r.i`` the place, m; ``A.F.ij`` link components from those of the face, one of whose
-            base vectors is the element's axis.
+            For each point ``A``, ``B``, ...: ``A.r.i`` position, m; ``A.F.ij`` link components from those of the face. One base
+            vector of the face is the element's axis.
         """
         out: dict[str, Value] = {}
         for n, (steps, frame, oriented) in enumerate(zip(self.steps, self.frames, self.oriented, strict=True)):
@@ -132,22 +132,22 @@ class PlacedElement:
 
 @dataclass(slots=True, eq=False)
 class ElementKind(SharedConstants):
-    """What the blocks of a kind of force elements are written from.
+    """The common properties of force elements of one kind, from which their blocks are written.
 
     Attributes
     ----------
     first : ForceElement
-        The first member: the others differ from it in numbers and names.
+        The first member; the others differ from it in numbers and names.
     grounded : tuple of bool
         For each link, whether it is the ground.
     ends, oriented : tuple
-        See `PlacedElement`; those where it acts come first.
+        See `PlacedElement`; attachment points come first.
     axis : int
-        Which base vector of its faces is its axis.
+        Index of the base vector of its faces that is its axis.
     forms : tuple of Tree
         See `PlacedElement`.
     model : Model
-        For what is said when a coefficient has no value.
+        For messages about coefficients that have no finite value.
     members : list of int
         Force elements.
     """
@@ -167,19 +167,19 @@ class ElementKind(SharedConstants):
     store = ELEMENT_CONSTANTS
 
     def no_value(self, what: str) -> ModelError:
-        """The error for coefficients that have no value for any state."""
+        """The error for coefficients that have no finite value or derivative in any state."""
         path = f"forces.{self.first.name}"
         message = f"{what} has no value or no derivative (a division by zero? an overflow?) for any state; change it"
         return ModelError([self.model.problem(path, message)])
 
 
 def end_name(i: int) -> str:
-    """What an end is called among the constants: A, B, ..."""
+    """Name of a point among the constants: A, B, ..."""
     return chr(ord("A") + i) if i < 26 else f"E{i}"
 
 
 def without_parts(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
-    """A coefficient without the parts that no position or velocity of a point is in; these are appended to `parts`."""
+    """A coefficient whose parts without positions and velocities of points are replaced; they are appended to `parts`."""
 
     def part(unmeasured: Tree) -> Tree:
         parts.append(unmeasured)
@@ -195,7 +195,7 @@ def without_parts(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tre
 
 
 def _measures(tree: Tree) -> bool:
-    """Whether a position or velocity of a point is in it."""
+    """Whether an expression contains a position or velocity of a point."""
     return any(name.startswith(("position.", "velocity.")) for name in Expression(tree).names)
 
 
@@ -206,9 +206,9 @@ def placed_elements(
     way_of_ground: tuple[Placement, ...],
     constants: ModelConstants,
 ) -> list[PlacedElement]:
-    """The force elements on bodies in their order."""
+    """The force elements on bodies, in the model's order."""
     found = []
-    carriers = [*carriers, (GROUND, way_of_ground)]  # which is the one at `GROUND`
+    carriers = [*carriers, (GROUND, way_of_ground)]  # the last entry has the index `GROUND`
     first = {True: 0, False: 0}
     for element in model.loads:
         e = _placed(element, links, carriers, constants.evaluate, first[element.has_energy], model.switches.hold,
@@ -261,7 +261,7 @@ def _axis(axis: Axis | None, evaluate: NumberOf) -> Frame:
 def find_element_kinds(
     index: int, kind_of: Mapping[int, int], elements: Sequence[PlacedElement], model: Model
 ) -> list[ElementKind]:
-    """Kinds of elements, numbered from `index`; `kind_of` numbers the kinds of links."""
+    """The kinds of elements, numbered from `index`; `kind_of` gives the kind of each link."""
     found: dict[object, ElementKind] = {}
     owned: dict[int, list[Constants]] = {}
     for n, e in enumerate(elements):

@@ -1,8 +1,8 @@
-"""The order in which links and regions are eliminated, and the couplings that arise on the way. Section 4 of the theory page.
+"""The order in which links and regions are eliminated, and the couplings that this causes. Section 4 of the theory page.
 
-An ear that starts from two links that both move couples their accelerations: the equations of motion then have a 6x6 block
-for the two of them (the paper's two-argument inertia). When one of the two is eliminated its block passes to its parent, until
-the other is reached. Inward, what has the fewest couplings goes first, so that the set of each stays small.
+An ear (graph.py) that starts from two moving links couples their accelerations by a 6x6 block of the equations of motion, the
+paper's two-argument inertia. When one of these links is eliminated, its block passes to its parent, until the path reaches the
+other. Going inward, the unit with the fewest couplings is eliminated first, so that few couplings exist at any time.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from .graph import EarLinks, Region, Unit
 from .links import Link
 
 CARRIER = -1
-"""The link that a unit hangs on, among its partners."""
+"""Index, among the ends of a block, of the link that carries the eliminated unit: its parent, or the base of the region."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandedOn:
-    """A block that a unit adds to when it is eliminated, of two of the links that remain.
+    """A block that the elimination of a unit adds to the coupling of two remaining links.
 
     Attributes
     ----------
     coupling : int
     ends : tuple of two int
-        Places among the partners, rows first; `CARRIER` for the link that the unit hangs on.
+        Indices of the two links among the partners, rows first; `CARRIER` for the carrying link.
     first : bool
-        The unit is the first to add to it.
+        The unit is the first to contribute to this coupling.
     """
 
     coupling: int
@@ -41,21 +41,21 @@ class HandedOn:
 
 @dataclass(slots=True, eq=False)
 class Partners:
-    """Whom a unit is coupled to when it is eliminated.
+    """The links to which a unit is coupled when it is eliminated.
 
     Attributes
     ----------
     links : list of int
-        Outside the unit, to be eliminated later.
+        Links outside the unit, eliminated later.
     base : int
-        Place among them of the link that the unit hangs on; -1 where that is not one of them.
+        Index of the carrying link in `links`; -1 if it is not a partner.
     first : list of bool
-        For each, whether the unit is the first, on the way inward, to hand it inertia; of links and regions.
+        For each partner, whether the unit (a link or region) is the first on the way inward to contribute inertia to it.
     own : list of int
-        Couplings that end with this unit: of a link with each of its partners; of an ear as `between` says.
+        Couplings that end with this unit: of a link, with each of its partners; of an ear, those in `between`.
     between : list of (int, int)
-        Of ears: place of the link of the rows, and of the columns: among the ear's links, or minus one minus the place among
-        the partners.
+        For an ear, the links of rows and columns of each of its couplings: index among the ear's links, or minus one minus the
+        index among the partners.
     handed_on : list of HandedOn
     """
 
@@ -74,7 +74,7 @@ class Partners:
         return hash(self.structure())
 
     def structure(self) -> tuple[object, ...]:
-        """Equal for units with the same blocks."""
+        """A key, equal for units with the same blocks."""
         return (
             len(self.links), self.base, tuple(self.first), tuple(self.between), tuple((h.ends, h.first) for h in self.handed_on),
         )  # fmt: skip
@@ -85,18 +85,18 @@ NOBODY = Partners([], -1)
 
 @dataclass(slots=True)
 class Elimination:
-    """Units outward, and couplings.
+    """Units in outward order, and their couplings.
 
     Attributes
     ----------
     order : list of Unit
     partners : list of Partners
-        Of each unit.
+        For each unit.
     coupling_slot : list of int
-        Of each coupling, where its block is kept: few slots, reused.
+        For each coupling, the memory slot of its block; slots are reused.
     slots : int
     first_contributor : dict of int to int
-        Of each link, or `GROUND`, that something hangs on or is coupled to: the unit that hands it inertia first on the way
+        For each link, or `GROUND`, that carries or is coupled to a unit: the unit that first contributes inertia to it on the way
         inward.
     """
 
@@ -110,7 +110,7 @@ class Elimination:
 def find_elimination(
     links: Sequence[Link], regions: Sequence[Region], ears: Sequence[EarLinks], ear_of: Sequence[int | None]
 ) -> Elimination:
-    """Order of units and couplings of a model."""
+    """The order of a model's units, and the couplings."""
     order, eliminated = _Graph(links, regions, ears, ear_of).eliminate()
     contributor: dict[int, int] = {}
     for n, (unit, (partners, base)) in enumerate(zip(order, eliminated, strict=True)):
@@ -122,7 +122,7 @@ def find_elimination(
 
 
 class _Graph:
-    """Units, what each of them hangs on, and which links are coupled so far."""
+    """Units with their predecessors, and the links that are coupled at the present stage of the elimination."""
 
     def __init__(
         self,
@@ -147,7 +147,7 @@ class _Graph:
         self.touched: list[set[int]] = [set() for _ in regions]
 
     def hangs_on(self, unit: Unit) -> set[int]:
-        """Units that come before one on the way outward."""
+        """The units that precede a unit on the way outward."""
         none: set[int] = set()
         if unit.role == "link":
             found, before = {self.links[unit.number].parent}, none
@@ -160,14 +160,14 @@ class _Graph:
         return before | {self.unit_of_link[i] for i in found if i != GROUND}
 
     def priority(self, unit: Unit) -> tuple[int, int, int]:
-        """On the way inward the last in the order of links comes first; a region's links decide for it."""
+        """Priority among units with equally many partners: the last in the order of links is eliminated first."""
         if unit.role == "region":
             first = min((i for e in self.regions[unit.number].ears for i in self.ears[e].links), default=0)
             return -first, 0, -unit.number
         return -min(unit.links, default=0), -1, -unit.number
 
     def partners(self, unit: Unit) -> set[int]:
-        """Links outside that a link, or the region of an ear, is coupled to."""
+        """Links outside a link, or outside the region of an ear, to which it is coupled."""
         if unit.role == "link":
             return self.coupled.get(unit.number, set())
         r = self.ears[unit.number].region if unit.role == "ear" else unit.number
@@ -183,7 +183,7 @@ class _Graph:
                 self.touched[self.region_of_link[a]].add(a)
 
     def eliminate(self) -> tuple[list[Unit], list[tuple[set[int], int]]]:
-        """Units outward; for each, its partners and the link that it hangs on."""
+        """Units in outward order; for each, its partners and its carrying link."""
         units = self.units
         needs = [self.hangs_on(unit) for unit in units]
         waiting = [0] * len(units)
@@ -195,7 +195,7 @@ class _Graph:
 
         def offer(n: int) -> None:
             if not waiting[n] and not done[n]:
-                # a region goes as soon as its last ear has gone: nothing can be coupled to its links any more
+                # a region directly follows its last ear on the way inward: no further couplings can reach its links
                 degree = -1 if units[n].role == "region" else len(self.partners(units[n]))
                 heapq.heappush(heap, (degree, self.priority(units[n]), n))
 
@@ -219,7 +219,7 @@ class _Graph:
         return order[::-1], found[::-1]
 
     def _take_out(self, unit: Unit) -> tuple[set[int], int]:
-        """Eliminate a unit: what it is coupled to is coupled among itself, and to what the unit hangs on."""
+        """Eliminate a unit: its partners and its carrying link become coupled to each other."""
         if unit.role == "ear":
             return set(), GROUND
         partners = set(self.partners(unit))
@@ -247,7 +247,7 @@ def _couplings(
     ears: Sequence[EarLinks],
     contributor: dict[int, int],
 ) -> Elimination:
-    """Couplings as blocks: who has its rows, who adds to it, where it is kept."""
+    """Couplings as blocks: the link of their rows, the units that contribute, and their memory slots."""
     place: dict[int, tuple[int, int]] = {}
     of_region: dict[int, Partners] = {}
     for n, unit in enumerate(order):
@@ -303,7 +303,7 @@ def _couplings(
 
 
 def _of_ear(unit: Unit, region: Partners, ends: list[tuple[int, int]], at_link: dict[int, list[int]]) -> Partners:
-    """The partners of an ear, those of its region; couplings that end with its links are taken from `at_link`."""
+    """The partners of an ear, which are those of its region; removes couplings that end with its links from `at_link`."""
     mine = Partners(region.links, region.base)
     inside = {i: k for k, i in enumerate(unit.links)}
     for c in sorted({c for i in unit.links for c in at_link.pop(i, ())}):

@@ -1,4 +1,4 @@
-"""Where the faces of loop joints are, and the constants of a loop as functions of the design parameters."""
+"""The faces of loop joints, and the constants of a loop as functions of the design parameters."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ from .surface_forms import SurfaceForm, forms_of
 
 @dataclass(slots=True, eq=False)
 class LoopFaces:
-    """A loop joint between links.
+    """A loop joint, placed on links.
 
     Attributes
     ----------
     loop : Loop
     links : tuple of two int
-        That carry the faces; `GROUND`.
+        The links of its faces; `GROUND`.
     steps : tuple of two tuples of Placement
         From the body frames of those links to the faces.
     link_frames, frames : tuples of two Frame
-        Of the links, and of the joint's axes in the faces.
+        Frames of the links in their bodies; frames of the joint's axes in the faces.
     surfaces : tuple of SurfaceForm
-        Of a condition on a point: its equations.
+        Equations of a condition on a point.
     parts : tuple of Expression
-        What these are made of beside coordinates; of a distance the length.
+        Subexpressions of these that contain no coordinate; of a distance, the length.
     """
 
     loop: Loop
@@ -68,7 +68,7 @@ class LoopFaces:
         return [*found, *self.parts]
 
     def structure(self) -> tuple[object, ...]:
-        """Equal for loops whose constants are the same but for numbers and parameters."""
+        """A key, equal for loops whose constants differ only in numbers and parameters."""
         related = len(self.loop.terms) if isinstance(self.loop, Coupling) else 0
         return (
             "faces", self.loop.type, related, *(f.form() for f in (*self.link_frames, *self.frames)),
@@ -76,13 +76,13 @@ class LoopFaces:
         )  # fmt: skip
 
     def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
-        """Origins and axes of a loop joint's faces, in link components.
+        """Origins and axes of a loop joint's faces, along the links' axes.
 
         Returns
         -------
         dict
             ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
-            axes is the joint's. Of a coupling ``factor0`` ... and ``offset``, of a condition on a point ``part0`` ... besides.
+            axes is the joint's. A coupling has only ``factor0`` ... and ``offset``. A condition on a point also has ``part0`` ...
         """
         out: dict[str, Value] = {}
         if isinstance(self.loop, Coupling):
@@ -102,7 +102,7 @@ class LoopFaces:
 
 
 def loop_faces(loop: Loop, links: Sequence[Link], carriers: Sequence[Carrier], evaluate: NumberOf) -> LoopFaces:
-    """Where the faces of a loop joint are."""
+    """A loop joint with its faces on links."""
     on: list[int] = []
     steps: list[tuple[Placement, ...]] = []
     for face in (loop.start, loop.end):

@@ -1,4 +1,4 @@
-"""What a factored closure matrix is made of, without its numbers: the form that `ears.orthogonal` finds and others load."""
+"""Structure of a factored closure matrix, without its numbers: `ears.orthogonal` determines it, other blocks load it."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from ...records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A step of the elimination of a closure matrix.
+    """One step of the factorisation of a closure matrix.
 
     Attributes
     ----------
     column : int
     unit : list of int
-        The row of the one entry of a column of Q that is a coordinate direction.
+        The row of its entry, if the column of Q is a coordinate direction.
     support : list of int
-        Rows of its entries otherwise.
+        Otherwise the rows of its entries.
     above : list of int
-        Earlier steps that it was projected on.
+        Earlier steps onto which its column was projected.
     """
 
     column: int
@@ -28,12 +28,12 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class FactorForm:
-    """What of a factored closure matrix is there: found by the block that factors it, for those that load it.
+    """Structure of a factored closure matrix; the block that factors it fills this in, for blocks that load the factor.
 
     Attributes
     ----------
     rows : list of int
-        Conditions that can matter, among all.
+        Conditions that may be nonzero, by index among all.
     steps : list of Step
     """
 
@@ -42,4 +42,4 @@ class FactorForm:
 
 
 NO_FORM = FactorForm([], [])
-"""Of what has not been factored yet."""
+"""The form before factorisation."""

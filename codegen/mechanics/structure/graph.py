@@ -1,4 +1,4 @@
-"""How the links of loops belong together: ears, regions, and units, which is what a sweep works on one after the other."""
+"""Graph of a model's loops: ears (of the ear decomposition, Whitney 1932), regions, and the units of a sweep."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from ...records import dataclass
 
 @dataclass(slots=True, eq=False)
 class Closure:
-    """A loop as an ear sees it.
+    """A loop of an ear.
 
     Attributes
     ----------
     loop : int
         Index into `Model.loops`.
     paths : tuple of two tuples of int
-        For the start and the end face: places among the ear's links, from the root outward, of the links that move the face.
+        For the start and the end face: the links of the ear that move the face, by index, from the root outward.
     roots : tuple of two int
-        Where the paths begin: place among the ear's roots; -1 for both where both begin at the same link.
+        Index among the ear's roots of the root of each path; -1 for both if the paths start from the same link.
     faces : tuple of two int
-        Place of each face's link among the ear's links; minus one minus the place among its roots where it is one of those.
+        Index of each face's link among the ear's links; minus one minus its index among the roots if it is a root.
     gaps : bool
-        The faces may be apart in dropped conditions, or be moved apart by a parameter; see `loops.partition.Ear`.
+        Parameters may separate the faces, or they are apart in dropped conditions; see `loops.partition.Ear`.
     dropped : tuple of int
-        Conditions that do not count.
+        Conditions that are not used.
     terms : tuple of (int, int)
-        Of a coupling, which has no paths, roots and faces: place of each link and freedom.
+        Of a coupling, which has no paths, roots or faces: index of each link, and its degree of freedom.
     """
 
     loop: int
@@ -44,7 +44,7 @@ class Closure:
         return bool(self.terms)
 
     def slides(self, type: str) -> bool:
-        """Whether the way between the faces matters, for a joint of some type."""
+        """Whether the displacement between the faces enters the conditions of a joint of this type."""
         if self.is_coupling:
             return False
         linear, _ = CLOSURE_ROWS[type]
@@ -58,16 +58,16 @@ class EarLinks:
     Attributes
     ----------
     links : list of int
-        Outward.
+        In outward order.
     parents : list of int
-        For each link, the place of its parent among `links`, or minus one minus its place among `roots`.
+        For each link, the index of its parent in `links`, or minus one minus its index in `roots`.
     roots : list of int
-        Links outside, or `GROUND`, that the ear's links and faces hang on.
+        Links outside the ear, or `GROUND`, that carry its links and faces.
     closures : list of Closure
     dependent : list of list of int
-        For each link, which of its freedoms are dependent.
+        For each link, its dependent degrees of freedom.
     columns : list of dict of int to int
-        For each link, independent freedom to the number of its source in the region.
+        For each link, maps independent degrees of freedom to source numbers in the region.
     length : float
         Characteristic length, m.
     """
@@ -84,20 +84,20 @@ class EarLinks:
 
 @dataclass(slots=True, eq=False)
 class Region:
-    """Ears whose links move with the same sources.
+    """A region: ears whose links move with the same sources.
 
     Attributes
     ----------
     base : int
-        Link whose axes are used and that carries a rigid region, or `GROUND`.
+        Link whose axes the region uses and that carries it, or `GROUND`.
     rigid : bool
-        The loops close within the region whatever the base does: it carries the region like a rigid subtree. Otherwise the
-        base's six components are sources.
+        The loops close for any motion of the base, which carries the region like a rigid subtree. Otherwise the six components
+        of the base's motion are sources.
     freedoms : list of (int, int)
-        Sources: link and freedom of the independent speeds.
+        Link and degree of freedom of the independent speeds, which are sources.
     far : list of int
-        Other links that the region starts from, and `GROUND`: the six components of the motion of each, relative to a base
-        that carries the region rigidly, are sources.
+        Other links from which the region starts, and `GROUND`. The six components of the motion of each relative to the base are
+        sources; the base then carries the region rigidly.
     """
 
     base: int
@@ -114,7 +114,7 @@ class Region:
 
 @dataclass(slots=True)
 class Unit:
-    """What one call of a sweep works on: a link, an ear or a region."""
+    """The object of one step of a sweep: a link, an ear or a region."""
 
     role: str
     number: int

@@ -1,7 +1,7 @@
-"""Which units are of one kind: those with the same structure, found before anything is expanded.
+"""Kinds of links, ears and regions: units of the same structure, found before any expansion.
 
-The kind of a link is found from its signature (joint, zero pattern of its constants, which of them depend on parameters, whether
-it has children, forces on its joint); those of ears and regions from how they hang together.
+The kind of a link follows from its signature: joint, zero pattern of its constants, their dependence on parameters, children,
+forces on its joint. The kinds of ears (graph.py) and regions follow from their topology.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ def find_link_kinds(
     pulled: set[int],
     unrolled: bool,
 ) -> tuple[list[LinkKind], list[LinkKind]]:
-    """Kinds of links, and the kind of each link.
+    """The kinds of links, and the kind of each link.
 
     Parameters
     ----------
     forced_speeds : set of int
-        Speeds whose joint has a force of the model.
+        Speeds with a joint force in the model.
     held : set of int
-        Of what is prescribed: that whose joint has a force of the model.
+        Prescribed coordinates with a joint force in the model.
     pulled : set of int
-        Links that force elements act on.
+        Links on which force elements act.
     unrolled : bool
-        Every link is of a kind of its own.
+        Every link gets a kind of its own.
     """
     has_child = {link.parent for link in links}
     last_child: dict[int, int] = {}
@@ -78,7 +78,7 @@ def find_link_kinds(
 
 
 def total_sources(region: Region) -> int:
-    """Independent speeds, and components of the motion of links."""
+    """Number of sources: independent speeds, and components of the motion of links."""
     moving = 1 if region.carried and not region.rigid else len(region.far)
     return len(region.freedoms) + 6 * moving
 
@@ -92,7 +92,7 @@ def find_unit_kinds(
     closure_constants: list[Constants],
     unrolled: bool,
 ) -> tuple[list[UnitKind], list[UnitKind]]:
-    """Kinds of units: plain links, ears, regions."""
+    """The kinds of units, and the kind of each unit: links outside ears, ears, regions."""
     found: dict[object, UnitKind] = {}
     unit_kind_of: list[UnitKind] = []
     constants: dict[int, list[list[Constants]]] = {}

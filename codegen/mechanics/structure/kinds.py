@@ -1,6 +1,6 @@
-"""Kinds: units of equal structure, which share every block and every generated function. Blocks are written from kinds.
+"""Kinds: units of the same structure, which share all blocks and generated functions. Blocks are written from kinds.
 
-Numbers that are equal for all units of a kind are literals in its code; the others are data of each unit (`shared_constants`).
+Numbers equal for all units of a kind are literals in its code; the others are data of each unit (`shared_constants`).
 `grouping` finds the units of each kind.
 """
 
@@ -23,41 +23,41 @@ from .surface_forms import SurfaceForm
 
 @dataclass(slots=True, eq=False)
 class LinkKind(SharedConstants):
-    """What the blocks of a kind of links are written from.
+    """The common properties of links of one kind, from which their blocks are written.
 
     Attributes
     ----------
     joint, axis
         See `Link`.
     aligned : bool
-        The link's axes are its parent's at q = 0.
+        The link's axes coincide with its parent's at q = 0.
     first : bool
-        The first child of its parent on the way inward.
+        The first of its parent's children on the way inward.
     first_unit : bool
-        The first of all that hands inertia to its parent, loops and regions included.
+        The first unit to contribute inertia to its parent, loops and regions included.
     carried_on : bool
-        It has a parent other than the ground.
+        Its parent is not the ground.
     carries : bool
-        Something that is not of its own ear hangs on it, or is coupled to it.
+        It carries units outside its own ear, or is coupled to some.
     closed_on : {"", "origin", "moving"}
-        Whether a loop that is closed elsewhere depends on its motion: against the ground, or against the link that carries
-        all of the loop, which is then the origin.
+        Whether another region's loop closes on its motion: relative to the ground, or to the ``origin``, the link that carries
+        the whole loop.
     pulled : bool
         Force elements act on it.
     forced : tuple of bool
-        Which freedoms have a force of the model.
+        The degrees of freedom with a joint force in the model.
     partners : Partners
-        Coupled links, of the first member; the structure is that of all.
+        Coupled links of the first member; the structure is the same for all.
     moves : tuple of bool
         See `Link`.
     held : bool
-        A coordinate that is prescribed has a force of the model.
+        A prescribed coordinate has a joint force in the model.
     members : list of int
         Links, in outward order.
     units : list of int
-        Their places in the order of units, where they are units themselves.
+        Their indices in the order of units, if they are units.
     of_links : bool
-        Only links hand inertia to them, no region and no partner.
+        Only links contribute inertia to them, no regions and no partners.
     """
 
     index: int
@@ -83,16 +83,16 @@ class LinkKind(SharedConstants):
 
     @property
     def geared(self) -> tuple[bool, ...]:
-        """Which of the joint's speeds, a prescribed one too, have the reflected inertia of a rotor."""
+        """Which of the joint's speeds, including a prescribed one, have a rotor with reflected inertia."""
         return tuple(f"rotor{j}" in self.shape.fields for j in range(self.joint.speeds()))
 
 
 @dataclass(slots=True, eq=False)
 class ClosureKind(SharedConstants):
-    """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes.
+    """A loop of a kind of ears; see `structure.Closure`. `axis` and `end_axis` are the joint's axes among those of the faces.
 
-    `holds`: how many directions the joint holds; `slides`: the way between the faces matters; `surfaces`: the equations of a
-    condition on a point; `turned`: its faces are exchanged, see `Model.with_turned`.
+    `holds`: the numbers of constrained directions; `slides`: the displacement between the faces enters the conditions;
+    `surfaces`: the equations of a condition on a point; `turned`: its faces are exchanged, see `Model.with_turned`.
     """
 
     holds: Closure
@@ -117,7 +117,7 @@ class ClosureKind(SharedConstants):
 
 @dataclass(slots=True, eq=False)
 class EarKind:
-    """What the blocks of a kind of ears are written from.
+    """The common properties of ears of one kind, from which their blocks are written.
 
     Attributes
     ----------
@@ -125,30 +125,30 @@ class EarKind:
     parents, dependent, columns
         See `structure.EarLinks`.
     roots : list of str
-        ``frame`` (the region's base), ``ground`` (where the base is a link), ``link`` (of the region), ``far`` (see `Region`).
+        ``frame`` (the region's base), ``ground`` (if the base is a link), ``link`` (of the region), ``far`` (see `Region`).
     far : list of int
-        For each root, its place among the region's far links; -1 for the others.
+        For each root, its index among the region's far links; -1 if it is none.
     first_at : list of bool
-        Whether the ear is the first, on the way inward, to hand a force to that root.
+        Whether the ear is the first, on the way inward, to contribute a force to that root.
     followed : list of bool
-        Which links later ears of the region start from.
+        The links from which later ears of the region start.
     closures : list of ClosureKind
     sources, total : int
-        Independent speeds of the region; with the six components of a base whose motion the loops close on, or of far links.
+        Number of independent speeds of the region; number of all sources, with components of the motion of links.
     carried, rigid : bool
         See `structure.Region`.
     scale, per_length : Number
-        One over the characteristic length; the former 1 where there are no angular conditions to weigh linear ones against.
+        One over the characteristic length; `scale` is 1 if there are no angular conditions to compare linear ones with.
     positions : bool
-        The faces of some joint of the region may be apart, so positions are needed.
+        Positions are needed, since the faces of some joint of the region may be apart.
     partners : Partners
         See `LinkKind`.
     members : list of int
         Ears.
     form : FactorForm
-        Of the factored closure matrix; the expansion of the closures gives it.
+        Structure of the factored closure matrix; the expansion of the closures determines it.
     locked : tuple of int
-        Sources that are prescribed: their speeds are known, and their accelerations are in the remainders.
+        Prescribed sources: their speeds are known, and the remainders contain their accelerations.
     """
 
     index: int
@@ -182,7 +182,7 @@ class EarKind:
         return self.links[store.place] if store.owner is LINK else self.closures[store.place]
 
     def number_of(self, store: Store, name: str) -> Expr | None:
-        """Constants that are the same number for the whole kind."""
+        """The value of a constant that is the same number for the whole kind."""
         owner = self._owner(store)
         return owner.number(name) if owner else None
 
@@ -194,14 +194,14 @@ class EarKind:
 
 @dataclass(slots=True, eq=False)
 class RegionKind:
-    """What the blocks of a kind of regions are written from; see `EarKind`.
+    """The common properties of regions of one kind, from which their blocks are written; see `EarKind`.
 
     Attributes
     ----------
     first : bool
-        The region is the first, on the way inward, to hand inertia to its base.
+        The region is the first, on the way inward, to contribute inertia to its base.
     far : tuple of int
-        For each far link, its place among the partners; -1 for the ground.
+        For each far link, its index among the partners; -1 for the ground.
     """
 
     index: int
@@ -224,11 +224,11 @@ class RegionKind:
         return [c for c in range(self.sources) if c not in self.locked]
 
     def number_of(self, store: Store, name: str) -> Expr | None:
-        """A region has no constants."""
+        """None: a region has no constants."""
         return None
 
     def alias_of(self, store: Store, name: str) -> str:
-        """Nor any of equal value."""
+        """The name itself: a region has no constants."""
         return name
 
 

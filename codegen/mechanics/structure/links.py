@@ -1,8 +1,8 @@
 """From the bodies of a model to links, and the constants of a link as functions of the design parameters.
 
-A body's joint becomes as many links as its motion takes, all but the last without mass: a universal joint two revolute ones. A
-body on a fixed joint becomes part of the link that carries it. What a link is made of is recognised by the identity of its
-expressions, so that the repeated bodies of a chain are looked at once.
+A body's joint becomes one or more links, all but the last without mass: a universal joint becomes two revolute ones. A body on a
+fixed joint becomes part of the link that carries it. Expressions are compared by identity, so repeated bodies of a chain are
+analysed once.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ NumberOf = Callable[[Expression], float]
 """Value of an expression at the default parameters."""
 Function = Callable[[Value], Value]
 Functions = Mapping[str, Function]
-"""Square root, cosine and sine, of numbers or of symbols."""
+"""Square root, cosine and sine, for numbers or symbols."""
 Let = Callable[[str, Value], Value]
 Placement = tuple[ExpressionVector, tuple[tuple[ExpressionVector, Expression], ...]]
-"""Where a frame lies in another: origin, and rotations about the moving axes."""
+"""Placement of a frame in another: origin, and rotations about the moving axes."""
 Carrier = tuple[int, tuple[Placement, ...]]
-"""A link, and the way from its body's frame to another."""
+"""The link that carries a body, and the placements from the link's body to that body."""
 
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """A link's frame relative to its body's: the axis it turns or slides along becomes a coordinate axis.
+    """A link's frame in its body: one of its coordinate axes is the axis of the joint.
 
-    `index` is that coordinate axis; `vector` the axis in the body frame, None where the link's axes are the body's.
-    `start` is, for an axis that is not numeric, the body axis from which the frame's first axis is made.
+    `index` is that coordinate axis. `vector` is the axis along the body's axes; None if the link has the body's axes. For an axis
+    that is not a coordinate axis of the body, `start` is the body axis from which the frame's first axis is constructed.
     """
 
     index: int
@@ -53,7 +53,7 @@ class Frame:
     start: int = 0
 
     def form(self) -> tuple[object, ...]:
-        """Equal for frames whose matrices are the same but for numbers."""
+        """A key, equal for frames whose matrices differ only in numbers."""
         return () if self.vector is None else (self.flipped, self.flipped and self.index, self.start)
 
     def key(self) -> tuple[object, ...]:
@@ -62,35 +62,35 @@ class Frame:
 
 @dataclass(slots=True, eq=False)
 class Link:
-    """A rigid part and its joint of one kind.
+    """A rigid part, and the joint by which it moves.
 
     Attributes
     ----------
     name : str
-        The body's, or that of a part of its joint.
+        Name of the body, or of a part of its joint.
     parent : int
         Index of a link, or `GROUND`.
     q, u : int
-        Where its coordinates and speeds begin in the model's arrays.
+        First of its coordinates and speeds in the model's arrays.
     steps : tuple of Placement
-        From the parent's body frame through fixed bodies to the joint frame.
+        From the parent's body frame, by way of fixed bodies, to the joint frame.
     parent_frame, frame : Frame
     axis : int
-        The axis of the link's frame that the joint turns about or slides along.
+        The coordinate axis of the link's frame that the joint rotates about or slides along.
     factors : tuple of Expression
-        Of the joint's motion, such as a pitch.
+        Factors of the joint's motion, such as a pitch.
     turned : float
-        What is added to the joint's angle: how far its frame is turned about its own axis in the parent, rad.
+        Angle added to the joint angle, rad: the constant rotation of the joint's frame about its own axis.
     driven : int
-        Number of the coordinate among those that are prescribed; -1 where none is.
+        Number of its prescribed coordinate; -1 if none is prescribed.
     moves : tuple of bool
-        Whether that, its rate and its acceleration can differ from zero.
+        Whether the prescribed coordinate, its rate and its acceleration can differ from zero.
     armature : tuple of Expression
-        Reflected inertia of rotors, for each speed, a prescribed one too; empty where none has any.
+        Reflected inertia of the rotor of each speed, including a prescribed one; empty if there are no rotors.
     speed : int
-        Where its speeds begin in `Model.released`, where those that are prescribed have places too.
+        First of its speeds in `Model.released`, in which prescribed coordinates are free.
     members : list of (Body, tuple of Placement)
-        Bodies that move with the link, with the way from its body frame to theirs.
+        Bodies that move with the link, with the placements from its body to theirs.
     """
 
     name: str
@@ -111,14 +111,14 @@ class Link:
     members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
 
     def structure(self) -> tuple[object, ...]:
-        """Equal for links whose constants are the same but for numbers and parameters."""
+        """A key, equal for links whose constants differ only in numbers and parameters."""
         return (
             self.parent_frame.form(), self.frame.form(), form_of_steps(self.steps),
             tuple(form_of_steps(steps) for _, steps in self.members), len(self.factors), self.aligned, self.geared(),
         )  # fmt: skip
 
     def expressions(self) -> list[Expression]:
-        """All that its constants are made of, in a fixed order."""
+        """The expressions in its constants, in a fixed order."""
         found = [*(self.parent_frame.vector or ()), *(self.frame.vector or ()), *expressions_of_steps(self.steps)]
         for _, steps in self.members:
             found += expressions_of_steps(steps)
@@ -127,24 +127,24 @@ class Link:
         return [*found, *self.factors, *self.armature]
 
     def geared(self) -> tuple[bool, ...]:
-        """Which of its speeds a rotor turns with."""
+        """The speeds that have a rotor."""
         return tuple(e.tree != ("number", 0) for e in self.armature)
 
     @property
     def aligned(self) -> bool:
-        """The link's axes are its parent's at q = 0 because both are made of the same vector."""
+        """The link's axes coincide with its parent's at q = 0, because both frames have the same axis vector."""
         is_same = self.frame.vector is not None and self.frame.key() == self.parent_frame.key()
         return is_same and not any(rotation for _, rotation in self.steps)
 
     def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
-        """Mass, first moment, inertia about the link's origin and the place of its joint, in link components.
+        """Mass, first moment, inertia about the link's origin, and position of the joint, along the link's axes.
 
         Returns
         -------
         dict
-            ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's place in the parent's link
-            frame; ``R.ij`` parent's link components from this link's at q = 0; ``factor`` of the joint, if it has one;
-            ``rotor0``, ... of speeds that rotors turn with. SI units.
+            ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's position along the parent's
+            axes; ``R.ij`` parent from link components at q = 0; ``factor`` of the joint, if any; ``rotor0``, ... of speeds with
+            rotors. SI units.
         """
         sqrt = functions["sqrt"]
         Q_parent = frame_matrix(self.parent_frame, evaluate, sqrt, let)
@@ -180,7 +180,7 @@ ORIGIN: ExpressionVector = (ZERO, ZERO, ZERO)
 
 
 def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
-    """The frame for a joint axis: the body's own axes where the axis is one of them."""
+    """The frame of a joint with this axis: the body's own axes if the axis is one of them."""
     along = coordinate_axis(axis)
     if along is not None:
         i, sign = along
@@ -190,17 +190,17 @@ def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
 
 
 class Part(NamedTuple):
-    """A link's share of the motion of a body's joint.
+    """The part of a body's joint that one link represents.
 
     Attributes
     ----------
     joint : type of LinkJoint
     q, u : int
-        Where its coordinates and speeds begin among those of the body's joint.
+        First of its coordinates and speeds among those of the body's joint.
     axis : int or None
-        Which of the joint's axes is the first of the link's.
+        Index of the body's joint axis that is the first axis of this joint.
     factors : tuple of int
-        Which of the joint's factors.
+        Indices of the joint's factors.
     """
 
     joint: type[LinkJoint]
@@ -211,15 +211,15 @@ class Part(NamedTuple):
 
 
 def parts_of(chain: Sequence[Motion], triad: bool = False, held: Collection[int] = ()) -> list[Part]:
-    """A chain of motions as joints of links, each of which takes as much of it as it can.
+    """The joints of links that represent a chain of motions; each takes the longest possible part of the chain.
 
-    `triad` tells that its axes are a right-handed frame: only then a link's joint may have several. Coordinates that are `held`,
-    prescribed, have links of their own.
+    `triad`: the axes form a right-handed frame; only then may one link's joint have several axes. Prescribed coordinates (`held`)
+    get links of their own.
 
     Raises
     ------
     TypeError
-        There is a motion that no joint of a link begins with, or two links would share a coordinate.
+        No joint of a link represents some motion, or two links would share a coordinate.
     """
     found: list[Part] = []
     while chain:
@@ -244,7 +244,7 @@ def _is_held(motion: Motion, held: Collection[int]) -> bool:
 
 
 def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
-    """The chain as the joint's own motion, but for the numbers of axes and coordinates; None if it is another."""
+    """The part with this joint if the chain is its motion, except for numbers of axes and coordinates; otherwise None."""
     places: set[tuple[int, int]] = set()
     own_axes: set[int] = set()
     axes: set[int] = set()
@@ -272,13 +272,13 @@ def _factors(motion: Motion) -> list[int]:
 
 
 def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier]]:
-    """The links of a model, outward, and for each body the link that carries it with the way to its frame.
+    """The links of a model in outward order, and the carrier of each body.
 
     Parameters
     ----------
     model : Model
     evaluate : callable
-        Values of expressions at the default parameters; only used to choose among equivalent frames.
+        Values of expressions at the default parameters; used only to choose between equivalent frames.
     """
     links: list[Link] = []
     carriers: list[Carrier] = [(GROUND, ())] * len(model.bodies)
@@ -327,10 +327,10 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
 def turned_about(
     rotation: tuple[tuple[ExpressionVector, Expression], ...], axis: ExpressionVector
 ) -> tuple[tuple[tuple[ExpressionVector, Expression], ...], float]:
-    """A joint frame's rotation without what of its end is one about the joint's own axis, by a number, and that angle.
+    """A joint frame's rotation, with a last rotation by a number about the joint's own axis removed; and the removed angle.
 
-    Turning by it and by the joint's angle is turning by their sum: one addition in the place of a rotation by constants. Not by
-    several angles, whose sum would be rounded, nor by quarter turns, which cost nothing where they are.
+    The angle is added to the joint angle: one addition instead of a constant rotation. Only one angle is removed, since a sum of
+    several would be rounded. Quarter turns stay, since they cost nothing.
     """
     if not rotation:
         return rotation, 0.0
@@ -343,7 +343,7 @@ def turned_about(
 
 
 def _frame_of(joint: Joint, part: Part, evaluate: NumberOf) -> tuple[Frame, int]:
-    """The frame of a link, and which of its axes is the joint's."""
+    """The frame of a link, and the index of its axis that is the joint's."""
     if part.axis is None:
         return BODY_FRAME, BODY_FRAME.index
     if joint.kind.triad:  # all links of the joint have the axes of the first one
@@ -367,7 +367,7 @@ def unit(v: Vector, sqrt: Function, let: Let) -> Vector:
 
 
 def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Function, let: Let) -> Matrix:
-    """Body components from link components."""
+    """Rotation matrix of the frame: body from link components."""
     if frame.vector is None:
         return identity()
     if frame.flipped:
@@ -382,7 +382,7 @@ def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Function, let: Let) -> 
 
 
 def rotation_matrix(axis: Vector, cos: Value, sin: Value, sqrt: Function, let: Let) -> Matrix:
-    """Rotation about an axis (not normalised) by an angle."""
+    """Rotation matrix about an axis (any length), from the cosine and sine of the angle."""
     nonzero = [i for i in range(3) if not (axis[i] == 0)]
     along = axis[nonzero[0]] if len(nonzero) == 1 else None
     if isinstance(along, (int, float)):
@@ -399,7 +399,7 @@ def rotation_matrix(axis: Vector, cos: Value, sin: Value, sqrt: Function, let: L
 
 
 def place(steps: Sequence[Placement], evaluate: Evaluate, functions: Functions, let: Let) -> tuple[Vector, Matrix]:
-    """Origin and rotation matrix of the frame at the end of the steps, in the frame at their start."""
+    """Origin and rotation matrix of the frame after the last step, relative to the frame before the first."""
     origin: Vector = [0, 0, 0]
     R = identity()
     turned = False
@@ -423,12 +423,12 @@ def _cosine_and_sine(angle: Expression, evaluate: Evaluate, functions: Functions
 
 
 def expressions_of_steps(steps: Sequence[Placement]) -> list[Expression]:
-    """What a way is made of, in a fixed order."""
+    """The expressions in a chain of placements, in a fixed order."""
     return [e for at, rotation in steps for e in (*at, *(x for axis, angle in rotation for x in (*axis, angle)))]
 
 
 def form_of_steps(steps: Sequence[Placement]) -> tuple[object, ...]:
-    """Equal for ways whose statements are the same but for numbers."""
+    """A key, equal for chains of placements whose statements differ only in numbers."""
     return tuple(tuple(quarter_turns(angle) for _, angle in rotation) for _, rotation in steps)
 
 
@@ -438,7 +438,7 @@ def rigid_inertia(
     functions: Functions,
     let: Let,
 ) -> tuple[Value, Vector, Matrix]:
-    """Mass, first moment and inertia about the origin of bodies that move together, in the carrying body's axes."""
+    """Mass, first moment and inertia about the origin of bodies that move together, along the carrying body's axes."""
     mass: Value = 0
     moment: Vector = [0, 0, 0]
     inertia: Matrix = [[0] * 3 for _ in range(3)]
@@ -471,9 +471,9 @@ def _of_numbers(function: Callable[[float], float], long_function: Callable[[flo
 
 
 NUMERIC: Functions = {name: _of_numbers(getattr(math, name), getattr(mpmath, name)) for name in ("sqrt", "cos", "sin")}
-"""Functions for constants on numbers."""
+"""Functions for constants that are numbers."""
 
 
 def keep(name: str, value: Value) -> Value:
-    """The `let` of numbers."""
+    """The `let` for numbers, which need no names."""
     return value

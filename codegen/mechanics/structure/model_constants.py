@@ -1,4 +1,4 @@
-"""The constants of a model: of links, of the faces of loops, of force elements, and of gravity. Equal ones are found once."""
+"""The constants of a model: of links, faces of loops, force elements, and gravity. Equal constants are computed once."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from .constants import Leaf, Slots, Statements, make_shape
 from .links import NUMERIC, Evaluate, Functions, Let, NumberOf, keep
 
 Written = Callable[[Evaluate, Functions, Let], dict[str, Value]]
-"""Constants from values of expressions, of numbers or of symbols."""
+"""Computes constants from the values of expressions, which are numbers or symbols."""
 
 
 class Owner(Protocol):
-    """What has constants: a link, the faces of a loop, a force element."""
+    """An object with constants: a link, the faces of a loop, a force element."""
 
     def structure(self) -> tuple[object, ...]:
-        """Equal for owners whose constants are the same but for numbers and parameters."""
+        """A key, equal for owners whose constants differ only in numbers and parameters."""
 
     def expressions(self) -> list[Expression]:
-        """All that its constants are made of, in a fixed order."""
+        """The expressions in its constants, in a fixed order."""
 
     def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
         """Its constants by name."""
 
 
 class ModelConstants:
-    """Constants as they are found, each once.
+    """The constants of a model, each set once.
 
     Attributes
     ----------
     shapes : dict of object to Shape
-        By form.
+        By structure and expressions.
     found : list of Constants
     """
 
@@ -51,7 +51,7 @@ class ModelConstants:
         self._by_key: dict[object, Constants] = {}
 
     def of(self, owner: Owner, *beside: object) -> Constants:
-        """Of an owner; one that differs in what stands `beside` has constants of its own."""
+        """The constants of an owner; owners share them only if the values `beside` are equal too."""
         structure, expressions = owner.structure(), owner.expressions()
         key = (structure, beside, *map(id, expressions))
         found = self._by_key.get(key)
@@ -60,7 +60,7 @@ class ModelConstants:
         return found
 
     def of_gravity(self, g: Sequence[Expression]) -> Constants:
-        """Minus gravity."""
+        """The constants of minus gravity."""
 
         def written(evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
             return {f"a.{i}": let("a", -evaluate(e)) for i, e in zip(XYZ, g, strict=True)}
@@ -68,7 +68,7 @@ class ModelConstants:
         return self._make(("gravity",), g, written)
 
     def _make(self, structure: object, expressions: Sequence[Expression], written: Written) -> Constants:
-        """The constants of one set of expressions; expands their shape if it is new."""
+        """The constants of a set of expressions; expands their shape if it is new."""
         slots = Slots()
         for e in expressions:
             slots.tree(e)

@@ -1,4 +1,4 @@
-"""Who uses whom along the order of units: who hands to a link first, who starts from it, how long its values are needed."""
+"""Dependencies along the order of units: first contributions to a link, ears that start from it, last use of its values."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from .regions import Regions
 
 
 class Neighbours:
-    """Who uses whom, along the order of units.
+    """Dependencies along the order of units.
 
     Attributes
     ----------
     unit_of_link : dict of int to int
-        Place of each link's unit in the order.
+        Index of each link's unit in the order.
     last_use : dict of int to int
-        The last unit, outward, that uses a link.
+        The last unit, on the way outward, that uses a link.
     first_follower : dict of int to int
-        Of links of regions that later ears start from: the first of those on the way inward.
+        For links of regions from which later ears start: the first of these ears on the way inward.
     """
 
     def __init__(self, links: list[Link], regions: Regions, loop_types: list[str]):
@@ -40,7 +40,7 @@ class Neighbours:
                 ear = regions.ears[unit.number]
                 base = regions.regions[ear.region].base
                 used = [*ear.roots, base]
-                # an ear without links, whose loop asks nothing new, hands nothing on
+                # an ear without links contributes nothing: its loop adds no condition
                 for root in ear.roots if ear.links else ():
                     if root != base and root not in regions.regions[ear.region].far:
                         self.first_follower[root] = n
@@ -53,16 +53,16 @@ class Neighbours:
                     self.last_use[i] = n
         self._closed_on = self._followed()
         self.region_structures = [self._of_region(region) for region in regions.regions]
-        """What the ears of a region have in common: whether the way between faces matters, which far links are the ground,
-        sources that are prescribed."""
+        """For each region: whether the displacement between faces is needed, which far links are the ground, and the prescribed
+        sources."""
         self.ear_structures = [self._structure(e) for e in range(len(regions.ears))]
-        """Equal for ears of the same structure."""
+        """A key for each ear, equal for ears of the same structure."""
 
     def _followed(self) -> dict[int, str]:
-        """Links whose motion some loop closes on, and those between them and the link that carries them all.
+        """Links on whose motion other regions' loops close, with the links between them and the one that carries them all.
 
-        That one is the ``origin``, unless it is between others itself: motions against the ground, say, of links on a satellite
-        would lose the digits of its distance.
+        The carrying link is the ``origin``, unless it lies between such links itself. Motions relative to the ground instead
+        would lose digits, for example on a distant satellite.
         """
         regions = self.regions
         top: dict[int, int] = {}
@@ -82,22 +82,22 @@ class Neighbours:
                 passed.append(i)
                 e = regions.ear_of[i]
                 parent = self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base
-                # where another walk has been, its end is next: this one ends there or further in
+                # an earlier walk has passed here: continue from its end, since this walk goes at least that far
                 front.add(top.get(i, parent))
             top.update(dict.fromkeys(passed, *front))
             origins |= front - {GROUND}
         return dict.fromkeys(origins, "origin") | dict.fromkeys(top, "moving")
 
     def partners_of_link(self, i: int) -> Partners:
-        """Couplings of a link that is a unit."""
+        """Partners of a link that is a unit; none for a link of an ear."""
         return NOBODY if self.regions.ear_of[i] is not None else self.partners[self.unit_of_link[i]]
 
     def carries(self, link: int) -> bool:
-        """Whether something that is not of its own ear hangs on a link, or is coupled to it."""
+        """Whether units outside its own ear depend on a link or are coupled to it."""
         return link in self.first_contributor
 
     def place_in_ear(self, link: int) -> tuple[object, ...] | None:
-        """What makes links of ears differ: place, ear's structure."""
+        """The part of a link's signature that comes from its ear: index and structure of the ear."""
         e = self.regions.ear_of[link]
         if e is None:
             return None
@@ -122,7 +122,7 @@ class Neighbours:
         return slides, tuple(i == GROUND for i in region.far), self.locked(region)
 
     def locked(self, region: Region) -> tuple[int, ...]:
-        """Sources of a region that are prescribed."""
+        """The prescribed sources of a region."""
         return tuple(c for c, (i, _) in enumerate(region.freedoms) if self.links[i].joint.driven)
 
     def roles(self, e: int) -> tuple[str, ...]:
@@ -134,17 +134,17 @@ class Neighbours:
         )
 
     def far(self, e: int) -> tuple[int, ...]:
-        """For each root of an ear, its place among the far links of the region."""
+        """For each root of an ear, its index among the far links of the region; -1 if it is none."""
         ear = self.regions.ears[e]
         region = self.regions.regions[ear.region]
         return tuple(region.far.index(r) if r in region.far else -1 for r in ear.roots)
 
     def role_of(self, link: int) -> tuple[bool, str]:
-        """Whether others hang on a link, and whether a loop closes on its motion."""
+        """Whether a link carries units, and whether a loop closes on its motion."""
         return self.carries(link), self._closed_on.get(link, "")
 
     def slots(self) -> tuple[list[int], int]:
-        """Slots for values that live from a link to its last use; slot 0 is the ground's."""
+        """Memory slot of each link, occupied until its last use, and the number of slots; slot 0 is the ground's."""
         free: list[int] = []
         count = 1
         slot_of = [0] * len(self.links)
@@ -158,7 +158,7 @@ class Neighbours:
                         slot_of[i] = free.pop()
                     else:
                         slot_of[i], count = count, count + 1
-            # the last freed is taken first: along a chain, neighbours alternate between two slots
+            # the slot freed last is reused first: along a chain, links alternate between two slots
             for i in sorted(ending.get(n, ()), reverse=True):
                 free.append(slot_of[i])
         return slot_of, count

@@ -1,7 +1,7 @@
-"""Whose memory is meant: the link that a store of a block is of, for each instance of a kind.
+"""Which link's memory a store accesses, for each instance of a kind.
 
-A block is written once for a kind and names its neighbours by their owner (`stores`): its parent, a root, a partner. Which
-link that is differs from one instance to the next. Addresses, patterns of zeros and gradients all ask here.
+A block is written once for a kind and names its neighbours by their owner (`stores`): its parent, a root, a partner. These are
+different links for each instance. Addresses, zero patterns and gradients look them up here.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from .system import System
 
 
 def owner_links(system: System, kind: UnitKind, store: Store, of_units: bool) -> list[int]:
-    """For each instance of a kind, the link that a store is of.
+    """For each instance of a kind, the link whose memory a store accesses.
 
     Parameters
     ----------
     system : System
     kind : UnitKind
     store : Store
-        Of a link: its owner is a link, a parent, a root, a base, a partner, the end of a force element or the ground.
+        Its owner is a link, a parent, a root, a base, a partner, the end of a force element, or the ground.
     of_units : bool
-        Instances are places in the order of units, ``kind.units``; otherwise links or force elements, ``kind.members``.
+        Instances are indices in the order of units, ``kind.units``; otherwise links or force elements, ``kind.members``.
 
     Returns
     -------
     list of int
-        Numbers of links in outward order; `model.GROUND` for the ground.
+        Indices of links in outward order; `model.GROUND` for the ground.
     """
     return [_link(system, kind, store, i, of_units) for i in (kind.units if of_units else kind.members)]
 
 
 def _link(system: System, kind: UnitKind, store: Store, i: int, of_units: bool) -> int:
-    """The same of one instance."""
+    """The link whose memory a store accesses, for one instance."""
     regions, owner, place = system.regions, store.owner, store.place
     if owner is GROUND_LINK:
         return GROUND

@@ -1,9 +1,9 @@
-"""What loops cost as one region and as regions of their own: estimates in multiplications, to choose by.
+"""Estimated multiplications for loops as one region and as separate regions, which decide between the two.
 
-Measured against what is generated, in additions and multiplications of udot (section 4.3 of the theory page): 38 000 and 9 000
-are estimated for the Delta robot, 44 000 and 17 000 are found; 7 300 and 6 600 for the Stewart platform, 9 800 and 9 600; 3 600
-and 8 200 for a chain of 16 links with its end held, 7 600 and 19 000. Derivatives cost a little more in one region where udot
-costs as much.
+Compared with the additions and multiplications generated for udot, for separate regions and one region (section 4.3 of the
+theory page): Delta robot, estimates 38 000 and 9 000, generated 44 000 and 17 000; Stewart platform, 7 300 and 6 600, generated
+9 800 and 9 600; chain of 16 links with its end held, 3 600 and 8 200, generated 7 600 and 19 000. Where udot costs the same,
+derivatives cost a little more in one region.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from .graph import Region
 from .links import Link
 
 FEW_SOURCES = 5
-"""Loops whose links share at most so many independent speeds are one region: the six components of a link's acceleration are
-never the shorter description."""
+"""Loops with at most this many independent speeds form one region: the six components of a link's acceleration are never a
+shorter description."""
 
 GAIN = 0.4
-"""With more speeds they are one region if that takes less than such a part of the work: the estimate of couplings is high where
-mechanisms are planar, and derivatives gain nothing."""
+"""With more speeds, loops form one region if this takes less than this fraction of the work of separate regions. Couplings are
+overestimated for planar mechanisms, and derivatives gain nothing."""
 
 LINK_OF_TREE = 150
-"""Multiplications of a link whose inertia is handed on as a six by six matrix."""
+"""Multiplications for a link whose inertia is propagated as a six by six matrix."""
 
 TO_GROUND = 40
-"""The same for each unknown of a region, to turn its column from the motion of a far link against the base to its own."""
+"""Multiplications per unknown of a region to transform its column from the relative motion of a far link to its own motion."""
 
 Freedom = tuple[int, int]
-"""A link and a freedom of its joint."""
+"""A link and one of its joint's degrees of freedom."""
 
 
 @dataclass(slots=True)
@@ -42,11 +42,11 @@ class Bundle:
     Attributes
     ----------
     links : list of int
-        On their cycles, that no earlier bundle has.
+        Links on their cycles that no earlier bundle contains.
     members : list of int
-        Links on cycles that their dependents move: of these, or of an earlier bundle's.
+        Links that their dependent joints move, of this or of an earlier bundle.
     before : list of int
-        The bundles that move what this one starts from.
+        The bundles that move the links from which this one starts.
     """
 
     loops: tuple[int, ...]
@@ -58,12 +58,12 @@ class Bundle:
 
 @dataclass(slots=True)
 class Freedoms:
-    """Links, which of their speeds are dependent, and where loops end.
+    """Links, their dependent speeds, and the links of the loops' faces.
 
     Attributes
     ----------
     ends : list of tuple of int
-        The links of every loop's faces; nothing of a coupling.
+        The links of each loop's faces; empty for a coupling.
     """
 
     links: Sequence[Link]
@@ -71,30 +71,30 @@ class Freedoms:
     ends: Sequence[tuple[int, ...]]
 
     def independent(self, links: Sequence[int]) -> list[Freedom]:
-        """The independent speeds of links."""
+        """The independent speeds of some links."""
         return [(i, j) for i in links for j in range(self.links[i].joint.speeds()) if (i, j) not in self.dependent]
 
     def outside(self, bundle: Bundle) -> set[int]:
-        """The links that a bundle starts from, perhaps with `GROUND`."""
+        """The links from which a bundle starts, possibly with `GROUND`."""
         ends = {i for loop in bundle.loops for i in self.ends[loop]}
         return ends.union(self.links[i].parent for i in bundle.members) - set(bundle.members)
 
     def alone(self, bundle: Bundle) -> Region:
-        """The region that has the ear of a bundle only, with the motion of the links that it starts from as sources."""
+        """The region with this bundle as its only ear; its sources include the motion of the links from which it starts."""
         outside = self.outside(bundle)
         moving = list(outside - {GROUND})
-        # what hangs on the base has the shortest description
+        # the description is shortest for the links that the base carries
         hanging = [self.links[i].parent for i in bundle.members]
         moving.sort(key=lambda i: (-hanging.count(i), i))
         base = moving[0] if moving else GROUND
         far = moving[1:] + ([GROUND] if moving[1:] and GROUND in outside else [])
-        # a loop that hangs on one link alone closes whatever that link does
+        # a loop carried by one link alone closes for any motion of that link
         rigid = not moving or bool(far) or GROUND not in outside
         return Region(base, rigid, freedoms=self.independent(bundle.members), far=far)
 
 
 def is_one_region(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[Freedom]) -> bool:
-    """Whether loops that share links become one region, with all the independent speeds on their cycles as sources."""
+    """Whether loops that share links become one region, with all independent speeds on their cycles as sources."""
     if len(free) <= FEW_SOURCES:
         return True
     most = GAIN * work_apart(freedoms, bundles)
@@ -123,12 +123,12 @@ def work_together(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[
 
 
 def loopless(bundles: Sequence[Bundle]) -> set[int]:
-    """Links on cycles that no dependent moves."""
+    """Links on cycles that no dependent joint moves."""
     return {i for b in bundles for i in b.links}.difference(*(b.members for b in bundles))
 
 
 def work_of_ear(freedoms: Freedoms, bundle: Bundle, sources: dict[int, int]) -> float:
-    """Multiplications of a closure and of its links: of each of them by how many sources it is moved."""
+    """Multiplications for a closure and its links; `sources` is the number of sources that move each link."""
     dependents = sum(
         (i, j) in freedoms.dependent for i in bundle.members for j in range(freedoms.links[i].joint.speeds())
     )
@@ -137,23 +137,23 @@ def work_of_ear(freedoms: Freedoms, bundle: Bundle, sources: dict[int, int]) -> 
 
 
 def work_of_link(sources: int) -> float:
-    """Multiplications of a link's motion, and of its inertia, along so many sources."""
+    """Multiplications for the motion and the inertia of a link that this many sources move."""
     return 3.0 * sources**2 + 36.0 * sources
 
 
 def elimination(eliminated: int, unknowns: int) -> float:
-    """Multiplications for the elimination of so many unknowns of a symmetric system."""
+    """Multiplications to eliminate some unknowns of a symmetric system."""
     left = unknowns - eliminated
     return (unknowns**3 - left**3) / 6
 
 
 def sources_of_links(freedoms: Freedoms, bundles: Sequence[Bundle]) -> dict[int, int]:
-    """By how many of the independent speeds on the cycles each link on them is moved."""
+    """For each link on the cycles, the number of independent speeds on the cycles that move it."""
     owner = {i: n for n, b in enumerate(bundles) for i in b.members}
     on_ways: dict[int, frozenset[Freedom]] = {}
-    """Of links that no dependent of their bundle moves: the speeds on the way inward to one that is moved, or off the cycles."""
+    """For links that no dependent joint of their bundle moves: the speeds inboard, up to a moved link or the cycles' end."""
     mover: dict[int, int | None] = {}
-    for i in sorted({i for b in bundles for i in (*b.links, *b.members)}):  # links are numbered outward
+    for i in sorted({i for b in bundles for i in (*b.links, *b.members)}):
         parent = freedoms.links[i].parent
         if i in owner:
             on_ways[i], mover[i] = frozenset(), owner[i]

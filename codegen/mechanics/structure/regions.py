@@ -1,10 +1,10 @@
-"""Which links are resolved together: ears, the regions they belong to, and the order of everything.
+"""Ears and regions: which links are resolved together, and the order of all units. Section 4 of the theory page.
 
-Section 4 of the theory page. An **ear** is a set of links on cycles, resolved together: the new links of a loop, of the
-several loops of a cluster, or, without any loop, one link whose joint is independent. A **region** is a set of ears whose
-links all move as functions of the same few **sources** (``A_k = Z_k w``): independent speeds, and perhaps the motion of links
-that are resolved elsewhere. A ladder of any length is one region with one source. Where a loop closes a long chain, its ear
-is a region of its own; of the links it starts from one is the base, the others are far links that move against it.
+An **ear** (of the ear decomposition of the loop graph, Whitney 1932) is a set of links on cycles that are resolved together: the
+new links of a loop or of a cluster of loops, or a single link whose joint is independent. A **region** is a set of ears whose
+links all move with the same few **sources** (``A_k = Z_k w``): independent speeds, and possibly the motion of links that are
+resolved elsewhere. A ladder of any length is one region with one source. If a loop closes a long chain, its ear is a region of
+its own. One of the links from which it starts is the base; the others are far links, which move relative to the base.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from .region_work import Bundle, Freedoms, is_one_region
 
 @dataclass(slots=True)
 class Regions:
-    """The loops of a model as links.
+    """The loops of a model, as ears and regions.
 
     Attributes
     ----------
     ear_of : list of int or None
-        For each link.
+        The ear of each link.
     elimination : Elimination
-        The order of everything, and couplings.
+        The order of all units, and the couplings.
     """
 
     regions: list[Region]
@@ -41,19 +41,19 @@ class Regions:
 
     @property
     def order(self) -> list[Unit]:
-        """Units outward."""
+        """Units in outward order."""
         return self.elimination.order
 
 
 def link_of_speeds(links: Sequence[Link]) -> dict[int, tuple[int, int]]:
-    """Link and freedom of every speed."""
+    """Link and degree of freedom of every speed."""
     return {link.speed + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.freedoms)}
 
 
 def find_regions(
     model: Model, links: Sequence[Link], carriers: Sequence[tuple[int, object]], partition: Partition | None
 ) -> Regions:
-    """Ears, regions and the order of everything."""
+    """The ears and regions of a model, and the order of its units."""
     if partition is None or not partition.ears:
         ear_of: list[int | None] = [None] * len(links)
         return Regions([], [], ear_of, find_elimination(links, [], [], ear_of))
@@ -82,7 +82,7 @@ def find_regions(
         number = {f: c for c, f in enumerate(free)}
         moved = {i for b in bundles for i in b.members}
         for b in bundles:
-            # links inboard of all dependent ones have their own, loopless ears: then equal loops are of one kind
+            # links inboard of all dependent joints get ears of their own without loops, so that equal loops are of one kind
             for i in b.links:
                 if i not in moved:
                     made.add([i], (), number, 1.0)
@@ -91,11 +91,11 @@ def find_regions(
 
 
 Coupled = dict[int, list[tuple[int, int]]]
-"""Of the loops that are couplings: link and freedom of each of their coordinates."""
+"""For each coupling among the loops: link and degree of freedom of each of its coordinates."""
 
 
 def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
-    """What couplings relate; of what is prescribed too."""
+    """Coordinates related by couplings, including prescribed ones."""
     speeds = model.released.coordinate_slices
     place = {link.speed + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.speeds())}
     return {
@@ -106,7 +106,7 @@ def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
 
 
 def _ways(links: Sequence[Link], freedoms: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Ways that take in the joints of a coupling: from each of its links to the one inboard of all of them."""
+    """Paths between the joints of a coupling: from each of its links to the link inboard of all of them."""
     ends = list(dict.fromkeys(i for i, _ in freedoms))
     front = set(ends)
     while len(front) > 1:
@@ -120,10 +120,10 @@ def _ways(links: Sequence[Link], freedoms: list[tuple[int, int]]) -> list[tuple[
 def _components(
     links: Sequence[Link], faces: Sequence[tuple[int, ...]], coupled: Coupled, partition: Partition
 ) -> list[tuple[list[Bundle], int]]:
-    """Ears that share links on their cycles, directly or through others, in their order, and the link that carries them all.
+    """Groups of ears that share links on their cycles, directly or through other ears; with the link that carries each group.
 
-    Cycles are followed from both faces inward only to links that an earlier ear has: from there its component's base is next.
-    Couplings come last: the ways between their joints lead through loops, whose links they have nothing to do with.
+    Cycles are followed inward from both faces, up to links of an earlier ear, and then continue from the base of its group.
+    Couplings come last, since paths between their joints pass through loops to whose links they are unrelated.
     """
     parts = [(ear, tuple(i for i in ear.loops if i not in coupled)) for ear in partition.ears]
     parts = [(ear, loops) for ear, loops in parts if loops or not ear.loops]
@@ -146,7 +146,7 @@ def _components(
                     a = links[a].parent
                     continue
                 known = groups.find(owner[a])
-                if known == e:  # this ear has been here: on to where that ended
+                if known == e:  # this ear has been here already: continue from the end of that walk
                     a = reached[0] if owner[a] != e and len(reached) == 1 else links[a].parent
                     continue
                 groups.join(known, e)
@@ -169,9 +169,9 @@ def _bundles(
     bundles: list[Bundle],
     dependent: set[tuple[int, int]],
 ) -> list[Bundle]:
-    """The ears of a component with the links that they move; those that start from each other's are joined.
+    """The ears of a group with the links that they move; ears that start from each other's links are joined.
 
-    So are couplings with whatever has their links, and with loops that they are closed together with.
+    A coupling is joined with the ears that contain its links, and with loops that must be closed together with it.
     """
     bundles = _with_coupled_links(coupled, bundles)
     held = {i for b in bundles for loop in b.loops for i, _ in coupled.get(loop, ())}
@@ -192,7 +192,7 @@ def _bundles(
 
 
 def _with_coupled_links(coupled: Coupled, bundles: list[Bundle]) -> list[Bundle]:
-    """The same, every coupling in one with the bundles that have its links."""
+    """The bundles, each coupling joined with those that contain its links."""
     owner = {i: n for n, b in enumerate(bundles) for i in b.links}
     sets = DisjointSets(len(bundles))
     for n, b in enumerate(bundles):
@@ -210,7 +210,7 @@ def _as_one(bundles: list[Bundle]) -> Bundle:
 
 @dataclass(slots=True)
 class _Maker:
-    """Makes ears and regions, one component after the other."""
+    """Makes ears and regions, one group after the other."""
 
     freedoms: Freedoms
     regions: list[Region]
@@ -222,14 +222,14 @@ class _Maker:
     dropped: Sequence[set[int]]
 
     def by_single_ears(self, bundles: list[Bundle]) -> None:
-        """Every ear of a component as a region of its own."""
+        """Make every ear of a group a region of its own."""
         for b in bundles:
             region = self.freedoms.alone(b)
             self.regions.append(region)
             self.add(b.members, b.loops, {f: c for c, f in enumerate(region.freedoms)}, b.length)
 
     def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
-        """An ear of the last region."""
+        """Add an ear to the last region."""
         links = self.freedoms.links
         ear = EarLinks(len(self.regions) - 1, members, length=length)
         place = {i: k for k, i in enumerate(members)}

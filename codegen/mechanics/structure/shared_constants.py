@@ -1,4 +1,4 @@
-"""Constants of several owners with one form: the numbers that all share, and those that are data of each owner."""
+"""Constants of owners of one form: numbers that all owners share are literals, the others are data of each owner."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...records import dataclass
 
 @dataclass(slots=True, eq=False)
 class SharedConstants:
-    """Constants of one shape with several owners, and the numbers that all of them share.
+    """Constants of owners with the same shape.
 
     Attributes
     ----------
@@ -23,11 +23,11 @@ class SharedConstants:
     literal : dict of str to Expr
         Constants that are the same number for all owners.
     data : dict of str to int
-        Constants that differ among owners: places among an owner's numbers.
+        Constants that differ among owners: index among an owner's numbers.
     """
 
     store: ClassVar[Store]
-    """Where the constants are, of a kind of units."""
+    """The store of the constants of this kind of units."""
 
     shape: Shape
     literal: dict[str, Expr] = field(default_factory=dict, kw_only=True)
@@ -35,7 +35,7 @@ class SharedConstants:
 
     @property
     def parameters(self) -> int:
-        """How many design parameters the constants depend on."""
+        """The number of design parameters on which the constants depend."""
         return self.shape.parameters
 
     def number(self, name: str) -> Expr | None:
@@ -49,7 +49,7 @@ class SharedConstants:
         return self.literal.get(name)
 
     def number_of(self, store: Store, name: str) -> Expr | None:
-        """`number`, for the constants among all fields."""
+        """`number`, if the field belongs to the constants."""
         return self.number(name) if store is self.store else None
 
     def alias_of(self, store: Store, name: str) -> str:
@@ -57,7 +57,7 @@ class SharedConstants:
         return self.shape.varying.get(name, name) if store is self.store else name
 
     def fold(self, owned: list[Constants]) -> None:
-        """Find the numbers that are the same for all owners."""
+        """Separate the numbers that are equal for all owners from those that are data."""
         distinct = list({id(c): c for c in owned}.values())
         for name in self.shape.fields:
             if name in self.shape.varying:

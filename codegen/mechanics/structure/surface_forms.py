@@ -1,7 +1,7 @@
-"""Equations of conditions on points as blocks write them: expressions of the point's coordinates and of numbered parts.
+"""Equations of conditions on points, written with the point's coordinates and numbered parts.
 
-The largest parts of an equation, and of its derivatives, without a coordinate are constants of the loop, found with those of its
-faces; loops whose equations differ in these only share their code.
+The largest subexpressions of an equation, and of its derivatives, that contain no coordinate are constants of the loop, like
+those of its faces. Loops whose equations differ only in these constants share their code.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from .constants import split
 
 @dataclass(frozen=True, slots=True)
 class SurfaceForm(SurfaceFunction):
-    """An equation, with parts by number in the place of what no coordinate is in.
+    """An equation whose subexpressions without coordinates are replaced by numbered parts.
 
     Attributes
     ----------
     by_part : tuple of (int, Expression)
-        Its derivatives by those parts that parameters are in.
+        Its derivatives with respect to parts that contain parameters.
     """
 
     by_part: tuple[tuple[int, Expression], ...]
 
 
 def part_name(i: int) -> str:
-    """What a part is called in a form; no name of a model is written so."""
+    """Name of a part in a form; it cannot be a name of the model."""
     return f"<{i}>"
 
 
 def part_number(name: str) -> int:
-    """Which part a name of a form is."""
+    """Number of the part that a name refers to."""
     return int(name[1:-1])
 
 

@@ -1,4 +1,4 @@
-"""A model as links, ears, regions and their kinds: everything that the expansion needs."""
+"""A model as links, ears (graph.py), regions and their kinds: the input of the expansion."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from .regions import Regions, find_regions
 from .world import turned_ground
 
 LONG = 16
-"""Links in a row from which on gravity begins the explicit part."""
+"""Links in a chain from which on gravity is part of the explicit accelerations."""
 
 
 @dataclass(slots=True, eq=False)
 class System:
-    """A model as links, ears, regions and their kinds: everything that the expansion needs.
+    """A model as links, ears, regions and their kinds: the input of the expansion.
 
     Attributes
     ----------
     links : list of Link
-        Outward.
+        In outward order.
     carriers : list of (int, tuple of Placement)
-        For each body, the link that carries it and the way to its frame.
+        For each body, the link that carries it and the placements from that link's body.
     kinds : list of LinkKind
         Of all links.
     kind_of, constants_of : list
@@ -46,7 +46,7 @@ class System:
     regions : Regions
         Ears, regions and the order of units.
     unit_kinds : list of UnitKind
-        Kinds of what is not part of something larger.
+        The kinds of units.
     unit_kind_of : list of UnitKind
         For each unit.
     faces : list of LoopFaces
@@ -57,17 +57,17 @@ class System:
     elements : list of PlacedElement
         Force elements on bodies.
     slot_of : list of int
-        Where the values that only neighbours need are kept: few slots, reused.
+        Memory slot of each link for values that only its neighbours need; slots are reused.
     slots : int
-        How many there are, with the ground's.
+        Number of slots, including the ground's.
     gravity : Constants or None
-        Minus gravity, in ground components, m/s^2.
+        Minus gravity, along the ground's axes, m/s^2.
     force_of : dict of int to list
         Joint forces by body.
     partition : Partition or None
-        Of models with loops.
+        For models with loops.
     way_of_ground : tuple of Placement
-        From the axes in which all is computed to those of the model's ground; see `world`.
+        From the axes of the computation to those of the model's ground; see `world`.
     """
 
     model: Model
@@ -94,7 +94,7 @@ class System:
 
     @property
     def coefficient_counts(self) -> dict[str, int]:
-        """How many coefficients of force elements there are, by array: of those with an energy, and of the others."""
+        """Number of coefficients of force elements, by array: of elements with an energy, and of the others."""
         counts = {"coefficient": 0, "drive": 0}
         for e in self.elements:
             counts["coefficient" if e.element.has_energy else "drive"] += len(e.parts)
@@ -102,23 +102,23 @@ class System:
 
     @property
     def arrays(self) -> dict[str, int]:
-        """Arrays that are found before sweeps, or by them, for one call, and their sizes: coefficients, prescribed motion."""
+        """Sizes of arrays computed within a call, before or by the sweeps: coefficients, prescribed motion."""
         n = len(self.model.prescribed)
         of_motion = {"prescribed": 3 * n, "held_force": n * bool(self.held), "driving": n}
         return self.coefficient_counts | {name: size for name, size in of_motion.items() if size}
 
     @property
     def held(self) -> set[int]:
-        """Of what is prescribed: that whose joint has a force of the model."""
+        """Prescribed coordinates with a joint force in the model."""
         return speeds_and_held(self.model)[1]
 
     @property
     def fields_of_gravity(self) -> dict[str, str]:
-        """What of the ground's record gravity sets, by component: which of gravity's.
+        """Components of the ground's record that gravity sets, each with the component of gravity.
 
-        It begins the part of the accelerations that is solved for: far out on a chain that part has become small where links
-        fall freely, and nothing large is left to cancel. Where loops close on the ground, or couple links, of which the ground
-        feels nothing, it is in the remainders.
+        Gravity enters the explicit part of the accelerations. Far out on a freely falling chain this part has become small, and
+        no large terms cancel there. If loops close on the ground or couple links, the ground has no explicit part, so
+        gravity enters the remainders.
         """
         if self.gravity is None:
             return {}
@@ -134,7 +134,7 @@ class System:
 
     @property
     def independent(self) -> tuple[list[int], list[int]]:
-        """Indices of the independent coordinates and speeds; of a rotation or position that is split all coordinates."""
+        """Indices of independent coordinates and speeds; a partly dependent rotation or position has all its coordinates here."""
         dependent = {
             (i, j)
             for ear in self.regions.ears
@@ -151,14 +151,14 @@ class System:
 
     @property
     def has_link_motion(self) -> bool:
-        """Some loop closes on the motion of a link that is resolved outside its region."""
+        """Whether a loop closes on the motion of a link that is resolved outside its region."""
         return any(r.far or (r.carried and not r.rigid) for r in self.regions.regions)
 
 
 def analyse(model: Model, unrolled: bool, partition: Partition | None = None, turning: bool = True) -> System:
-    """Find links, constants and kinds. No symbolic work but one expansion per form of constants.
+    """Find links, constants and kinds. Symbolic work is one expansion for each form of constants.
 
-    Without `turning` the ground keeps the axes that it has in the model.
+    With `turning` false, the ground keeps the axes of the model.
     """
     model, way_of_ground = turned_ground(model) if turning else (model, ())
     defaults = {name: long_number(value) for name, value in model.defaults.items()}
@@ -197,13 +197,13 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None, tu
 
 
 def speeds_and_held(model: Model) -> tuple[set[int], set[int]]:
-    """Speeds, and of what is prescribed that, whose joint has a force of the model that is not zero."""
+    """Speeds, and prescribed coordinates, whose joint has a nonzero force in the model."""
     found = {i for of in model.forces for i, _ in speeds_with_forces(model, of)}
     return {i for i in found if i >= 0}, {-1 - i for i in found if i < 0}
 
 
 def speeds_with_forces(model: Model, force: JointForce) -> Iterator[tuple[int, Expression]]:
-    """Speeds with the values of a joint force that are not zero; -1, -2, ... for what is prescribed."""
+    """The nonzero values of a joint force with their speeds; prescribed coordinates have the numbers -1, -2, ..."""
     i, places = model.coordinate_slices[force.body][1].start, model.places_of_prescribed
     for j, value in enumerate(force.values):
         n = places.get((force.body, j))
@@ -213,7 +213,7 @@ def speeds_with_forces(model: Model, force: JointForce) -> Iterator[tuple[int, E
 
 
 def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regions) -> tuple[list[Link], list[Carrier]]:
-    """Links renumbered so that the links of an ear stand together, in the order in which units are worked on."""
+    """Links renumbered so that the links of an ear are consecutive, in the order of units."""
     new = {old: n for n, old in enumerate(i for unit in regions.order if unit.role != "region" for i in unit.links)}
     new[GROUND] = GROUND
     renumbered = sorted(range(len(links)), key=new.__getitem__)
@@ -222,7 +222,7 @@ def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regio
 
 
 def longest_chain(links: Sequence[Link]) -> int:
-    """How many links lie between the ground and the furthest tip."""
+    """Number of links from the ground to the furthest tip."""
     depth: list[int] = []
     for link in links:
         depth.append(1 if link.parent == GROUND else depth[link.parent] + 1)

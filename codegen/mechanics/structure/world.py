@@ -1,11 +1,11 @@
-"""Axes for the ground in which loops that close on it are as simple as their maker drew them.
+"""Choice of the ground's axes, so that loops that close on it keep the simple form in which they were designed.
 
-A planar mechanism that stands askew in the world has its bearings on the ground turned by one and the same rotation. Along the
-ground's own axes its conditions would have terms in all three directions, and its lengths would be off by what rounding has
-made of their components: a parallelogram whose sides differ in the last place does not go through the pose where it is flat. So
-the ground gets the axes of these bearings, and all that is given along the model's axes is turned into them: gravity, places
-and axes on the ground. The rotation itself cancels without any number. What is left of zeros and of short decimals by turning
-vectors that were rounded before is taken away again.
+Suppose that a planar mechanism is rotated in the world, so that all its bearings on the ground have the same rotation. Along the
+ground's axes its conditions have terms in all three directions, and rounding changes its lengths: a parallelogram whose sides
+differ in the last digit does not pass through its flat configuration. The ground therefore gets the axes of these bearings.
+Gravity, and positions and axes on the ground, are rotated to the new axes. The rotation of the bearings cancels symbolically.
+Rotating vectors that were rounded before leaves small numbers in place of zeros, and long ones in place of short decimals; these
+are restored.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from .links import ORIGIN, Placement, place
 Rotation = tuple[tuple[Vector, Expression], ...]
 
 DIGITS = 50
-"""With which vectors are turned."""
+"""Decimal digits with which vectors are rotated."""
 
 ROUNDED = 8 * 2.0**-52
-"""What rounding has made of a vector's components, in parts of its length."""
+"""Bound on rounding errors of a vector's components, relative to its length."""
 
 BY_CHANCE = 1e-3
-"""How likely a number is that near to a decimal without being it, at most."""
+"""Largest probability with which a number may be this close to a decimal by chance."""
 
 _ONE: Tree = ("number", 1)
 
 
 def turned_ground(model: Model) -> tuple[Model, tuple[Placement, ...]]:
-    """The same system with other axes for the ground, if loops that close on it are simpler in these.
+    """The same system with other axes of the ground, if loops that close on it are simpler along these.
 
     Parameters
     ----------
@@ -49,11 +49,10 @@ def turned_ground(model: Model) -> tuple[Model, tuple[Placement, ...]]:
     Returns
     -------
     model : Model
-        Gravity, axes and forces along the ground's axes are along the new ones; joints and loops are placed in them.
-        Coordinates are the same.
+        Gravity, axes, forces, joints and loops on the ground have components along the new axes. Coordinates are the same.
     way : tuple of Placement
-        From the new axes to those that points, faces of force elements and rotations are given in; empty where nothing is
-        changed.
+        From the new axes to the model's, in which points, faces of force elements and rotations are given; empty if nothing
+        has changed.
     """
     rotation = common_rotation(model)
     if not rotation:
@@ -76,9 +75,9 @@ def turned_ground(model: Model) -> tuple[Model, tuple[Placement, ...]]:
 
 
 def common_rotation(model: Model) -> Rotation:
-    """That of most of what stands on the ground, none where loops do not close on it; none where force laws read positions.
+    """The rotation shared by most joints and faces on the ground; empty without loops on it, or if force laws read positions.
 
-    Only a rotation by numbers counts: that of a parameter is meant to move the mechanism in the world.
+    A rotation that depends on a parameter is not used: the parameter is there to move the mechanism in the world.
     """
     grounded = {GROUND}
     for k in model.outward:
@@ -109,18 +108,18 @@ def _rotations_on_ground(model: Model) -> Iterator[Rotation]:
 
 
 def inverse(rotation: Rotation) -> Rotation:
-    """The rotation back."""
+    """The inverse rotation."""
     return tuple((axis, Expression(combine("neg", angle.tree))) for axis, angle in reversed(rotation))
 
 
 class Turn:
-    """What is given along the model's axes of the ground, along other ones.
+    """Transforms quantities from the model's axes of the ground to new ones.
 
     Parameters
     ----------
     model : Model
     rotation : tuple of (Vector, Expression)
-        From the model's axes to the new ones, of numbers.
+        From the model's axes to the new ones, with numbers only.
     """
 
     def __init__(self, model: Model, rotation: Rotation):
@@ -149,7 +148,7 @@ class Turn:
         return o if o.axis is None or "body" in o.choice else replace(o, axis=self.vector(o.axis))
 
     def rotated(self, rotation: Rotation) -> Rotation:
-        """A rotation from the model's axes, from the new ones."""
+        """A rotation relative to the new axes, from one relative to the model's."""
         n = len(self.rotation)
         return rotation[n:] if rotation[:n] == self.rotation else (*self.back, *rotation)
 
@@ -167,13 +166,13 @@ class Turn:
 
 
 def _places(model: Model) -> Iterator[Vector]:
-    """Where joints and loops are, in bodies."""
+    """Positions of joints and loop faces in bodies."""
     yield from (b.joint.at for b in model.bodies if b.parent != GROUND)
     yield from (face.at for loop in model.loops for face in (loop.start, loop.end) if face.body != GROUND)
 
 
 def linear(v: Vector) -> dict[Tree, list[float]]:
-    """A vector as a sum of expressions, each times a vector of numbers."""
+    """A vector as a sum of expressions, each with a vector of numbers as its coefficient."""
     found: dict[Tree, list[float]] = {}
     for i, component in enumerate(v):
         for base, c in terms(component.tree).items():
@@ -182,7 +181,7 @@ def linear(v: Vector) -> dict[Tree, list[float]]:
 
 
 def terms(tree: Tree) -> dict[Tree, float]:
-    """An expression as a sum of others, each times a number."""
+    """An expression as a sum of expressions, each with a number as its coefficient."""
     kind = tree[0]
     if kind == "number":
         return {_ONE: tree[1]} if tree[1] else {}
@@ -212,26 +211,26 @@ def terms(tree: Tree) -> dict[Tree, float]:
 
 
 def times(number: float, tree: Tree) -> Tree:
-    """A product, with a sign where a minus one would be."""
+    """A product with a number; a factor of -1 becomes a sign."""
     return combine("neg", tree) if number == -1 else combine("*", Expression.number(number).tree, tree)
 
 
 def tidied(value: float, size: float, known: Sequence[float] = ()) -> float:
-    """The number of which rounding has made a value, where that is known.
+    """The number that a value was before rounding, if that can be recognised.
 
     Parameters
     ----------
     value : float
     size : float
-        How far rounding may have moved it, at most.
+        Bound on the rounding error.
     known : sequence of float
-        Numbers above zero, rising, one of which a value within rounding of it is taken to be.
+        Positive numbers in increasing order; a value within rounding of one is replaced by it.
 
     Returns
     -------
     float
-        One of the known numbers, or its negative; else the decimal of so few digits that it is not as near by chance; else the
-        value.
+        One of the known numbers or its negative; otherwise a decimal with too few digits to be this close by chance;
+        otherwise the value.
     """
     if abs(value) <= size:
         return 0.0
