@@ -1,4 +1,4 @@
-"""Where a component of a store of the mechanics lies: whose memory a store is of, for each instance of a kind."""
+"""Addresses of the components of stores: whose memory a store accesses, for each instance of a kind."""
 
 from __future__ import annotations
 
@@ -56,18 +56,18 @@ from .structure.shared_constants import SharedConstants
 from .sweeps import SWEEP
 
 _COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
-"""Beginnings of columns of the tables, by whose memory is meant."""
+"""Column-name prefixes of the index tables, by the owner of the accessed memory."""
 
 
 class SystemAddresses(Addresses):
-    """Addresses of a program, and the tables that they need.
+    """Addresses of a program, and the index tables that they need.
 
     Parameters
     ----------
     program : Program
     layout : SystemLayout
     numbered : bool
-        Places in rows are numbers, and what only neighbours need shares memory; otherwise every row holds values by name.
+        Rows contain numbers, and values that only neighbours need share memory; otherwise every row contains values by name.
     """
 
     def __init__(self, program: Program, layout: SystemLayout, numbered: bool):
@@ -97,13 +97,13 @@ class SystemAddresses(Addresses):
         return SWEEP[sweep].units
 
     def links_meant(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
-        """For each instance of a kind, the link that a store is of; the ground has the number after the last."""
+        """For each instance of a kind, the link whose memory a store accesses; the ground has the number after the last link."""
         ground = len(self.system.links)
         found = owner_links(self.system, kind, store, SWEEP[sweep].units)
         return [ground if link == GROUND else link for link in found]
 
     def loops_meant(self, kind: UnitKind, store: Store) -> list[int]:
-        """For each instance of a kind of ears, the loop that a store is of."""
+        """For each instance of a kind of ears, the loop whose memory a store accesses."""
         regions = self.system.regions
         assert store.place is not None
         return [regions.ears[regions.order[i].number].closures[store.place].loop for i in kind.units]
@@ -111,7 +111,7 @@ class SystemAddresses(Addresses):
     # -- rows ------------------------------------------------------------------------------------------------------
 
     def of_links(self, kind: UnitKind, sweep: str, store: Store, column: str, of: list[int] | None = None) -> Row:
-        """An integer of the link that a store is of: its number, or what `of` lists by link."""
+        """An integer for the accessed link: its number, or its entry in `of`."""
         key = (kind.index, kind.role, SWEEP[sweep].units, store.owner, store.place, column)
         if key not in self._rows:
             links = self.links_meant(kind, sweep, store)
@@ -121,18 +121,18 @@ class SystemAddresses(Addresses):
         return self._rows[key]
 
     def of_loops(self, kind: UnitKind, store: Store, column: str = "", of: list[int] | None = None) -> Row:
-        """The same of loops."""
+        """An integer for the accessed loop: its number, or its entry in `of`."""
         loops = self.loops_meant(kind, store)
         return Row(f"LOOP{store.place}{column}", tuple(loops if of is None else (of[n] for n in loops)))
 
     @cached_property
     def slots(self) -> list[int]:
-        """Slots of links, the ground's last."""
+        """Slots of links; the ground's comes last."""
         return [*self.system.slot_of, 0]
 
     @cached_property
     def first_conditions(self) -> list[int]:
-        """Where the conditions of each loop begin among all."""
+        """First condition of each loop among all conditions."""
         found, at = [], 0
         for loop in self.system.model.loops:
             found.append(at)
@@ -140,7 +140,7 @@ class SystemAddresses(Addresses):
         return found
 
     def _row(self, kind: UnitKind, sweep: str, store: Store, near: bool) -> Row:
-        """Row of memory that is laid out."""
+        """Row of the accessed memory in its array."""
         regions = self.system.regions
         if store.memory is EAR_RECORD:
             return Row("EAR", tuple(regions.order[i].number for i in kind.units))
@@ -155,7 +155,7 @@ class SystemAddresses(Addresses):
         return self.of_links(kind, sweep, store, "NUMBER")
 
     def _coupling(self, kind: UnitKind, store: Store) -> Row:
-        """Place of a coupling: of those that end with the unit, or that it adds to."""
+        """Memory of a coupling that ends with the unit, or to which the unit contributes."""
         elimination, place = self.system.regions.elimination, store.place
         assert place is not None
         units = [elimination.partners[i] for i in kind.units]
@@ -196,7 +196,7 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
-        """Where entries of arguments and results begin, of each link or (True) each loop: the column, and what it holds."""
+        """First entry of each link, or (True) of each loop, in arguments and results: name and values of the table column."""
         links, loops = self.system.links, range(len(self.system.model.loops))
         return {
             (memory, of_loops): (column, of)
@@ -215,7 +215,7 @@ class SystemAddresses(Addresses):
         }
 
     def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> Row:
-        """Number of the j-th design parameter that the constants of a link, a loop or a force element depend on."""
+        """Number of the j-th design parameter on which the constants of a link, a loop or a force element depend."""
         system = self.system
         if store.owner is ELEMENT:
             owners, column = [system.elements[n].constants for n in kind.members], f"P{j}"
@@ -228,7 +228,7 @@ class SystemAddresses(Addresses):
         return Row(column, tuple(self._parameter_places[c.parameters[j]] for c in owners))
 
     def _constant(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
-        """A constant that differs within a kind: a number, or one that depends on design parameters."""
+        """A constant that differs within a kind: a number, or a function of design parameters."""
         variable = store.label.replace("#", "_")
         shared = self._shared(kind, store)
         data = shared.data.get(name)
@@ -246,7 +246,7 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def constants_begin(self) -> dict[Owner, list[int]]:
-        """Where the constants of every link, loop and force element begin."""
+        """First entry of the constants of every link, loop and force element."""
         system = self.system
         owners = {
             LINK: system.constants_of,
@@ -257,13 +257,13 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def numbers_begin(self) -> dict[Owner, list[int]]:
-        """Where their numbers begin."""
+        """First entry of the numbers of every link, loop and force element."""
         layout = self.layout
         numbers = (layout.number_offsets, layout.closure_number_offsets, layout.element_number_offsets)
         return dict(zip((LINK, LOOP, ELEMENT), numbers, strict=True))
 
     def _shared(self, kind: UnitKind, store: Store) -> SharedConstants:
-        """Whose constants a store means."""
+        """The owner of the constants that a store accesses."""
         if isinstance(kind, EarKind):
             assert store.place is not None
             return kind.links[store.place] if store.owner is LINK else kind.closures[store.place]
@@ -274,7 +274,7 @@ class SystemAddresses(Addresses):
         return self.layout.constant_offsets[index] if self.numbered else index
 
     def stopped_at(self, kind: Kind, sweep: str, name: str) -> Row:
-        """The link to name when the j-th pivot is zero; loops count after the links, then force elements."""
+        """The link that an error names if the j-th pivot is zero; after the links come loops, then force elements."""
         assert isinstance(kind, UnitKind)
         regions, links = self.system.regions, len(self.system.links)
         if isinstance(kind, RegionKind):

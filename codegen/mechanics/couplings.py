@@ -1,7 +1,7 @@
-"""Couplings in blocks: 6x6 blocks of two links, and what is handed to partners. Section 4 of the theory page.
+"""Couplings in blocks: 6x6 blocks of two links, and contributions to partners. Section 4 of the theory page.
 
-Rows and columns of a coupling are components of moment (or angular acceleration), then force (linear acceleration), each in
-the axes of its own link about its own origin. Partners are links that a unit is coupled to (`elimination.Partners`).
+Rows and columns of a coupling are components of moment (or angular acceleration), then force (linear acceleration), each along
+the axes of its own link and about its origin. Partners are the links to which a unit is coupled (`elimination_order.Partners`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Coupled = LinkKind | RegionKind
 
 
 def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:
-    """The record (or slot) of a partner; of the one that the unit hangs on, as everything else there calls it."""
+    """The record (or slot) of a partner; if it is the link that carries the unit, that of the parent or base."""
     if m in (kind.partners.base, CARRIER):
         record, slot = (UP, LUP) if kind.role == "link" else (BASE, LBASE)
         return slot if lanes else record
@@ -31,23 +31,23 @@ def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:
 
 
 def others(kind: Coupled) -> list[int]:
-    """Partners without the link that the unit hangs on."""
+    """Partners other than the link that carries the unit."""
     return [m for m in range(len(kind.partners.links)) if m != kind.partners.base]
 
 
 def hand_on(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> None:
-    """Add to the couplings of the links that remain; `block` gives the 6x6 block of two of them, rows first."""
+    """Add to the couplings of the remaining links; `block` gives the 6x6 block of two of them, rows first."""
     for n, pair in enumerate(kind.partners.handed_on):
         accumulate(x, PAIR[n], fields.coupling, block(*pair.ends), pair.first, "Eq. 44")
 
 
 def hand_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
-    """Add a symmetric 6x6 inertia to what a partner carries."""
+    """Add a symmetric 6x6 inertia to that of a partner."""
     add_inertia(x, partner_store(kind, m), Q, kind.partners.first[m])
 
 
 def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
-    """The same to what a link carries that a unit is the `first` to hand inertia to, or not."""
+    """Add a symmetric 6x6 inertia to that of a link; the `first` contribution assigns it."""
     handed = fields.articulated
     for J, M, (i, j) in zip(handed.J.scalars(), handed.M.scalars(), PLACES, strict=True):
         accumulate(x, store, J, Q[i][j], first, "Eq. 44")
@@ -57,7 +57,7 @@ def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
 
 
 def begin_scales(x: Scope, store: Store, first: bool) -> None:
-    """What links add sizes for pivots to begins at zero; who gets inertia from others than links does not read it."""
+    """Set the sizes for comparison with pivots to zero; links whose inertia comes from other units do not read them."""
     if first:
         clear(x, store, fields.moment_scale)
         clear(x, store, fields.mass_scale)
@@ -66,12 +66,12 @@ def begin_scales(x: Scope, store: Store, first: bool) -> None:
 def hand_force(
     x: Scope, kind: Coupled, m: int, values: Vector, field: SixField = fields.articulated_force, lanes: bool = False
 ) -> None:
-    """Add moment and force to what a partner carries."""
+    """Add a moment and a force to those of a partner."""
     accumulate(x, partner_store(kind, m, lanes), field, values, kind.partners.first[m], "Eq. 45", lanes)
 
 
 def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector:
-    """The explicit part of a partner's acceleration, in its own axes."""
+    """The explicit part of a partner's acceleration, along its own axes."""
     return list(x.load(partner_store(kind, m, lanes), fields.explicit_acceleration))
 
 
@@ -79,11 +79,11 @@ def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector
 
 
 def from_far(x: Scope, W: Matrix, v: Vector, tag: str, lanes: bool = False) -> Vector:
-    """Six components in the base's axes turned into the far link's."""
+    """Six components along the base's axes, rotated into the far link's axes."""
     return [x.let("far", e, tag, lanes=lanes) for e in turned(transpose(W), v)]
 
 
 def to_base(x: Scope, o: Vector, v: Vector, tag: str, lanes: bool = False) -> Vector:
-    """Moment and force at a point o, about the base's origin."""
+    """Moment and force at a point o, as moment about the base's origin and force."""
     moved = add(v[:3], cross(o, v[3:]))
     return [x.let("at_base", e, tag, lanes=lanes) for e in moved] + list(v[3:])

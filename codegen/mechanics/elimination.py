@@ -1,18 +1,18 @@
 """Elimination from symmetric systems and back substitution: one algorithm for trees and loops. Eqs. 44-47, 53.
 
-Accelerations a of several unknowns need the force ``Q a + p``. A freedom moves them by its acceleration times a column s, and the
-force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and ``D = s . U`` that is
+Accelerations a of several unknowns require the force ``Q a + p``. A degree of freedom adds its acceleration times a column s to
+them, and the force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and ``D = s . U`` that is
 
     udot = r / D - G . a,    G = U / D,    r = tau - s . p,
 
-and what is left for the others is ``Q - G U^T`` and ``p + G r``: no inertia along s, and the force tau.
+and for the other unknowns ``Q - G U^T`` and ``p + G r`` remain: no inertia along s, and the force tau.
 
-A rotor that turns with the freedom adds its reflected inertia a to D and to nothing else. Then ``s . G`` is ``1 - a/D``, and what
-is left has along s the inertia ``a G`` and the force ``tau - a r/D``: what the rotor resists with. Neither is a difference.
+A rotor adds its reflected inertia a to D and to nothing else. Then ``s . G`` is ``1 - a/D``. Along s, the inertia ``a G`` and the
+force ``tau - a r/D`` remain. Neither is a difference of large terms.
 
-The unknowns of a link are the six components of its acceleration, and those of its partners; the columns are its joint's. The
-unknowns of a region are its sources, a base that carries it, and partners; a source moves nothing but itself, so that its
-unknown is zero until it is found.
+The unknowns of a link are the six components of its acceleration, and six of each partner; the columns are those of its joint.
+The unknowns of a region are its sources, a base that carries it, and partners. A source changes no other unknown, so its value is
+zero until it has been computed.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from .stores import ME, PIVOT, REGION
 from .structure.kinds import LinkKind, RegionKind
 
 SMALL = 2e-15
-"""A pivot below this fraction of the inertia along the column: nothing outboard has inertia about the joint. In double precision,
-as all margins here."""
+"""Smallest pivot relative to the inertia along the column; below it, nothing outboard has inertia about the joint. For double
+precision, like all margins here."""
 
 
 class ZeroPivotError(ValueError):
@@ -46,17 +46,17 @@ class ZeroPivotError(ValueError):
 
 @dataclass(frozen=True)
 class PivotFields:
-    """Where is kept what eliminations leave for back substitution, and for right sides that come later.
+    """Fields that store the results of eliminations, for back substitution and for later right sides.
 
     Attributes
     ----------
     store : Store
     inverse, right_side : ScalarField
-        ``1 / D`` and ``r / D``, by freedom.
+        ``1 / D`` and ``r / D``, by degree of freedom.
     gain : ScalarField
-        ``G``, by freedom and unknown.
+        ``G``, by degree of freedom and unknown.
     entry, force, moving : str
-        What entries of Q, of p, and of p along directions are called in generated code.
+        Names in generated code for entries of Q, of p, and of p along directions.
     """
 
     store: Store
@@ -76,19 +76,19 @@ OF_SOURCES = PivotFields(
 
 @dataclass(slots=True)
 class SymmetricSystem:
-    """Forces ``Q a + p`` of unknown accelerations a.
+    """Forces ``Q a + p`` for unknown accelerations a.
 
     Attributes
     ----------
     x : Scope
     kind : LinkKind or RegionKind
-        Whose freedoms are eliminated.
+        The kind whose degrees of freedom are eliminated.
     Q : Matrix
-        Symmetric. Entries are named already.
+        Symmetric; its entries have names.
     p : Vector
     kept : PivotFields
     labels : sequence of str
-        Of the unknowns, for names in generated code.
+        Labels of the unknowns in names of the generated code.
     """
 
     x: Scope
@@ -101,22 +101,22 @@ class SymmetricSystem:
     def eliminate(
         self, j: int, s: Column, tau: Value, whole: Value, left: range | None = None, rotor: Value = 0
     ) -> None:
-        """Eliminate a freedom; its pivot, right side and gains are kept.
+        """Eliminate a degree of freedom, and store its pivot, right side and gains.
 
         Parameters
         ----------
         j : int
-            Number of the freedom, for what is kept.
+            Number of the degree of freedom in the stored fields.
         s : Column
-            How it moves the unknowns.
+            Change of the unknowns per unit acceleration.
         tau : value
             The force along it.
         whole : value
-            Inertia along it that the pivot is measured against.
+            Inertia along it with which the pivot is compared.
         left : range, optional
-            Unknowns that still matter; all if left out.
+            Unknowns that are still needed; all by default.
         rotor : value, optional
-            Reflected inertia of the rotor that turns with the freedom.
+            Reflected inertia of its rotor.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class SymmetricSystem:
         for i in others:
             p[i] = let(f"{kept.force}{self.labels[i]}", p[i] + G[i] * r, "Eq. 45")
         if s.lead in left:
-            # but for a rotor's no force is left along s: the leading row follows from the others, and is zero if s has no others
+            # without a rotor the leading row is minus the sum of the others times s; it is zero if s has no other components
             for k in (*others, s.lead):
                 name = f"{kept.entry}{self.labels[s.lead]}{self.labels[k]}"
                 along = rotor * (U[k] * inverse if k == s.lead else G[k]) if geared else 0
@@ -165,7 +165,7 @@ class SymmetricSystem:
         return ANY  # the children's patterns are not known yet
 
     def block(self, row: int, column: int) -> Matrix:
-        """Six rows and columns, from the given ones on."""
+        """Six rows and columns, beginning with the given ones."""
         return [self.Q[row + i][column : column + 6] for i in SIX]
 
 
@@ -173,9 +173,9 @@ def eliminate_force(
     x: Scope, kept: PivotFields, right: Store, j: int, s: Column, P: Vector, tau: Value, labels: Sequence[str],
     left: range | None = None, rotor: Value = 0,
 ) -> None:  # fmt: skip
-    """The same of another right side, along directions: ``r = tau - s . P``, ``P += G r``. Changes P.
+    """The elimination for another right side, along directions: ``r = tau - s . P``, ``P += G r``. Changes P.
 
-    `right` is where its right sides are kept.
+    `right` is the field of its right sides.
     """
     r = x.let("r", tau - s.along(P), "d Eq. 53", lanes=True)
     driven = x.let("rD", r * x.load(kept.store, kept.inverse(j)), "d Eq. 53", lanes=True)
@@ -202,11 +202,11 @@ def substitute(
     geared: bool = False,
     of: str = "",
 ) -> Value:
-    """The acceleration of a freedom, ``r / D - G . a``; the one eliminated last comes first. Changes a.
+    """The acceleration of a degree of freedom, ``r / D - G . a``; call for the one eliminated last first. Changes a.
 
-    `right` is ``r / D``, or where right sides are kept; `geared`: a rotor turns with the freedom; `of` begins equations' tags.
+    `right` is ``r / D`` or its field; `geared`: there is a rotor; `of` is the prefix of equation tags.
     """
-    # s . G = 1 but for rotors, so a along s counts once, and the other components what is left of them
+    # without a rotor s . G = 1, so a cancels along s, and only the other components' remainder counts
     G = [1 if i == s.lead and not geared else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]
     value = x.load(right, kept.right_side(j)) if isinstance(right, Store) else right
     for i, gain in enumerate(G):

@@ -1,8 +1,8 @@
-"""From a system to blocks: zero patterns first, then statements, then passes.
+"""From a system to blocks: zero patterns, then statements, then simplifying passes.
 
-The zero pattern of what a link receives depends on its neighbours', so patterns are found by running the block-writing code on
-structural values until nothing changes; then every block is expanded once per kind, and passes are applied. What no
-later block reads is removed, across blocks.
+The zero pattern of a link's inputs depends on its neighbours. Patterns are therefore found by running the block-writing code on
+structural values until nothing changes. Then every block is expanded once per kind and simplified. Values that no later block
+reads are removed, across blocks.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ class Program:
     ----------
     blocks : dict of str to dict of int to Block
         By sweep and kind.
-    fields : dict of Memory to list of str
+    Components of each sort of memory.
         Components that are kept, by sort of memory.
     slots : dict of str to list of str
-        Those of slots, by sweep.
+        Components of slots, by sweep.
     transient : dict of str to list of str
-        Fields of records that need a slot only, by sweep.
+        Fields of records that only need a slot, by sweep.
     ground_fields : set of str
-        What is read of the ground.
+        Fields of the ground that are read.
     read_outside : set of (memory, kind, field)
-        What formulas read after the sweeps.
+        Fields that formulas read after the sweeps.
     report : list of (pass, operations, seconds)
     sweep_seconds : dict of str to float
-        Expanding and simplifying, by sweep.
+        Time of expansion and simplification, by sweep.
     merged : dict of str to Merged
         Sweeps that are printed as one block.
     """
@@ -68,12 +68,12 @@ class Program:
 
 
 class Traffic:
-    """What blocks write and read: of every family of fields that is written somebody should read something.
+    """Checks that every family of fields that blocks store is read somewhere.
 
     Parameters
     ----------
     outside : iterable of Place
-        What formulas read.
+        Fields that formulas read.
     """
 
     def __init__(self, outside: Iterable[Place]):
@@ -82,7 +82,7 @@ class Traffic:
         self._written: dict[AnyField, tuple[str, dict[Component, None]]] = {}
 
     def note(self, sweep: Sweep, x: Expansion) -> None:
-        """Take note of what a block has written and read, tangents too."""
+        """Record what a block stores and loads, tangents included."""
         self._read.update(name for _, name in x.block.loads.values())
         self._families.update(asked.family for asked in x.asked.values())
         for store, name, value in x.block.stores:
@@ -91,12 +91,12 @@ class Traffic:
                 self._written.setdefault(told.family, (sweep.title, {}))[1][store, name] = None
 
     def check(self) -> None:
-        """Somebody reads something of every family that is written.
+        """Raise an error if a stored family of fields is never read.
 
         Raises
         ------
         FieldError
-            With block, store and component.
+            Names block, store and component.
         """
         for family, (title, written) in self._written.items():
             if family not in self._families and not any(name in self._read for _, name in written):
@@ -113,13 +113,13 @@ def expand(
 ) -> Program:
     """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory.
 
-    `read_outside` are fields (memory, kind, field) that formulas read; `progress` hears of every sweep; `whole` says
-    that the sweeps are those of all functions, so that what none of them reads should not be stored.
+    `read_outside` are fields (memory, kind, field) that formulas read; `progress` is called for every sweep; `whole` says
+    that all functions are generated, so that every stored value should be read.
 
     Raises
     ------
     FieldError
-        A block loads what no block stores, or (of the whole) stores what no block loads.
+        A block loads a field that no block stores, or (with `whole`) stores a field that no block loads.
     """
     wanted = set(sweeps)
     chosen = [s for s in SWEEPS if s.name in wanted and s.kinds(system)]
@@ -159,7 +159,7 @@ def expand(
 
 
 def _written(patterns: Patterns, traffic: Traffic, sweep: Sweep, kind: UnitKind) -> Block:
-    """The block of a kind, not simplified yet."""
+    """The block of a kind before simplification."""
     x = Expansion(
         f"{sweep.name}_{kind.index}", sweep.title, partial(patterns.is_nonzero, kind, sweep),
         partial(patterns.number, kind, sweep), kind.alias_of, sweep.tangents, sweep.units,
@@ -175,7 +175,7 @@ def _written(patterns: Patterns, traffic: Traffic, sweep: Sweep, kind: UnitKind)
 def _timed(
     program: Program, sweeps: list[Sweep], stage: str, progress: Progress, done: int = 0, rounds: int = 1
 ) -> Iterator[Sweep]:
-    """Sweeps one after the other, of one of several rounds; what is done with each is reported, and timed."""
+    """The sweeps of one of several rounds, one by one; reports progress and measures the time spent on each."""
     for step, sweep in enumerate(sweeps, 1 + done * len(sweeps)):
         progress(stage, step, rounds * len(sweeps))
         clock = time.perf_counter()
@@ -185,7 +185,7 @@ def _timed(
 
 
 def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Block) -> None:
-    """What is stored must be within the pattern: others load zero, or a known number, where the pattern says so."""
+    """Check that stored values agree with the pattern, which tells other blocks where to load zero or a known number."""
     for store, name, value in block.stores:
         if patterns.reach.of(kind, sweep, store) is None:
             continue
@@ -203,7 +203,7 @@ def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Bloc
 
 
 class _Counter:
-    """Counts operations of all blocks; those of a block that is still the same are known."""
+    """Counts operations of all blocks; counts of unchanged blocks are reused."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -218,8 +218,8 @@ class _Counter:
 
 @dataclass(slots=True)
 class _Links:
-    """What connects a block with others: the places that each of its stores goes to (None for what the layout
-    does not place), and those that each of its loads comes from."""
+    """Connections of a block with others: the places where each store writes (None for memory without a layout), and the
+    places from which each load may come."""
 
     block: Block
     targets: list[set[Place] | None]
@@ -246,13 +246,13 @@ def _links(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> list[_L
 
 
 def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
-    """What some result depends on; of values that may be had in two ways, neither is followed."""
+    """Places on which some result depends; operands of values with two expressions are not followed."""
     needed: set[Place] = set(program.read_outside)
     before = -1
     read: dict[int, frozenset[int]] = {}
     while before != len(needed):
         before = len(needed)
-        for n, of in reversed([*enumerate(blocks)]):  # most is read by later ones
+        for n, of in reversed([*enumerate(blocks)]):  # later blocks read most of what is needed
             stored = frozenset(
                 i for i, target in enumerate(of.targets) if target is None or not target.isdisjoint(needed)
             )
@@ -266,7 +266,7 @@ def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
 
 
 def _read_for(block: Block, symbols: set[Symbol], ends: Container[Symbol] = ()) -> set[Symbol]:
-    """Symbols that some depend on, and these; statements of `ends` are not followed."""
+    """The given symbols and those on which they depend; statements of `ends` are not followed."""
     found = set(symbols)
     for statement in reversed(block.statements):
         if statement.target in found and statement.target not in ends:
@@ -275,7 +275,7 @@ def _read_for(block: Block, symbols: set[Symbol], ends: Container[Symbol] = ()) 
 
 
 def _choose(program: Program, linked: list[_Links]) -> None:
-    """Of values that may be had in two ways, take the first where others need all that it reads, if the second costs no less."""
+    """For values with two expressions, choose the first if all its operands are needed anyway and the second is not cheaper."""
     if not any(of.block.otherwise for of in linked):
         return
     needed = _needed(program, linked)
@@ -296,7 +296,7 @@ def _choose(program: Program, linked: list[_Links]) -> None:
 
 
 def _drop_unread(program: Program, linked: list[_Links]) -> None:
-    """Remove what no result depends on, across blocks: stores to memory are needed if a needed statement loads them."""
+    """Remove statements on which no result depends, across blocks: a store is needed if a needed statement loads it."""
     needed = _needed(program, linked)
     for of in linked:
         of.block.stores = [
@@ -333,9 +333,9 @@ def _lay_out(program: Program) -> None:
 
 
 def _transient(program: Program) -> dict[str, list[str]]:
-    """Fields of records that only neighbours read, within the sweep that writes them, by sweep.
+    """Fields of records that only neighbours read, and only within the sweep that writes them, by sweep.
 
-    They need no place of their own in every link: memory for one path through the tree will do, and stays in the cache.
+    They need memory for one path through the tree only, which stays in the cache.
     """
     uses: dict[str, dict[str, bool]] = {}
     of_links = {n for blocks in program.blocks.values() for b in blocks.values() for _, n, _ in b.stores}

@@ -1,11 +1,11 @@
-"""The fields of the mechanics: everything that blocks keep for each other, with shape, unit, frame and meaning.
+"""The fields of the mechanics: all values that blocks store for other blocks, with shape, unit, axes and meaning.
 
-This is the one table of them; the glossary in the documentation is printed from it. Names are those of the generated code. In
-units, ``u`` stands for what a freedom is measured in (rad or m) and ``[..., ...]`` for angular and linear parts. Values per
-direction are kept under the same names, in slots and lanes, unless another name is given.
+The glossary in the documentation is printed from this table. Names are those of the generated code. In units, ``u`` is the unit
+of a degree of freedom (rad or m), and ``[..., ...]`` are the units of angular and linear parts. Values per direction have the
+same names, in slots and lanes, unless another name is given.
 
-A field has a short name, of which components and local variables are made (``w.y``, ``up_w_y``), and one that memory has in
-generated code (``me->omega_y``): that of this table, or what `CALLED` says.
+A field has a short name, from which components and local variables are named (``w.y``, ``up_w_y``). Its name in the memory of
+generated code (``me->omega_y``) is that of this table or of `CALLED`.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 NO_LINK_ASKS = "every pivot that it would measure is measured by what is computed anyway"
 NO_FORCE_ASKS = "no force element asks for it"
 NO_EAR_STARTS = "no other ear starts from the link"
-"""When nobody reads how a link of an ear moves."""
+"""Reasons why some motions of links of ears are never read."""
 
 
 @dataclass(frozen=True)
 class MotionFields:
-    """Fields of a link's motion: angular velocity, angular acceleration, that of the origin, and B."""
+    """Fields of a link's motion: angular velocity, angular acceleration, acceleration of the origin, and B."""
 
     w: VectorField
     al: VectorField
@@ -49,13 +49,13 @@ class MotionFields:
     B: MatrixField
 
     def __call__(self, *numbers: int) -> MotionFields:
-        """The member of a family."""
+        """The fields of one member of a numbered family."""
         return MotionFields(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
 
 
 @dataclass(frozen=True)
 class InertiaFields:
-    """Fields of a generalised inertia: blocks of moments, of mass, and what couples them."""
+    """Fields of a generalised inertia: blocks of moments, of mass, and of their coupling."""
 
     J: SymmetricField
     M: SymmetricField
@@ -74,7 +74,7 @@ def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> InertiaF
 def _motion(
     w: VectorField, prefix: str, frame: str, how: str, turning: str = "", unread: str = "", of: str = " of the origin"
 ) -> MotionFields:
-    """Of the accelerations that are `how`; B is `turning`, if that is said in other words."""
+    """Fields of motion whose meaning ends with `how`, or for B with `turning`."""
     return MotionFields(
         w,
         VectorField(f"{prefix}al", "rad/s^2", frame, f"angular acceleration{how}", unread=unread),
@@ -367,7 +367,7 @@ coupling = BlockField("", INERTIA, "the two links", "inertia that couples two li
 
 
 def _listed() -> dict[str, AnyField]:
-    """All fields, by the names that the code has for them."""
+    """All fields, by their names in the generator."""
     found: dict[str, AnyField] = {}
     for name, value in list(globals().items()):
         if isinstance(value, Field):
@@ -378,7 +378,7 @@ def _listed() -> dict[str, AnyField]:
 
 
 FIELDS = _listed()
-"""Every field by its name in the code."""
+"""Every field by its name in the generator."""
 
 CALLED = {
     "face_place": "{}_place", "face_axes": "{}_axes", "angular_velocity": "omega", "parents_velocity": "parent_omega",
@@ -396,5 +396,5 @@ CALLED = {
     "far_own.a": "far_{}_own_acceleration", "far_own.B": "far_{}_own_B", "far_shift": "far_{}", "far_step": "far_{}_step",
     "far_transmitted": "far_{}_transmitted", "far_balance": "far_{}_balance", "coupling": "inertia_",
 }  # fmt: skip
-"""What memory in generated code is called where the name in this table does not read well there; ``{}`` are numbers."""
+"""Names of memory in generated code that differ from this table; ``{}`` are numbers."""
 list_fields(FIELDS, CALLED)

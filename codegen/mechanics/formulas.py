@@ -1,6 +1,6 @@
 """Formulas of the model: expressions over coordinates, speeds, parameters, inputs and time, such as joint forces.
 
-Formulas of the same form share one block; which coordinates and numbers each reads is data.
+Formulas of the same form share one block; the coordinates and numbers that each reads are data.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .structure.system import System, speeds_with_forces
 
 
 def has_derivative(store: Store) -> bool:
-    """Whether formulas have derivatives by what they load: not by numbers, nor by the modes of switches."""
+    """Whether a store of formulas has tangents: numbers and modes of switches have none."""
     return store is not NUMBER and store.name != MODES.name
 
 
@@ -36,7 +36,7 @@ def seed_of(store: Store) -> Store:
 
 
 class FormulaSlots:
-    """Names and numbers of a formula as numbered slots."""
+    """Numbered slots for the names and numbers of a formula."""
 
     def __init__(self, model: Model):
         self.slots: dict[tuple[str, int], int] = {}
@@ -53,15 +53,15 @@ class FormulaSlots:
                 self._places[name] = (category, i)
 
     def clear(self) -> None:
-        """Begin with the next formula."""
+        """Start the next formula."""
         self.slots, self.numbers = {}, []
 
     def convert(self, tree: Tree) -> Tree:
-        """The tree with its numbers and names as slots."""
+        """The tree with slots for its numbers and names."""
         return to_slots(tree, self.numbers, self._slot)
 
     def row(self, index: int, links: tuple[int, ...]) -> Row:
-        """That of a formula which writes an entry of its target, with the slots and numbers found since `clear`."""
+        """The row of a formula that writes an entry of its target, with the slots and numbers found since `clear`."""
         return index, links, [i for _, i in self.slots], list(self.numbers)
 
     def _slot(self, name: str) -> Tree:
@@ -90,12 +90,12 @@ def formula_kinds(
         rows.append(template.row(index, ()))
     kinds: list[Formula] = []
     for canonical, (tree, rows) in forms.items():
-        # numbers that all its formulas share are put in their places
+        # numbers that all formulas share become literals
         literal = {j: row for j, row in enumerate(rows[0][3]) if all(r[3][j] == row for r in rows)}
         where = [places[i] if places else _place(model, target, i) for i, *_ in rows]
         try:
             kind = _make(len(kinds), target, _with_numbers(canonical, literal))
-        except ExpressionError:  # a number in its derivative has no value
+        except ExpressionError:  # a number in the derivative has no finite value
             raise _without_value(model, where[0], tree) from None
         kind.rows.extend(rows)
         kind.places += where
@@ -114,7 +114,7 @@ def _without_value(model: Model, place: str, tree: Tree) -> ModelError:
 
 
 def _with_numbers(tree: Tree, literal: dict[int, float]) -> Tree:
-    """A tree with numbers in the place of some of its numbered slots."""
+    """A tree in which some numbered slots are replaced by numbers."""
     if tree[0] == "slot":
         return ("number", literal[tree[1]]) if tree[1] in literal else tree
     return tuple(_with_numbers(part, literal) if isinstance(part, tuple) else part for part in tree)
@@ -135,13 +135,13 @@ def _place(model: Model, target: str, index: int) -> str:
 
 
 def has_values(block: Block) -> bool:
-    """Whether all numbers that stand in a block are real and finite."""
+    """Whether all numbers in a block are real and finite."""
     expressions = [*(s.expression for s in block.statements), *(e for *_, e in block.stores)]
     return all(n.is_finite for e in expressions for n in algebra.numbers_of(e))
 
 
 def leaf_of(x: Expansion) -> Leaf:
-    """The symbols of a formula's numbered slots and of the entries that its names are."""
+    """Gives the symbols of a formula's numbered slots and names."""
     return lambda node: x.entry(*((NUMBER, node[1]) if node[0] == "slot" else (argument(node[1]), node[2])))
 
 
@@ -175,9 +175,9 @@ def _make(index: int, target: str, tree: Tree) -> Formula:
 
 
 def slopes_of(tree: Tree, optional: bool = False) -> list[tuple[Tree, Tree]] | None:
-    """The derivatives of a tree by its leaves, of one whose derivatives may be infinite; None for others.
+    """The derivatives of a tree with respect to its leaves, if they may be infinite; otherwise None.
 
-    `optional`: nobody may ask for it, so that a quotient of what moves counts as well.
+    `optional`: the derivative may not be needed, so quotients with a varying divisor count as well.
     """
     found = [leaf for leaf in leaves(tree) if leaf[1] != MODES.name]
     moving = frozenset(leaf for leaf in found if leaf[1] != "p")
@@ -188,7 +188,7 @@ def slopes_of(tree: Tree, optional: bool = False) -> list[tuple[Tree, Tree]] | N
 
 
 def force_formulas(system: System) -> list[Formula]:
-    """Joint forces, summed per freedom; the target index is that of the speed."""
+    """Joint forces, summed for each degree of freedom; the target index is that of the speed."""
     trees: dict[int, Tree] = {}
     hold = system.model.switches.hold
     for forces in system.force_of.values():
@@ -208,7 +208,7 @@ def motion_formulas(model: Model) -> list[Formula]:
     moving = frozenset(model.moving_inputs)
     for n, x in enumerate(model.prescribed):
         values, held = x.values, Expression(model.switches.hold(x.value.tree, moves=True))
-        if held is not x.value:  # in the branches that a step holds
+        if held is not x.value:  # the branches that an integration step holds
             values = held, rate(held, moving=moving), rate(rate(held, moving=moving), moving=moving)
         for order, e in enumerate(values):
             if e.tree != ("number", 0):
@@ -218,7 +218,7 @@ def motion_formulas(model: Model) -> list[Formula]:
 
 
 def coefficient_formulas(system: System) -> list[Formula]:
-    """Coefficients of force elements, of each as many as `PlacedElement.parts`: of those with an energy, and of the others."""
+    """Coefficients of force elements (`PlacedElement.parts`): of elements with an energy, and of the others."""
     found: list[Formula] = []
     for target, has_energy in (("coefficient", True), ("drive", False)):
         of = [
@@ -232,7 +232,7 @@ def coefficient_formulas(system: System) -> list[Formula]:
 
 
 def initial_formulas(model: Model) -> list[Formula]:
-    """Initial values of all coordinates and speeds, as the file gives them; none where no parameter changes them."""
+    """Initial values of all coordinates and speeds in the model file; none if no parameter changes them."""
     if not model.initial_depends_on_parameters:
         return []
     q = [

@@ -1,6 +1,6 @@
-"""The glossary of the documentation: the words of the mechanics, and every field that blocks keep for each other.
+"""The glossary of the documentation: terms of the mechanics, and every field that blocks store for other blocks.
 
-``python -m codegen.mechanics.glossary > docs/glossary.md`` writes it anew.
+``python -m codegen.mechanics.glossary > docs/glossary.md`` updates it.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""The transpose of the balance in two sweeps: one outward, one inward, where its parts would be six.
+"""The transpose of the balance, merged from six sweeps into two: one outward, one inward.
 
-The transpose of the balance's inward sweep goes outward: it hands on virtual motions. With the accelerations it is one sweep;
-what of it needs transmitted forces waits (`codegen.program.transpose.deferred`), since these are only known on the way inward.
-That, the forces themselves, the transposes of the outward sweep and of the completion of seeds are one block
-(`codegen.program.fusion`): gradients of coordinates are stored once, and few values pass through memory.
+The transpose of the balance's inward sweep goes outward and propagates virtual motions. It is merged with the sweep of
+accelerations. Its terms in transmitted forces are deferred (`codegen.program.transpose.deferred`), since these forces are only
+known on the way inward. The inward sweep merges the transmitted forces, the deferred terms, and the transposes of the outward
+sweep and of the completion of seeds (`codegen.program.fusion`). Gradients of coordinates are then stored once, and few values
+pass through memory.
 
-Memory need not be cleared: who is the first to give something stores it, the others add.
+Memory need not be cleared: the first contribution to a component assigns it, the others add.
 """
 
 from __future__ import annotations
@@ -30,15 +31,15 @@ NOTHING = Block("", "")
 
 
 def run_together(program: Program, closed: bool, alone: bool) -> None:
-    """Put the sweeps of the balance's transpose into one outward and one inward.
+    """Merge the sweeps of the balance's transpose into one outward and one inward sweep.
 
     Parameters
     ----------
     program : Program
     closed : bool
-        The transpose of the completion of seeds is among them.
+        Includes the transpose of the completion of seeds.
     alone : bool
-        No other sweep over directions comes after them, so they may leave what they like in memory that is used anew.
+        No other sweep over directions follows, so reused memory need not be cleared afterwards.
     """
     blocks, system = program.blocks, program.system
     values_out, values_in = (blocks.pop(values_name(s)) for s in ("balance_out", "balance_in"))
@@ -79,7 +80,7 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
             outward.stores += [(a, n, algebra.ZERO) for n in shared if (a, n) not in unit.stored]
         inward = unit.run(f"{name_in}_{k}", SWEEP[name_in].title, parts_in[k], handed_in)
         unit.complete(inward)
-        if alone:  # nobody comes to fetch what is kept of links
+        if alone:  # no later sweep reads the lanes of links
             inward.stores = [(a, n, e) for a, n, e in inward.stores if a.memory is not LANE or n in shared]
         blocks[GRADIENT_OUT][k], blocks[name_in][k] = outward, inward
     slots = {s: program.slots.get(s, []) for s in ("balance_in", "balance_out", "complete")}
@@ -92,23 +93,23 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
 
 
 def _saved(kind: UnitKind, i: int) -> Component:
-    """Where a block of a kind saves values per direction until the sweep comes back."""
+    """Memory per direction in which the outward block of a kind saves a value for the inward one."""
     store = LREGION if isinstance(kind, RegionKind) else MY_LANE[0] if isinstance(kind, EarKind) else MY_LANE
     return store, f"saved.{i}"
 
 
 @dataclass(slots=True)
 class _Unit:
-    """The blocks of a kind of units.
+    """Merges the blocks of one kind of units.
 
     Attributes
     ----------
     free : tuple of set of int, or None
-        Independent coordinates and speeds, where the gradients of the others are to be zero.
+        Independent coordinates and speeds; gradients of the others become zero.
     shared : set of str
-        Components of lanes that others give something for.
+        Components of lanes to which other units contribute.
     stored : set of (Store, str)
-        What has been stored so far per direction.
+        Components per direction that have been stored so far.
     """
 
     system: System
@@ -119,18 +120,18 @@ class _Unit:
 
     @property
     def links(self) -> list[tuple[LinkKind, int | None]]:
-        """Links, with their places."""
+        """The kinds of its links, with their indices in an ear."""
         if isinstance(self.kind, EarKind):
             return [(link, place) for place, link in enumerate(self.kind.links)]
         return [(self.kind, None)] if isinstance(self.kind, LinkKind) else []
 
     @property
     def lanes(self) -> list[Store]:
-        """What is kept per direction of the links."""
+        """The lanes of its links."""
         return [MY_LANE if place is None else MY_LANE[place] for _, place in self.links]
 
     def run(self, name: str, title: str, parts: list[Block], handed: _Handed | None, first: bool = False) -> Block:
-        """One block of several; `first` if it comes before those of units that give something to lanes of this one."""
+        """One block from several; `first` if it runs before units that contribute to its lanes."""
 
         def fresh(store: Store, component: str) -> bool:
             if store.memory is SLOT:
@@ -150,7 +151,7 @@ class _Unit:
         return found
 
     def complete(self, block: Block) -> None:
-        """Store zeros for seeds that have no part in accelerations, and for those of dependent coordinates and speeds."""
+        """Store zero gradients for seeds that do not affect accelerations, and for dependent coordinates and speeds."""
         at = {(a.plain, n): i for i, (a, n, _) in enumerate(block.stores)}
         for link, place in self.links:
             mine = owner_links(self.system, self.kind, DQ if place is None else DQ[place], of_units=True)
@@ -169,16 +170,16 @@ class _Unit:
 
 
 class _Handed:
-    """What units hand on per direction: whether there is nothing yet when a unit begins.
+    """Contributions that units propagate per direction, and whether a component is still empty when a unit begins.
 
-    Where that is the same for all units of a kind, the first to give assigns, and nobody has to clear memory that is used anew.
+    If this is the same for all units of a kind, the first contribution assigns, and reused memory need not be cleared.
 
     Attributes
     ----------
     assigned : set of str
-        Components of which that is so.
+        Components that first contributions assign.
     all : bool
-        It is so of all.
+        Whether these are all components.
     """
 
     def __init__(self, system: System, parts: dict[int, list[Block]], outward: bool):
@@ -202,7 +203,7 @@ class _Handed:
         for n, givers in gives.items():
             at = tuple((k, a) for k, a, _ in givers)
             if len(set(at)) < len(at) or not all(adds for _, _, adds in givers):
-                continue  # one unit gives twice, or what is there is added to and stored again
+                continue  # a unit contributes twice, or modifies a stored value
             if at not in known:
                 known[at] = self._first(at)
             found = known[at]
@@ -216,13 +217,13 @@ class _Handed:
         self.all = self.assigned == gives.keys()
 
     def links(self, k: int, store: Store) -> list[int]:
-        """The links that a store means in the units of a kind."""
+        """The links whose memory a store accesses, for the units of a kind."""
         if (k, store) not in self._links:
             self._links[k, store] = owner_links(self.system, self.kinds[k], store, of_units=True)
         return self._links[k, store]
 
     def _first(self, givers: tuple[tuple[int, Store], ...]) -> tuple[set[tuple[int, Store]], set[int]] | None:
-        """Who is always the first to give, and who gets something; None if somebody is the first now and then."""
+        """The givers that always come first, and the links that receive; None if a giver comes first for some units only."""
         earliest: dict[int, tuple[int, int]] = {}
         for g, (k, a) in enumerate(givers):
             for unit, link in zip(self.kinds[k].units, self.links(k, a), strict=True):
@@ -237,5 +238,5 @@ class _Handed:
         return {givers[g] for g in count}, set(earliest)
 
     def fresh(self, kind: UnitKind, store: Store, name: str) -> bool:
-        """Whether there is nothing yet in a component when a unit of that kind begins."""
+        """Whether a component is still empty when a unit of that kind begins."""
         return (name, kind.index, store) in self._fresh

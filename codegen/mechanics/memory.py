@@ -1,4 +1,4 @@
-"""Where everything lies: fields of records, constants, tables of numbers."""
+"""Memory layout: fields of records, constants, tables of numbers."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from .structure.system import System
 
 
 class SystemLayout(Layout):
-    """The layout of a system, and where what is of each of its links, loops and force elements begins.
+    """The memory layout of a system, with the first entry of each link, loop and force element.
 
     Attributes
     ----------
     number_offsets, closure_number_offsets, element_number_offsets : list of int
-        Where the numbers of each link, loop and force element begin.
+        First of the numbers of each link, loop and force element.
     trig_of : list of int
-        For each link the number of its angle.
+        For each link, the number of its angle.
     """
 
     def __init__(self, program: Program):

@@ -1,7 +1,7 @@
-"""Sweeps over few links, each as one block: a value that a link passes to its neighbour is a variable there, and no memory.
+"""Sweeps over few links, each merged into one block: values that links pass to neighbours become local variables.
 
-Where every link has a function of its own (`codegen.mechanics.statements.laid_out`), the blocks of a sweep run in a known order,
-and each of their components has a known address. So they are one block (`codegen.program.fusion`), as long as that is short.
+If every link has a function of its own (`codegen.mechanics.statements.laid_out`), the blocks of a sweep run in a known order and
+each of their components has a known address. They are merged (`codegen.program.fusion`) if the result is short enough.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from .structure.kinds import UnitKind
 from .sweeps import FALLING, INWARD, SWEEP, transpose_name
 
 LONGEST, LONGEST_ALONG = 1000, 300
-"""Symbols that the statements and stores of a merged sweep read, at most: compilers take longer for long functions. The second is
-for sweeps over directions: values that all directions share stay in registers in short loops only."""
+"""Largest number of symbols read by a merged sweep, since compilers take long for long functions. The second is for sweeps over
+directions: in short loops only, values common to all directions stay in registers."""
 
 OF_LINKS = RECORD, KEPT[RECORD], SLOT
 """Memory of links that the ground has, too."""
 
 GRAVITY = argument("gravity")
-"""Minus the acceleration of gravity. The functions of links read it in the record of the ground."""
+"""Minus the acceleration of gravity. In functions of single links it is in the record of the ground."""
 
 
 def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
-    """The plan of a program whose sweeps are merged where they can be, without the memory that these no longer need."""
+    """The plan of a program with sweeps merged where possible, and without memory that is no longer needed."""
     addresses = SystemAddresses(program, SystemLayout(program), True)
     called = {s.then for s in SWEEP.values()}
     found = {}
@@ -56,8 +56,8 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
             )
     slots, gravity = program.slots, program.system.gravity
     if gravity is None or not any(n in gravity.shape.varying for s in FALLING for n in slots.get(s, ())):
-        # else these sweeps and their transposes share the ground's slot, in one order
-        # formulas reach the ground's slot in the same way for a sweep and its transpose, so both have the same fields
+        # otherwise these sweeps and their transposes share the ground's slot
+        # formulas access the ground's slot alike for a sweep and its transpose, so both keep the same fields
         both = {s: [x for x in slots if _base(x) == _base(s) and x in program.blocks] for s in slots}
         slots = {
             s: [n for n in of if any(x not in found or (SLOT, n) in found[x].names for x in both[s])]
@@ -69,23 +69,23 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
 
 
 def _base(sweep: str) -> str:
-    """The sweep whose transpose one is, or itself."""
+    """The sweep of which this one is the transpose, or the sweep itself."""
     return sweep.removesuffix(transpose_name(""))
 
 
 class _Merging:
-    """The blocks of a sweep, put together.
+    """Merges the blocks of a sweep.
 
     Attributes
     ----------
     first : dict of address to (Store, str)
-        The component that stands for all of an address.
+        The component that represents all those with this address.
     of : dict of Store to (kind, Store)
         See `Merged`.
     shared : set of (Store, str)
-        Components that links read and write for their neighbours only, within this sweep.
+        Components that links of this sweep only exchange with neighbours.
     ground : set of Store
-        Those of the ground, whose values are there before the sweep runs.
+        The ground's stores, whose values are known before the sweep.
     """
 
     def __init__(self, program: Program, addresses: SystemAddresses, sweep: str):
@@ -110,7 +110,7 @@ class _Merging:
         return Merged(block, self.of, {(a.memory, n) for a, n in components}, ground)
 
     def placed(self, kind: UnitKind) -> Block:
-        """The block of a kind, with components that are the same in all blocks where the addresses are."""
+        """The block of a kind, with components of equal address replaced by one."""
         block = self.program.blocks[self.sweep][kind.index]
         loads = {s: self.component(kind, a, n) for s, (a, n) in block.loads.items()}
         stores = []
@@ -120,7 +120,7 @@ class _Merging:
         return Block(block.name, block.title, loads, block.statements, stores)
 
     def component(self, kind: UnitKind, store: Store, name: str) -> Component:
-        """What stands for a component of a store of a kind."""
+        """The component that represents a component of a kind's store."""
         mine = self._stores.get((kind, store))
         if mine is None:
             mine = self._stores[kind, store] = Store(store.label, store.owner, store.memory)
@@ -140,7 +140,7 @@ class _Merging:
         return found
 
     def is_ground(self, kind: UnitKind, store: Store) -> bool:
-        """Whether a store is of the ground."""
+        """Whether a store accesses the ground's memory."""
         if store.owner is GROUND_LINK:
             return True
         return len(self.program.system.links) in self.addresses.links_meant(kind, self.sweep, store)

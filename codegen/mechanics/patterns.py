@@ -1,6 +1,6 @@
-"""Zero patterns: which fields of which memory can differ from zero, found by running the code of blocks on patterns.
+"""Zero patterns: which fields of which memory can differ from zero, found by running block-writing code on patterns.
 
-The pattern of what a link receives depends on its neighbours', so a sweep's code is run until nothing changes.
+The pattern of a link's inputs depends on its neighbours, so the code of a sweep is run until nothing changes.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from .sweeps import FALLING, INWARD, Sweep
 
 GROUND_KIND = -1
 MemoryKey = tuple[Memory, str]
-"""A sort of memory, and the sweep whose slots are meant; without sweep for what outlives one."""
+"""A sort of memory and, for slots, the sweep that uses them; the sweep is "" for memory that outlives sweeps."""
 
 KindKey = int | tuple[int, int]
-"""Index of a kind; of a coupling, that of the unit that it ends with and its number there."""
+"""Index of a kind; for a coupling, the kind of the unit with which it ends, and its number there."""
 
 Place = tuple[MemoryKey, KindKey, str]
-"""A component in a memory of a kind."""
+"""A component of the memory of a kind."""
 
 
 class Reach:
-    """Which memory of which kinds an array means in the blocks of a kind."""
+    """Which memory of which kinds a store accesses in the blocks of a kind."""
 
     def __init__(self, system: System):
         self.system = system
@@ -45,7 +45,7 @@ class Reach:
         of_region = {
             u.number: k.index for u, k in zip(regions.order, system.unit_kind_of, strict=True) if u.role == "region"
         }
-        # a coupling is of the kind of the unit that it ends with
+        # a coupling belongs to the kind of the unit with which it ends
         kind_of_coupling = {
             c: (kind.index, n)
             for partners, kind in zip(regions.elimination.partners, system.unit_kind_of, strict=True)
@@ -59,7 +59,7 @@ class Reach:
                 self._regions.setdefault(kind.index, set()).add(of_region[number])
 
     def of(self, kind: UnitKind, sweep: Sweep, store: Store) -> tuple[MemoryKey, set[KindKey]] | None:
-        """Memory and kinds; None for what the layout does not place."""
+        """Memory and kinds; None for memory without a layout."""
         key = kind, sweep.name, store
         if key not in self._found:
             if store.memory in LAID_OUT:
@@ -70,7 +70,7 @@ class Reach:
         return self._found[key]
 
     def _kinds(self, kind: UnitKind, sweep: Sweep, store: Store) -> set[KindKey]:
-        """Kinds of what a store is of, in the blocks of a kind."""
+        """Kinds of the units whose memory a store accesses in the blocks of a kind."""
         owner, place = store.owner, store.place
         if owner in (EAR_ITSELF, REGION_ITSELF):
             return {kind.index} if owner is EAR_ITSELF or kind.role == "region" else self._regions[kind.index]
@@ -88,7 +88,7 @@ class Reach:
 
 @dataclass(slots=True)
 class _Run:
-    """A block that was run on patterns: when, what it reads, and where it stores zeros."""
+    """A run of a block on patterns: its time, the memory that it reads, and where it stores zeros."""
 
     block: StructuralExpansion
     at: int
@@ -97,7 +97,7 @@ class _Run:
 
 
 class Patterns:
-    """Which fields of which memory can differ from zero, and which are 1 or -1 in every state, by kind."""
+    """Fields of each memory that can differ from zero, and those that are 1 or -1 in every state, by kind."""
 
     def __init__(self, system: System):
         self.system = system
@@ -105,7 +105,7 @@ class Patterns:
         self.nonzero: dict[tuple[MemoryKey, KindKey], dict[str, int | None]] = {}
         self._fields: dict[tuple[UnitKind, str, Store], list[dict[str, int | None]] | None] = {}
         self.overruled = False
-        """Whether a sweep has stored something else where an earlier one had stored 1 or -1."""
+        """Whether a sweep has stored another value in a field that was 1 or -1 in an earlier sweep."""
         self._known_from: dict[Place, str] = {}
         self._written: set[Place] = set()
         self._runs: dict[UnitKind, _Run] = {}
@@ -129,7 +129,7 @@ class Patterns:
                     self.of((SLOT, sweep), GROUND_KIND)[name] = None
 
     def of(self, memory: MemoryKey, kind: KindKey) -> dict[str, int | None]:
-        """Fields that can differ from zero, and the number that they are, if any."""
+        """Fields that can differ from zero; the value is 1 or -1 if the field always has it, otherwise None."""
         return self.nonzero.setdefault((memory, kind), {})
 
     def is_nonzero(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> bool:
@@ -140,7 +140,7 @@ class Patterns:
         return found is None or any(name in of for of in found)
 
     def known(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> int | None:
-        """The number 1 or -1 that a field is in every state."""
+        """The number 1 or -1 that a field has in every state; None if there is none."""
         if store.memory is CONSTANT:
             number = kind.number_of(store, name)
             return int(number) if isinstance(number, Number) and number.value in (1, -1) else None
@@ -148,7 +148,7 @@ class Patterns:
         return values.pop() if len(values) == 1 else None
 
     def _meant(self, kind: UnitKind, sweep: Sweep, store: Store) -> list[dict[str, int | None]] | None:
-        """Fields as `of` has them, of all kinds that a store can be of; None for what the layout does not place."""
+        """The results of `of` for all kinds whose memory a store may access; None for memory without a layout."""
         key = kind, sweep.name, store
         if key not in self._fields:
             found = self.reach.of(kind, sweep, store)
@@ -156,7 +156,7 @@ class Patterns:
         return self._fields[key]
 
     def number(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> Expr | None:
-        """A value that is known: a constant of the whole kind, or a field that is 1 or -1."""
+        """A known value: a constant of the whole kind, or a field that is 1 or -1."""
         value = kind.number_of(store, name)
         if value is not None:
             return value
@@ -164,22 +164,22 @@ class Patterns:
         return None if known is None else algebra.Number(known)
 
     def settle(self, sweep: Sweep) -> None:
-        """Run a sweep's block-writing code on patterns until they do not grow.
+        """Run a sweep's block-writing code on patterns until they stop growing.
 
         Raises
         ------
         FieldError
-            Something is loaded that neither this sweep nor one before it stores.
+            A field is loaded that neither this sweep nor an earlier one stores.
         """
         self._runs.clear()
         kinds = sweep.kinds(self.system)
-        order = [*reversed(kinds)] if sweep.direction == INWARD else kinds  # what is found climbs in one pass
+        order = [*reversed(kinds)] if sweep.direction == INWARD else kinds  # as the sweep runs
         changed = True
         while changed:
             changed = False
             for kind in order:
                 changed |= self._settle(sweep, kind)
-            if not changed:  # only now is a zero sure to stay one: then the field is not 1 for all
+            if not changed:  # only now is a stored zero certain to remain zero: the field is not 1 everywhere
                 for kind in kinds:
                     for memory, k, name in self._runs[kind].zeros:
                         if self.of(memory, k).get(name) is not None:
@@ -188,14 +188,14 @@ class Patterns:
             self.check_loads(sweep, kind, self._runs[kind].block)
 
     def _settle(self, sweep: Sweep, kind: UnitKind) -> bool:
-        """Run the code of a block on patterns, if some that it reads have changed since; whether others change by it."""
+        """Run the code of a block on patterns if its inputs have changed; returns whether other blocks must run."""
         run = self._runs.get(kind)
         if run is not None and all(self._changes.get(place, 0) <= run.at for place in run.reads):
             return False
         before = self._clock
         form = kind.form if isinstance(kind, EarKind) else None
         run = self._run(sweep, kind)
-        if isinstance(kind, EarKind) and kind.form != form:  # blocks of others are written by it, too
+        if isinstance(kind, EarKind) and kind.form != form:  # other blocks depend on the form too
             self._runs.clear()
             self._clock += 1
         self._runs[kind] = run
@@ -234,17 +234,17 @@ class Patterns:
         return _Run(x, at, reads)
 
     def _note(self, memory: MemoryKey, kind: KindKey) -> None:
-        """What some blocks read has changed."""
+        """Note a change in memory that blocks read."""
         self._clock += 1
         self._changes[memory, kind] = self._clock
 
     def check_loads(self, sweep: Sweep, kind: UnitKind, x: Scope) -> None:
-        """What a block loads must be stored by some block, zeros too, unless others hand it on and there may be none.
+        """Check that some block stores each field that a block loads, unless the field consists of contributions.
 
         Raises
         ------
         FieldError
-            With block, store and component.
+            Names block, store and component.
         """
         for (store, name), asked in x.asked.items():
             found = self.reach.of(kind, sweep, store)
@@ -255,7 +255,7 @@ class Patterns:
                     raise FieldError(f"{sweep.title}: {store}.{name} is loaded, and no block stores it")
 
     def _forget(self, sweep: Sweep, memory: MemoryKey, kind: KindKey, name: str) -> bool:
-        """A field is not the same number in every state."""
+        """Note that a field is not the same number in every state."""
         self.of(memory, kind)[name] = None
         self._note(memory, kind)
         self.overruled |= self._known_from.get((memory, kind, name), sweep.name) != sweep.name
@@ -263,7 +263,7 @@ class Patterns:
 
 
 def write_block(sweep: Sweep, x: Scope, kind: UnitKind) -> None:
-    """Write the block of a kind; the form of a closure matrix that is factored is kept for the sweeps that follow."""
+    """Write the block of a kind; the form of a factored closure matrix is stored in the kind for later sweeps."""
     form = sweep.write_block(x, kind)
     if form is not None:
         assert isinstance(kind, EarKind)

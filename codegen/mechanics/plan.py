@@ -1,4 +1,4 @@
-"""What targets get to print of a system: the plan of its solver."""
+"""The plan of a system's solver, from which targets print code."""
 
 from __future__ import annotations
 
@@ -65,18 +65,18 @@ def _swept(program: Program, name: str) -> Swept:
 
 
 def _called(system: System, kind: UnitKind) -> tuple[str, str]:
-    """What members of a kind are called, and the first of them."""
+    """Name for the members of a kind in comments, and name of the first member."""
     what = "ears" if isinstance(kind, EarKind) else "regions" if isinstance(kind, RegionKind) else "links"
     return f"{kind.first.type}s" if isinstance(kind, ElementKind) else what, unit_name(system, kind, kind.members[0])
 
 
 def unit_name(system: System, kind: Kind, member: int) -> str:
-    """What a member of a kind is called."""
+    """Name of a member of a kind in comments."""
     if isinstance(kind, RegionKind):
         return f"region of {kind.sources} sources"
     if isinstance(kind, ElementKind):
         return system.elements[member].element.name
-    if not isinstance(kind, EarKind):  # a link
+    if not isinstance(kind, EarKind):
         return system.links[member].name
     ear = system.regions.ears[member]
     names = ", ".join(system.links[i].name for i in ear.links)
@@ -112,7 +112,7 @@ def _ground(program: Program) -> Ground:
 
 
 def read_of_ground(program: Program, memory: Memory) -> set[str]:
-    """Components that sweeps may read in the ground's record, or in its kept one."""
+    """Components that sweeps may read of the ground's record, or of its kept record."""
     found = {n for merged in program.merged.values() for m, n in merged.ground if m is memory}
     for sweep in program.blocks.keys() - program.merged.keys():
         loads = [at for block in program.blocks[sweep].values() for at in block.loads.values()]

@@ -27,7 +27,7 @@ def accumulate(
 def accumulate_force(
     x: Scope, store: Store, field: Field[Vector], value: Vector, first: bool, tag: str, lanes: bool = False
 ) -> None:
-    """The same for a moment and a force, with their components in turn."""
+    """Add a moment and a force to those of another object, component by component, moments and forces in turn."""
     parts = field.scalars()
     for i in (0, 3, 1, 4, 2, 5):
         accumulate(x, store, parts[i], value[i], first, tag, lanes)

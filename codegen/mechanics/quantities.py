@@ -1,4 +1,4 @@
-"""What sweeps make known of all links, for outputs and force elements to ask for; procedures run what was asked for, once."""
+"""Quantities of all links that outputs and force elements may read; procedures compute each at most once."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from .sweeps import SWEEP
 
 
 def run(*sweeps: str) -> tuple[Run, ...]:
-    """Sweeps one after the other."""
+    """Steps that run these sweeps in turn."""
     return tuple(Run(s, SWEEP[s].lanes) for s in sweeps)
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Something that is known of all links once some steps were taken.
+    """A quantity of all links, and the steps that compute it.
 
     Attributes
     ----------
     name : str
     values, tangents : tuple of Step
-        They compute it; together with its tangent. The latter take a state and seeds that are complete.
+        Steps for the quantity, and for its tangent. The latter need complete seeds.
     energy : bool
-        They add to the energies.
+        The steps add to the energies.
     pivots : bool
         The tangents may meet a zero pivot.
     sums : tuple of str
-        Arrays that they add to, which begin with zeros.
+        Arrays to which the steps add; they must begin with zeros.
     dynamics : bool
-        They need udot, and its tangent.
+        The steps need udot, and its tangent.
     """
 
     name: str
@@ -46,11 +46,11 @@ class Quantity:
 POSE = Quantity("pose", run("pose"), run("pose_tangents"))
 """Positions and attitudes in the ground frame."""
 VELOCITY = Quantity("velocity", run("velocities"), run("velocity_tangents"))
-"""Velocities, for forces: before the forward dynamics."""
+"""Velocities for force elements, before the forward dynamics."""
 KINETIC = Quantity("kinetic", run("kinetic"), run("kinetic_tangents"), energy=True)
 """Velocities and kinetic energy."""
 ACCELERATION = Quantity("acceleration", run("link_accelerations"), run("link_acceleration_tangents"), dynamics=True)
-"""Accelerations of links against the ground."""
+"""Accelerations of links relative to the ground."""
 MASSES = Quantity("masses", run("masses"), run("mass_tangents"), sums=("masses",))
 """Mass and first moment of the system, from the poses of links."""
 MOMENTA = Quantity("momenta", run("momenta"), run("momentum_tangents"), sums=("momenta",))
@@ -65,7 +65,7 @@ GRAVITY = Quantity(
 """Potential energy of gravity."""
 COEFFICIENTS = Formulas("element_coefficients", ("coefficient",))
 DRIVES = Formulas("drives", ("drive",))
-"""Coefficients of force elements, of those with an energy and of the others."""
+"""Coefficients of force elements: of those with an energy, and of the others."""
 ELEMENTS = Quantity(
     "elements",
     (COEFFICIENTS, *run("element_energy")),
@@ -73,24 +73,24 @@ ELEMENTS = Quantity(
     energy=True,
     pivots=True,
 )
-"""Potential energy of force elements, where positions and attitudes are known."""
+"""Potential energy of force elements, given positions and attitudes."""
 
 QUANTITIES = {q.name: q for q in (POSE, KINETIC, ACCELERATION, MASSES, MOMENTA)}
-"""What outputs may read, by name, in the order in which it is computed."""
+"""Quantities that outputs may read, by name, in the order of computation."""
 
 ENERGIES = ("kinetic_energy", "potential_energy")
-"""In the order of the array ``energy``."""
+"""Energies in the order of the array ``energy``."""
 
 
 def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> list[Quantity]:
-    """The quantities that are read by name, and those that energies are functions of, in the order in which they are computed.
+    """The quantities with these names, and those that these energies need, in the order of computation.
 
     Parameters
     ----------
     read : iterable of str
         Names of `QUANTITIES`.
     energies : iterable of int
-        Places in `ENERGIES`.
+        Indices in `ENERGIES`.
     """
     wanted = set(read)
     stored = any(e.element.has_energy for e in system.elements)

@@ -1,4 +1,4 @@
-"""Vectors and matrices of three, as lists of scalars of any kind (symbols, floats, structural values)."""
+"""Vectors and matrices of size three, as lists of scalars of any type (symbols, floats, structural values)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Components = Sequence[Value]
 Rows = Sequence[Sequence[Value]]
 
 SIX = range(6)
-"""Components of a moment and a force, or of what else has an angular and a linear part."""
+"""Indices of the components of a wrench, a twist or an acceleration: angular, then linear."""
 
 ZERO: Vector = [0, 0, 0]
 UNIT: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -39,12 +39,12 @@ def dot(a: Components, b: Components) -> Value:
 
 
 def product(a: Value, b: Value) -> Value:
-    """Of values any of which may be the int 0 or 1."""
+    """A product; either factor may be the int 0 or 1."""
     return b if isinstance(a, int) and a == 1 else a * b
 
 
 def inner(a: Components, b: Components) -> Value:
-    """The sum of products, of any number of components; those of `a` may be the int 0 or 1."""
+    """The sum of products of components; those of `a` may be the int 0 or 1."""
     return sum(product(p, q) for p, q in zip(a, b, strict=True))
 
 
@@ -57,17 +57,17 @@ def matvec(m: Rows, v: Components) -> Vector:
 
 
 def rotate(W: Matrix, v: Vector) -> Vector:
-    """``W v``; the unit matrix costs nothing."""
+    """``W v``; no operations if W is the unit matrix."""
     return list(v) if W is UNIT else matvec(W, v)
 
 
 def turned(W: Matrix, six: Vector) -> Vector:
-    """A moment and a force, or the like, in the axes that W turns into."""
+    """Six components rotated by W, such as a moment and a force."""
     return rotate(W, six[:3]) + rotate(W, six[3:])
 
 
 def about(lever: Vector, force: Vector) -> Vector:
-    """A moment and a force about the point from which `lever` leads to the one that they are about."""
+    """A moment and a force shifted to another point: `lever` is the vector from there to the present point."""
     return [*add(force[:3], cross(lever, force[3:])), *force[3:]]
 
 
@@ -81,7 +81,7 @@ def matmul(a: Rows, b: Rows) -> Matrix:
 
 
 def symmetric(six: Components) -> Matrix:
-    """Symmetric matrix of its entries xx, yy, zz, xy, xz, yz."""
+    """Symmetric matrix from its entries xx, yy, zz, xy, xz, yz."""
     xx, yy, zz, xy, xz, yz = six
     return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 

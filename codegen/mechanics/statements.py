@@ -1,4 +1,4 @@
-"""A model as statements: analysed, expanded and simplified, with the functions that a solver is to have."""
+"""A model as statements: analysed, expanded and simplified, with the selected functions of its solver."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from .sweeps import transpose_name, values_name
 from .transposition import transpose_sweeps
 
 UNROLLED_LINKS = 8
-"""Up to this number of links a model gets one function per link unless another layout is asked for."""
+"""Models with at most this many links get one function per link by default."""
 
 DIFFERENT_LINKS, DIFFERENT = 12, 0.75
-"""The same for models of at most so many links of which such a part are of kinds of their own: to write each out takes little
-more code."""
+"""So do models with at most this many links if at least this fraction of them are of different kinds, since the code is then
+hardly longer."""
 
 
 def laid_out(model: Model, layout: str, chosen: Partition | None, turning: bool) -> tuple[System, bool]:
-    """A model analysed, and whether it has one function per link: chosen by links and kinds unless the layout says so.
+    """The system of a model, and whether it gets one function per link: by `layout`, or by the numbers of links and kinds.
 
-    Of `turning`, the ground may be turned; see `mechanics.structure.system.analyse`.
+    `turning` allows the ground to be rotated; see `mechanics.structure.system.analyse`.
     """
     if layout == "unrolled":
         return analyse(model, True, chosen, turning=turning), True
@@ -58,7 +58,7 @@ def expanded(
     frames: bool = False,
     moves: bool = True,
 ) -> tuple[Program, Plan, tuple[Procedure, ...]]:
-    """Expand and simplify: the statements, what targets get of them, and the functions of the solver; see `write_solver`."""
+    """Expand and simplify a system: its statements, the plan for targets, and the functions of the solver (`write_solver`)."""
     model = system.model
     asked = procedures(system, reactions, functions, frames, moves)
     read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
@@ -96,10 +96,10 @@ def expanded(
     formulas += [*initial_formulas(model), *place_formulas(model)]
     formulas = [*(f for f in formulas if f.target in read), *records]
     tangents = [f.tangent for f in formulas]
-    # pivots are met whether the function that says so is among those asked for or not
+    # pivots are checked whether or not the function that reports them is selected
     checked = checked_backwards(asked if functions is None else procedures(system, reactions, moves=moves))
     transpose_sweeps(program, backwards, tangents, checked, *swept_together(asked))
-    for sweep in backwards:  # what was only there to be run backwards, or together with others
+    for sweep in backwards:  # sweeps that are needed for their transposes only, or that were merged
         for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
             program.blocks.pop(name, None)
     return program, plan_of(program, formulas), asked

@@ -1,8 +1,8 @@
-"""The stores of the mechanics: whose memory a block may read and write, and of which sort it is.
+"""The stores of the mechanics: memory that a block may read and write, by its owner and its sort.
 
-Every link has a *record*, kept for one call; a *slot*, with values per direction that only its neighbours need while a sweep
-passes; and *lanes*, with values per direction that are kept between sweeps. Ears, regions and couplings have memory of their
-own. What a block calls its own link's record is `ME`, its parent's `UP`, and so on: see `Owner`.
+Every link has a *record* for one call, a *slot* and *lanes*. A slot has values per direction that only neighbours need during one
+sweep; lanes have values per direction that are kept between sweeps. Ears, regions and couplings have memory of their own. A
+block names the record of its own link `ME`, that of the parent `UP`, and so on: see `Owner`.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ EAR_RECORD, REGION_RECORD = Memory("ear", region="ears"), Memory("region", regio
 COUPLING_BLOCK = Memory("coupling", region="couplings")
 REGION_LANE = Memory("region lane", True, region="region_lanes")
 COLUMN = Memory("column", True, region="columns")
-"""Columns of matrices that are computed all at once, a link on those that concern it."""
+"""Columns of matrices that are computed all at once; a link has the columns that concern it."""
 
 LAID_OUT = (RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK)
-"""Memory whose fields the layout gives places to. Of everything else the place is known beforehand."""
+"""Memory whose fields get their places from the layout; all other places are known beforehand."""
 
 KEPT = {
     RECORD: Memory("kept record", region="kept"),
     REGION_RECORD: Memory("kept region", region="kept_regions"),
 }
-"""Scalars that sweeps over directions hand on themselves, kept for their transposes."""
+"""Scalars that sweeps over directions propagate, kept for their transposes."""
 
 PER_COORDINATE, PER_COORDINATE_LANE = (
     Memory("coordinates", life=Life.OUTSIDE),
@@ -49,17 +49,17 @@ WRENCH, WRENCH_LANE = Memory("wrenches", life=Life.OUTSIDE), Memory("wrenches", 
 # -- owners ------------------------------------------------------------------------------------------------------------
 
 LINK = Owner("link")
-"""The link that a block is of; in blocks of ears, of force elements and the like one of several: those have a place."""
+"""The link of a block; in blocks of ears and force elements one of several links, given by its place."""
 PARENT = Owner("parent")
 ROOT = Owner("root", several=True)
-"""A link that an ear starts from; see `structure.EarLinks`."""
+"""A link from which an ear starts; see `structure.EarLinks`."""
 BASE_LINK = Owner("base")
 """The link whose axes a region uses."""
 PARTNER = Owner("partner", several=True)
-"""A link that the unit is coupled to; see `elimination.Partners`."""
+"""A link to which the unit is coupled; see `elimination_order.Partners`."""
 GROUND_LINK = Owner("ground")
 ELEMENT_END = Owner("end", several=True)
-"""A link that a force element acts on or looks at; see `element_kinds.ElementKind`."""
+"""A link on which a force element acts, or whose motion it reads; see `element_kinds.ElementKind`."""
 EAR_ITSELF, REGION_ITSELF = Owner("ear"), Owner("region")
 OWN_COUPLING = Owner("coupling that ends with the unit", several=True)
 HANDED_COUPLING = Owner("coupling that the unit adds to", several=True)
@@ -110,17 +110,17 @@ TAU, DTAU = Store("tau", LINK, PER_SPEED), Store("dtau", LINK, PER_SPEED_LANE)
 FORCE, DFORCE = Store("force", LINK, PER_SPEED), Store("dforce", LINK, PER_SPEED_LANE)
 RIGHT_SIDE = Store("b", LINK, PER_SPEED_LANE)
 MOTION, DMOTION = Store("prescribed", LINK, PER_MOTION), Store("dprescribed", LINK, PER_MOTION_LANE)
-"""Of a coordinate that is prescribed: itself, its rate, its acceleration."""
+"""A prescribed coordinate, its rate and its acceleration."""
 DRIVING, DDRIVING = Store("driving", LINK, PER_DRIVE), Store("ddriving", LINK, PER_DRIVE_LANE)
-"""The generalised force that this takes."""
+"""The generalised force that a prescribed motion requires."""
 HELD, DHELD = Store("held_force", LINK, PER_DRIVE), Store("dheld_force", LINK, PER_DRIVE_LANE)
-"""Joint forces along what is prescribed."""
+"""Joint forces along prescribed coordinates."""
 TRIG = Store("trig", LINK, PER_ANGLE)
 TURNS = Store("turn", LINK, TURN)
-"""Rotation vector of a joint: no memory, but what sines, cosines and rotation matrices are differentiated by."""
+"""Rotation vector of a joint: not stored, but the variable by which sines, cosines and rotation matrices are differentiated."""
 
 PIVOT, RANK = Store("pivot", LINK, MARGIN), Store("rank", LINK, MARGIN)
-"""What must be positive."""
+"""Values that must be positive."""
 
 # -- arguments and results of other owners -------------------------------------------------------------------------------
 
@@ -139,9 +139,9 @@ COEFFICIENT, DCOEFFICIENT = (
     Store("coefficient", ELEMENT, COEFFICIENTS),
     Store("dcoefficient", ELEMENT, COEFFICIENTS_LANE),
 )
-"""Of force elements that have an energy: what is asked for that takes no time and no inputs that only others read."""
+"""Coefficients of force elements with an energy; they depend on time and inputs only if the energy does."""
 DRIVE, DDRIVE = Store("drive", ELEMENT, COEFFICIENTS), Store("ddrive", ELEMENT, COEFFICIENTS_LANE)
-"""Coefficients of the others."""
+"""Coefficients of other force elements."""
 
 TANGENT_OF = {
     SPEEDS: DU,
@@ -152,4 +152,4 @@ TANGENT_OF = {
     MASSES: DMASSES,
     MOMENTA: DMOMENTA,
 }
-"""Where the seeds of arguments and the tangents of sums are."""
+"""The stores of the seeds of arguments and of the tangents of sums."""

@@ -1,8 +1,8 @@
-"""The sweeps: which blocks there are, in which direction they go, and what they are for.
+"""The list of sweeps: their blocks, directions and purposes.
 
-This is the list to read first. Forward dynamics is ``kinematics``, ``triangularize``, ``back_substitute`` (Eqs. 18-24,
-42-47, 53-56); a sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions. Loops add ``closures``
-before the former and ``complete`` before the latter.
+Read this first. Forward dynamics is ``kinematics``, ``triangularize``, ``back_substitute`` (Eqs. 18-24, 42-47, 53-56). A
+sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions. Loops add ``closures`` before the former and
+``complete`` before the latter.
 """
 
 from __future__ import annotations
@@ -63,19 +63,19 @@ class Sweep:
         The block is differentiated.
     applies : callable (kind) -> bool
     ear, region : callable (scope, kind), optional
-        The same for ears and regions.
+        Write the blocks of ears and regions.
     units : bool
-        Goes over units; the others go over links, in ears or not.
+        Runs over units; other sweeps run over all links, in ears or not.
     element : callable (scope, kind), optional
-        Goes over force elements; of energies, over those that have one.
+        Writes the block of force elements; the sweep runs over these, and for energies over those that have one.
     groups : str
-        Of sweeps over all columns of a matrix at once, on which of them a link works: its ``own``, those of links ``below`` it
-        and its own, the ``rest``, those of links on the ``path`` from the ground to it, those that are ``still`` there, those of
-        its own that are ``fresh``: not its parent's.
+        For sweeps over all columns of a matrix, the columns on which a link works. ``own``: of the link; ``below``: of the link
+        and those outboard; ``rest``: all others; ``path``: of the link and those inboard; ``still``: not on the path; ``fresh``:
+        on the path of the link but not of its parent.
     then : str
-        Sweep whose function of a link is called after each of this one.
+        Sweep whose function for a link is called after that of this sweep.
     closing : bool
-        Only of use where there are loops; over plain links only where one closes on their motion.
+        Needed for loops only; over plain links only if a loop closes on their motion.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Sweep:
     energy: bool = False
 
     def has_block(self, kind: UnitKind) -> bool:
-        """Whether there is anything to do for a kind."""
+        """Whether the sweep has a block for this kind."""
         if isinstance(kind, LinkKind):
             return self.applies(kind)
         if isinstance(kind, EarKind):
@@ -105,7 +105,7 @@ class Sweep:
         return self.region is not None
 
     def write_block(self, x: Scope, kind: UnitKind) -> FactorForm | None:
-        """Write the block of a kind. The one that factors the closure matrix of ears gives the form of the factor."""
+        """Write the block of a kind; returns the form of the factored closure matrix, if the block factors one."""
         if isinstance(kind, LinkKind):
             self.write(x, kind)
         elif isinstance(kind, EarKind) and self.ear is not None:
@@ -127,7 +127,7 @@ class Sweep:
         return found
 
     def sequence(self, system: System) -> list[UnitKind]:
-        """Kinds of what it goes over, one after the other, outward."""
+        """Kinds of all links, units or force elements of the sweep, in outward order."""
         if self.element is not None:
             of: dict[int, UnitKind] = {n: k for k in system.element_kinds for n in k.members}
             return [of[n] for n in range(len(of))]
@@ -251,17 +251,17 @@ SWEEPS: tuple[Sweep, ...] = (
 
 
 def values_name(sweep: str) -> str:
-    """The sweep that gives the scalars which a sweep over directions hands on."""
+    """Name of the sweep that computes the scalars which a sweep over directions propagates."""
     return f"{sweep}_values"
 
 
 def transpose_name(sweep: str) -> str:
-    """The sweep that runs a sweep over directions backwards."""
+    """Name of the transpose of a sweep over directions."""
     return f"{sweep}_transposed"
 
 
 def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
-    """What running a sweep over directions backwards takes: the scalars that it hands on, and its transpose."""
+    """The two sweeps for the transpose of a sweep over directions: the propagated scalars, and the transpose itself."""
     turned = INWARD if sweep.direction == OUTWARD else OUTWARD
     return (
         replace(sweep, name=values_name(sweep.name), title=f"values of {sweep.title}", lanes=False),
@@ -273,7 +273,7 @@ FALLING = ("balance_out", "inverse_out")
 """Sweeps that begin with the tangent of the ground's acceleration."""
 
 GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED = "gradient_out", "gradient_in", "gradient_in_closed"
-"""Sweeps of the balance's transpose that are run together; the last with the transpose of the completion of seeds."""
+"""Merged sweeps of the balance's transpose; the last includes the transpose of the completion of seeds."""
 
 
 def _together() -> list[Sweep]:
@@ -287,4 +287,4 @@ def _together() -> list[Sweep]:
 
 
 SWEEP = {s.name: s for s in (*SWEEPS, *(b for s in SWEEPS if s.lanes for b in backwards(s)), *_together())}
-"""All sweeps by name, those that run others backwards too."""
+"""All sweeps by name, including transposes."""

@@ -1,10 +1,10 @@
-"""Sweeps run backwards: what the transpose of a function over directions is made of.
+"""Transposes of sweeps over directions.
 
-Of every sweep over directions there are two more (`sweeps.backwards`): one gives the scalars that the sweep itself would
-hand from link to link, in the same order, and keeps them; the other is its transpose, from the last link to the first
-(`codegen.program.transpose`). Nothing here knows what a sweep computes.
+Every sweep over directions gives two more (`sweeps.backwards`). One computes and keeps the scalars that the sweep itself would
+propagate from link to link, in the same order. The other is its transpose, from the last link to the first
+(`codegen.program.transpose`). Nothing here depends on what a sweep computes.
 
-Those of the balance are run together: see `gradient`.
+Transposes of the balance are merged: see `gradient`.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from .stores import DQ, DU, KEPT, LAID_OUT, LINK
 from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
-"""A component of a sort of memory, whosever it is."""
+"""A component of a sort of memory, of any owner."""
 
 _KEPT: dict[Store, Store] = {}
 
 
 def kept(store: Store) -> Store:
-    """Where scalars of a record are kept for the sweeps that run backwards."""
+    """The store that keeps scalars of a record for transposes."""
     found = _KEPT.get(store)
     if found is None:
         if store.adds:
@@ -39,7 +39,7 @@ def kept(store: Store) -> Store:
 
 
 def _names(blocks: Iterable[Block], stored: bool) -> set[Name]:
-    """What blocks store, or load."""
+    """Components that blocks store, or load."""
     if stored:
         return {(a.memory, n) for b in blocks for a, n, _ in b.stores}
     return {(a.memory, n) for b in blocks for a, n in b.loads.values()}
@@ -53,10 +53,10 @@ def transpose_sweeps(
     together: Collection[str] = (),
     alone: bool = False,
 ) -> None:
-    """Add the transposes of sweeps over directions to a program, and the sweeps that give them their scalars.
+    """Add the transposes of sweeps over directions to a program, and the sweeps that compute scalars for them.
 
-    `formulas` are tangents of formulas that run with the sweeps; of those in `checked` nobody else looks at the pivots.
-    `together` has the sweeps of `gradient` that are run, `alone` if no other transposes are run after them.
+    `formulas` are tangents of formulas that run with the sweeps. Sweeps in `checked` check pivots, since no other sweep does.
+    `together` lists the merged sweeps of `gradient` to use; `alone`: no other transposes follow them.
     """
     chosen = [s for s in sweeps if s in program.blocks]
     formulas = list(formulas)
@@ -65,14 +65,14 @@ def transpose_sweeps(
     wanted = set[Name]().union(*read.values(), _names(formulas, False))
     before = set[Name]()
     for sweep in chosen:
-        before = before | written[sweep]  # what this sweep or one before it stores
+        before = before | written[sweep]  # stored by this sweep or an earlier one
         several = set[Name]().union(*(w for s, w in written.items() if s != sweep))
 
         def holds(store: Store, name: str, before: set[Name] = before) -> bool:
             return store.memory in KEPT and (store.memory, name) in before
 
         def cleared(store: Store, name: str, several: set[Name] = several) -> bool:
-            # completion replaces seeds: what is left of their adjoints belongs to the given ones
+            # completion replaces seeds: the remaining adjoints are those of the given seeds
             is_used_anew = store.memory.life is Life.SWEEP or (store.memory, name) in several
             return store.name in (DQ.name, DU.name) or (store.memory in LAID_OUT and is_used_anew)
 
@@ -105,7 +105,7 @@ def transpose_sweeps(
 
 
 def _keep_needed(program: Program, made: list[str]) -> None:
-    """Drop the scalars that nobody reads, and the sweeps that have none left."""
+    """Drop scalars that are never read, and sweeps that then compute none."""
     needed: set[Name] = set()
 
     def useful(block: Block) -> Block:
