@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import ordernm
-from codegen.runtime.standalone.display.picture import Poses, view_of
+from codegen.runtime.standalone.display.picture import view_of
+from codegen.runtime.standalone.display.poses import Poses, quaternions
 from codegen.runtime.standalone.display.scene import scene_of
 
 MODEL = """
@@ -158,3 +159,14 @@ def test_poses_are_of_all_bodies():
     poses = Poses(np.zeros(1), np.eye(3)[None, None], np.ones((1, 1, 3)))
     np.testing.assert_allclose(poses.of(0, np.zeros(3), 0), np.ones(3))
     np.testing.assert_allclose(poses.of(-1, np.ones(3), 0), np.ones(3))
+
+
+def test_quaternions_turn_as_their_matrices():
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(5)
+    whole = [Rotation.from_rotvec(np.pi * np.eye(3)[k]) for k in range(3)]
+    turns = Rotation.concatenate([Rotation.identity(1), *whole, Rotation.random(200, random_state=rng)])
+    found = quaternions(turns.as_matrix())
+    back = Rotation.from_quat(found[:, [1, 2, 3, 0]]).as_matrix()
+    np.testing.assert_allclose(back, turns.as_matrix(), atol=1e-14)

@@ -23,7 +23,9 @@ VOLUMES = {
 def test_surfaces_are_closed_and_oriented_and_have_the_volume_of_the_solid(type_):
     sizes, volume = VOLUMES[type_]
     at = np.array([1.0, -2.0, 0.5])
-    vertices, faces = surface_of(Solid(0, type_, np.array(sizes), TURN, at))
+    solid = Solid(0, type_, np.array(sizes), TURN, at)
+    vertices, faces = surface_of(solid)
+    vertices = solid.placed(vertices)
     edges = [(a, b) for f in faces.tolist() for a, b in zip(f, f[1:] + f[:1], strict=True)]
     assert len(set(edges)) == len(edges)
     assert {(b, a) for a, b in edges} == set(edges)

@@ -28,16 +28,15 @@ class Meshes:
         self._found: dict[str, Surface | None] = {}
 
     def surface(self, solid: Solid) -> Surface:
-        """The surface of a solid in its body frame; of a mesh that cannot be read a small cube, with a warning."""
+        """The surface of a solid in its own frame; of a mesh that cannot be read a small cube, with a warning."""
         if solid.type != "mesh":
             return surface_of(solid)
         if solid.file not in self._found:
             self._found[solid.file] = self._read(solid.file)
         found = self._found[solid.file]
         if found is None:
-            cube = Solid(solid.body, "box", np.full(3, INSTEAD), solid.rotation, solid.at)
-            return surface_of(cube)
-        return found[0] * solid.sizes @ solid.rotation.T + solid.at, found[1]
+            return surface_of(Solid(solid.body, "box", np.full(3, INSTEAD), solid.rotation, solid.at))
+        return found[0] * solid.sizes, found[1]
 
     def _read(self, name: str) -> Surface | None:
         path = self.folder / name

@@ -8,7 +8,6 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,8 @@ from ..files.whole_file import suffix_among, write_whole
 from ..trajectory.plot import COLOURS, FORMATS, SETTINGS, PlotError, need, png_of
 from ..warning import warn
 from .meshes import Meshes
-from .scene import GROUND, SAME, Axis, Line, Mark, Scene, Solid
+from .poses import Poses, ends_of, places_of
+from .scene import SAME, Axis, Scene, Solid
 
 ANIMATIONS = (".gif", ".png")
 """Formats of animations; PNG is animated PNG."""
@@ -30,33 +30,12 @@ MOST_FRAMES = 600
 LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 """Direction towards the light, in the ground frame."""
 
+LINES = {"sticks": ("#333333", 2.5), "rails": ("#999999", 1.0), "elements": ("#009e73", 1.2)}
+MARKS = {"joints": ("#000000", 10), "loops": ("#d55e00", 22), "points": ("#aa4499", 10)}
+"""Colours and widths of lines, and colours and sizes of points, by their lists in `Scene`."""
+
 SOLID_COLORS = COLOURS[1:3] + COLOURS[4:6] + COLOURS[7:8]
 """Colours of bodies that give none, in turn."""
-
-
-@dataclass(frozen=True, eq=False)
-class Poses:
-    """Poses of the bodies of a scene at nt times.
-
-    Attributes
-    ----------
-    t : ndarray (nt,)
-        Times, s.
-    rotation : ndarray (nt, n, 3, 3)
-        From body components to ground components.
-    position : ndarray (nt, n, 3)
-        Origins of the body frames, m.
-    """
-
-    t: Array
-    rotation: Array
-    position: Array
-
-    def of(self, body: int, at: Array, i: int) -> Array:
-        """Points `at` (..., 3) of a body at time i in the ground frame, m."""
-        if body == GROUND:
-            return at
-        return np.asarray(at @ self.rotation[i, body].T + self.position[i, body])
 
 
 def draw(scene: Scene, poses: Poses, path: str | os.PathLike[str] | None, view: str, folder: Path) -> Any:
@@ -122,7 +101,10 @@ class _Figure:
         from matplotlib.figure import Figure
 
         self.scene, self.poses = scene, poses
-        self.surfaces = [(s, *Meshes(folder).surface(s)) for s in scene.solids]
+        meshes = Meshes(folder)
+        self.surfaces = [
+            (s, s.placed(vertices), faces) for s in scene.solids for vertices, faces in [meshes.surface(s)]
+        ]
         self.figure: Any = Figure(figsize=(6.0, 5.0))
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes: Any = self.figure.add_axes((0, 0, 1, 1), projection="3d", proj_type="ortho", computed_zorder=False)
@@ -137,18 +119,11 @@ class _Figure:
         steps = np.unique(np.linspace(0, len(poses.t) - 1, 60).astype(int))
         found = [poses.of(s.body, v, i) for i in steps for s, v, _ in self.surfaces]
         for i in steps:
-            found += [
-                np.stack([poses.of(b, e, i) for b, e in zip(x.bodies, x.ends, strict=True)]) for x in self._lines()
-            ]
-            found += [poses.of(m.body, m.at, i)[None] for m in self._marks()]
-        every = np.concatenate(found) if found else np.zeros((1, 3))
+            found += [ends_of(self.scene.lines(kind), poses, i).reshape(-1, 3) for kind in LINES]
+            found += [places_of(self.scene.marks(kind), poses, i) for kind in MARKS]
+        every = np.concatenate(found)
+        every = every if len(every) else poses.position[0]
         return every.min(axis=0), every.max(axis=0)
-
-    def _lines(self) -> list[Line]:
-        return self.scene.sticks + self.scene.rails + self.scene.elements
-
-    def _marks(self) -> list[Mark]:
-        return self.scene.joints + self.scene.loops + self.scene.points
 
     def show(self, i: int) -> None:
         """Draw the scene at time i."""
@@ -172,22 +147,12 @@ class _Figure:
             every = Poly3DCollection(np.concatenate(triangles), linewidths=0)
             every.set_facecolor(np.concatenate(colors))
             axes.add_collection3d(every)
-        for lines, colour, width in (
-            (scene.sticks, "#333333", 2.5),
-            (scene.rails, "#999999", 1.0),
-            (scene.elements, "#009e73", 1.2),
-        ):
-            ends = [[poses.of(b, e, i) for b, e in zip(x.bodies, x.ends, strict=True)] for x in lines]
-            if ends:
-                axes.add_collection3d(Line3DCollection(np.array(ends), colors=colour, linewidths=width))
-        for marks, colour, size in (
-            (scene.joints, "#000000", 10),
-            (scene.loops, "#d55e00", 22),
-            (scene.points, "#aa4499", 10),
-        ):
-            places = np.array([poses.of(m.body, m.at, i) for m in marks]).reshape(-1, 3)
-            if len(places):
-                axes.scatter(*places.T, s=size, c=colour, depthshade=False)
+        for kind, (colour, width) in LINES.items():
+            if lines := scene.lines(kind):
+                axes.add_collection3d(Line3DCollection(ends_of(lines, poses, i), colors=colour, linewidths=width))
+        for kind, (colour, size) in MARKS.items():
+            if marks := scene.marks(kind):
+                axes.scatter(*places_of(marks, poses, i).T, s=size, c=colour, depthshade=False)
         if len(poses.t) > 1:
             axes.text2D(0.02, 0.02, f"t = {poses.t[i]:.2f} s", transform=axes.transAxes, fontsize=9)
 

@@ -46,6 +46,10 @@ class Solid:
     color: str = ""
     file: str = ""
 
+    def placed(self, points: Array) -> Array:
+        """Points (n, 3) of its frame in the frame of the body, m."""
+        return np.asarray(points @ self.rotation.T + self.at)
+
 
 @dataclass(frozen=True, eq=False)
 class Line:
@@ -114,6 +118,16 @@ class Scene:
     loops: list[Mark] = field(default_factory=list)
     points: list[Mark] = field(default_factory=list)
     axes: list[Axis] = field(default_factory=list)
+
+    def lines(self, kind: str) -> list[Line]:
+        """The lines of a kind: sticks, rails or elements."""
+        found: list[Line] = getattr(self, kind)
+        return found
+
+    def marks(self, kind: str) -> list[Mark]:
+        """The points of a kind: joints, loops or points."""
+        found: list[Mark] = getattr(self, kind)
+        return found
 
 
 SLIDING = {"prismatic", "screw", "cylindrical", "planar"}

@@ -20,7 +20,7 @@ Surface = tuple[Array, Indices]
 
 
 def surface_of(solid: Solid) -> Surface:
-    """The surface of a solid in the frame of its body.
+    """The surface of a solid in its own frame.
 
     Raises
     ------
@@ -30,20 +30,18 @@ def surface_of(solid: Solid) -> Surface:
     sizes = solid.sizes
     match solid.type:
         case "box":
-            vertices, faces = _box(sizes)
+            return _box(sizes)
         case "sphere":
-            vertices, faces = _ball(np.full(3, sizes[0]), 0.0)
+            return _ball(np.full(3, sizes[0]), 0.0)
         case "ellipsoid":
-            vertices, faces = _ball(sizes, 0.0)
+            return _ball(sizes, 0.0)
         case "capsule":
-            vertices, faces = _ball(np.full(3, sizes[0]), sizes[1])
+            return _ball(np.full(3, sizes[0]), sizes[1])
         case "cylinder":
-            vertices, faces = _cylinder(sizes[0], sizes[1])
+            return _cylinder(sizes[0], sizes[1])
         case "rod":
-            vertices, faces = _cylinder(THIN * sizes[0], sizes[0])
-        case _:
-            raise ValueError(f"a {solid.type} has no sizes to draw it by")
-    return vertices @ solid.rotation.T + solid.at, faces
+            return _cylinder(THIN * sizes[0], sizes[0])
+    raise ValueError(f"a {solid.type} has no sizes to draw it by")
 
 
 def _box(size: Array) -> Surface:

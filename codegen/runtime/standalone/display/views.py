@@ -13,7 +13,8 @@ from ..arrays import Array, Numbers, Times
 from ..calls.package import state
 from ..calls.room import Room, alone
 from ..trajectory.trajectory import Trajectory
-from .picture import Poses, animate, draw
+from .picture import animate, draw
+from .poses import Poses
 from .scene import Scene, scene_of
 
 

@@ -1,0 +1,121 @@
+"""Poses of bodies over time, and what is drawn once for all bodies that look alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from .meshes import Meshes
+from .scene import GROUND, Line, Mark, Solid
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Poses of the bodies of a scene at nt times.
+
+    Attributes
+    ----------
+    t : ndarray (nt,)
+        Times, s.
+    rotation : ndarray (nt, n, 3, 3)
+        From body components to ground components.
+    position : ndarray (nt, n, 3)
+        Origins of the body frames, m.
+    """
+
+    t: Array
+    rotation: Array
+    position: Array
+
+    def of(self, body: int, at: Array, i: int) -> Array:
+        """Points `at` (..., 3) of a body at time i in the ground frame, m."""
+        if body == GROUND:
+            return at
+        return np.asarray(at @ self.rotation[i, body].T + self.position[i, body])
+
+    def many(self, bodies: Indices, at: Array, i: int) -> Array:
+        """Points `at` (n, 3), one of each of n bodies, at time i in the ground frame, m."""
+        rotation, position = self._with_ground(i)
+        return np.asarray(np.einsum("kij,kj->ki", rotation[bodies], at) + position[bodies])
+
+    def turned(self, bodies: Indices, rotation: Array, i: int) -> Array:
+        """Rotations (n, 3, 3), one in each of n bodies, at time i in the ground frame."""
+        return np.asarray(self._with_ground(i)[0][bodies] @ rotation)
+
+    def _with_ground(self, i: int) -> tuple[Array, Array]:
+        """Rotations and positions at time i; the ground, of index -1, is the last."""
+        rotation = np.concatenate([self.rotation[i], np.eye(3)[None]])
+        return rotation, np.concatenate([self.position[i], np.zeros((1, 3))])
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Solids of the same surface and colour.
+
+    Attributes
+    ----------
+    vertices, faces : ndarray
+        Their surface, in their own frames.
+    bodies : ndarray (n,)
+        The body of each.
+    rotation, at : ndarray (n, 3, 3), (n, 3)
+        Their frames in their bodies.
+    color : str
+        ``""`` where the view chooses.
+    """
+
+    vertices: Array
+    faces: Indices
+    bodies: Indices
+    rotation: Array
+    at: Array
+    color: str
+
+
+def groups_of(solids: Sequence[Solid], meshes: Meshes) -> list[Group]:
+    """Solids that look alike, together."""
+    alike: dict[tuple[object, ...], list[Solid]] = {}
+    for s in solids:
+        alike.setdefault((s.type, s.sizes.tobytes(), s.color, s.file), []).append(s)
+    return [
+        Group(
+            *meshes.surface(same[0]), np.array([s.body for s in same]), np.stack([s.rotation for s in same]),
+            np.stack([s.at for s in same]), same[0].color,
+        )
+        for same in alike.values()
+    ]  # fmt: skip
+
+
+def ends_of(lines: Sequence[Line], poses: Poses, i: int) -> Array:
+    """Both ends of each line at time i in the ground frame, (n, 2, 3), m."""
+    bodies = np.array([x.bodies for x in lines], dtype=np.intp).reshape(-1)
+    ends = np.array([x.ends for x in lines]).reshape(-1, 3)
+    return poses.many(bodies, ends, i).reshape(-1, 2, 3)
+
+
+def places_of(marks: Sequence[Mark], poses: Poses, i: int) -> Array:
+    """Where each of some points is at time i in the ground frame, (n, 3), m."""
+    bodies = np.array([m.body for m in marks], dtype=np.intp)
+    return poses.many(bodies, np.array([m.at for m in marks]).reshape(-1, 3), i)
+
+
+def quaternions(rotation: Array) -> Array:
+    """Unit quaternions (n, 4), w first, of rotations (n, 3, 3); by the largest of the four entries (Shepperd)."""
+    r = rotation
+    trace = np.trace(r, axis1=1, axis2=2)
+    squares = np.stack([trace, r[:, 0, 0], r[:, 1, 1], r[:, 2, 2]], axis=1)
+    found = np.empty((len(r), 4))
+    for k in range(4):
+        rows = np.flatnonzero(squares.argmax(axis=1) == k)
+        m, t = r[rows], trace[rows]
+        w, (x, y, z) = m[:, 2, 1] - m[:, 1, 2], (m[:, 0, 0], m[:, 1, 1], m[:, 2, 2])
+        xy, xz, yz = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
+        wy, wz = m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+        entries = (
+            (1 + t, w, wy, wz), (w, 1 + 2 * x - t, xy, xz), (wy, xy, 1 + 2 * y - t, yz), (wz, xz, yz, 1 + 2 * z - t),
+        )[k]  # fmt: skip
+        found[rows] = np.stack(entries, axis=1)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
