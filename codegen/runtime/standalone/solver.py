@@ -19,6 +19,7 @@ from .arrays import Array, Numbers, Times
 from .assembly.partitions import conditions, partition_names, use_partition
 from .assembly.states import States
 from .calls.package import Composed, Package
+from .display.viewer import Viewer
 from .display.views import Views
 from .motion.functional_gradients import MEMORY, FunctionalGradients
 from .motion.functionals import Functional, Judged
@@ -1737,6 +1738,45 @@ class Solver(Package):
         """
         return self._views.picture(q, p, inputs, t, path, view, folder)
 
+    def view(
+        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        folder: str | os.PathLike[str] = ".", port: int = 0,
+    ) -> Viewer:  # fmt: skip
+        """Show the mechanism in a browser, with sliders for independent coordinates and design parameters.
+
+        The package must have been generated with frames. Loops stay closed; where they cannot, the view says so and stays
+        as it was. In a notebook the result shows itself.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,), optional
+            The state, SI units and radians. Left out: the initial state of the model.
+        p, inputs, t : array_like (np,), (ninputs,), float, optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        folder : path, optional
+            Folder of the model, from which the names of mesh files start.
+        port : int, optional
+            Port of this machine. Left out: any that is free.
+
+        Returns
+        -------
+        Viewer
+            The view: its address `url`, `html` writes it to a page, `close` ends it.
+
+        Raises
+        ------
+        ImportError
+            If viser is not installed (extra ``view``).
+
+        Examples
+        --------
+        >>> view = solver.view()  # doctest: +SKIP
+        >>> view.url  # doctest: +SKIP
+        'http://127.0.0.1:8080'
+        """
+        start_q, start_u = self.initial
+        return self._views.view(start_q if q is None else q, start_u if u is None else u, p, inputs, t, folder, port)
+
     @functools.cached_property
     def _views(self) -> Views:
         return Views(self)
@@ -1827,7 +1867,7 @@ class Solver(Package):
         (101, 6)
         """
         # long: eighteen arguments, each with its meaning
-        return self._motions.simulate(
+        run = self._motions.simulate(
             t,
             q,
             u,
@@ -1847,6 +1887,12 @@ class Solver(Package):
             progress,
             on_failure,
         )
+        if run.views is not None:
+            run.views.again = lambda other: self.simulate(
+                t, q, u, other, inputs, rtol=rtol, atol=atol, method=method, step=step, largest_step=largest_step,
+                most_steps=most_steps, events=events,
+            )  # fmt: skip
+        return run
 
     def judge(
         self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,

@@ -13,9 +13,11 @@ from ..arrays import Array, Numbers, Times
 from ..calls.package import state
 from ..calls.room import Room, alone
 from ..trajectory.trajectory import Trajectory
+from .controls import Playback, Sliders, around
 from .picture import animate, draw
 from .poses import Poses
 from .scene import Scene, scene_of
+from .viewer import Viewer
 
 
 class Views(Room):
@@ -31,6 +33,14 @@ class Views(Room):
         scene = self._scene(arrays["p"])
         poses = self._poses(arrays["q"][None], arrays["p"], arrays["inputs"], np.atleast_1d(arrays["t"]))
         return draw(scene, poses, path, view, Path(folder))
+
+    def view(
+        self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, folder: str | os.PathLike[str], port: int
+    ) -> Viewer:
+        """See `Solver.view`."""
+        arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
+        alone(batch)
+        return StateView(self, arrays, Path(folder), port).viewer
 
     def of_motion(self, run: Trajectory) -> MotionViews:
         """What shows a trajectory that was loaded from a file.
@@ -80,10 +90,16 @@ class MotionViews:
         Those of the solver of the motion.
     inputs : callable
         Returns the inputs at the times of the motion, (nt, ninputs) or (ninputs,).
+
+    Attributes
+    ----------
+    again : callable or None
+        Returns the motion at other parameters.
     """
 
     def __init__(self, views: Views, inputs: Callable[[], Array]):
         self.views, self.inputs = views, inputs
+        self.again: Callable[[Array], Trajectory] | None = None
 
     def animate(
         self, run: Trajectory, path: str | os.PathLike[str], view: str, folder: str | os.PathLike[str], rate: float
@@ -92,9 +108,88 @@ class MotionViews:
         scene, poses = self.shown(run)
         animate(scene, poses, path, view, Path(folder), rate)
 
+    def view(self, run: Trajectory, folder: str | os.PathLike[str], port: int) -> Viewer:
+        """See `Trajectory.view`."""
+        scene, poses = self.shown(run)
+        viewer = Viewer(run.model, scene, poses, Path(folder), port)
+        if len(poses.t) > 1:
+            Playback(viewer)
+        if self.again is not None and run.p is not None and len(run.p):
+            package = self.views.package
+            units = self.views._manifest.get("parameter_units", [""] * package.np)
+
+            def changed(p: Array) -> None:
+                assert self.again is not None
+                other = self.again(p)
+                viewer.replace(*other.views.shown(other))
+
+            Sliders(viewer, "design", package.parameter_names, units, run.p, *around(run.p), changed)
+        return viewer
+
+    def html(self, run: Trajectory, path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> None:
+        """See `Trajectory.html`."""
+        viewer = Viewer(run.model, *self.shown(run), Path(folder))
+        try:
+            viewer.html(path)
+        finally:
+            viewer.close()
+
     def shown(self, run: Trajectory) -> tuple[Scene, Poses]:
         """The scene of a motion and its poses over time."""
         if not len(run):
             raise ValueError(f"the trajectory of {run.model} has no times, so there is nothing to show")
         p = self.views.package.parameters if run.p is None else run.p
         return self.views._scene(p), self.views._poses(run.q, p, self.inputs(), run.t)
+
+
+class StateView:
+    """A view of one state with sliders for independent coordinates and design parameters; loops stay closed.
+
+    Parameters
+    ----------
+    views : Views
+    arrays : dict of str to ndarray
+        The state.
+    folder : Path
+        Folder that names of mesh files start from.
+    port : int
+        See `Viewer`.
+    """
+
+    def __init__(self, views: Views, arrays: dict[str, Any], folder: Path, port: int):
+        self.views, self.arrays = views, arrays
+        package: Any = views.package
+        self.viewer = Viewer(package.name, views._scene(arrays["p"]), self._poses(), folder, port)
+        quaternions = {i + k for i in views._manifest["quaternions"] for k in range(-3, 1)}
+        names = [n for n in package.independent_names if package.coordinate_names.index(n) not in quaternions]
+        self.places = [package.coordinate_names.index(n) for n in names]
+        units = [views._manifest["coordinate_units"][i] for i in self.places]
+        values = arrays["q"][self.places]
+        half = np.array([np.pi if unit == "rad" else self.viewer.size / 2 for unit in units])
+        if names:
+            Sliders(self.viewer, "coordinates", names, units, values, values - half, values + half, self._moved)
+        if package.np:
+            p, units = arrays["p"], views._manifest.get("parameter_units", [""] * package.np)
+            Sliders(self.viewer, "design", package.parameter_names, units, p, *around(p), self._changed)
+
+    def _poses(self) -> Poses:
+        x = self.arrays
+        return self.views._poses(x["q"][None], x["p"], x["inputs"], np.atleast_1d(x["t"]))
+
+    def _moved(self, values: Array) -> None:
+        """Close the loops at other independent coordinates, and show the state."""
+        q = self.arrays["q"].copy()
+        q[self.places] = values
+        self._close({**self.arrays, "q": q})
+        self.viewer.poses = self._poses()
+        self.viewer.show(0)
+
+    def _changed(self, p: Array) -> None:
+        """Close the loops at other parameters, and show the state."""
+        self._close({**self.arrays, "p": p})
+        self.viewer.replace(self.views._scene(p), self._poses())
+
+    def _close(self, arrays: dict[str, Any]) -> None:
+        package: Any = self.views.package
+        q, u = package.assemble(arrays["q"], arrays["u"], arrays["p"], arrays["inputs"], arrays["t"])
+        self.arrays = {**arrays, "q": q, "u": u}

@@ -681,6 +681,69 @@ class Trajectory:
         """
         self._shown_by(solver).animate(self, path, view, folder, rate)
 
+    def view(self, solver: Any = None, *, folder: str | os.PathLike[str] = ".", port: int = 0) -> Any:
+        """Play the motion in a browser, with sliders for design parameters that compute it again.
+
+        Parameters
+        ----------
+        solver : Solver, optional
+            Solver of the model, generated with frames. It is needed for a trajectory that was loaded from a file, which has
+            no sliders.
+        folder : path, optional
+            Folder of the model, from which the names of mesh files start.
+        port : int, optional
+            Port of this machine. Left out: any that is free.
+
+        Returns
+        -------
+        Viewer
+            The view: its address `url`, `close` ends it. In a notebook it shows itself.
+
+        Raises
+        ------
+        ValueError
+            See `animate`.
+        ImportError
+            If viser is not installed (extra ``view``).
+
+        Examples
+        --------
+        >>> run = solver.simulate(2.0)
+        >>> view = run.view()  # doctest: +SKIP
+        """
+        return self._shown_by(solver).view(self, folder, port)
+
+    def html(self, path: str | os.PathLike[str], solver: Any = None, *, folder: str | os.PathLike[str] = ".") -> None:
+        """Write a page that plays the motion in a browser, without a server and without a network.
+
+        Parameters
+        ----------
+        path : path
+            File to write, ``.html``.
+        solver : Solver, optional
+            See `view`.
+        folder : path, optional
+            Folder of the model, from which the names of mesh files start.
+
+        Raises
+        ------
+        ValueError
+            See `animate`.
+        ImportError
+            If viser is not installed (extra ``view``).
+
+        Warns
+        -----
+        RuntimeWarning
+            If the motion has more than 3000 frames, of which some are left out.
+
+        Examples
+        --------
+        >>> run = solver.simulate(2.0)
+        >>> run.html("run.html")  # doctest: +SKIP
+        """
+        self._shown_by(solver).html(self, path, folder)
+
     def _shown_by(self, solver: Any) -> Any:
         """What shows the motion.
 

@@ -1,0 +1,241 @@
+"""A view of a mechanism in a browser, by viser; and pages that play without a server."""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from ..files.whole_file import suffix_among, write_whole
+from ..warning import warn
+from .meshes import Meshes
+from .picture import LINES, MARKS, SOLID_COLORS
+from .poses import Poses, ends_of, groups_of, places_of, quaternions
+from .scene import Scene
+
+RATE = 30.0
+"""Frames per second of playback, and of a page."""
+
+MOST_FRAMES = 3000
+"""Number of frames of a page or a playback above which frames are left out."""
+
+
+def need() -> Any:
+    """The module viser.
+
+    Raises
+    ------
+    ImportError
+        If it is not installed.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise ImportError('views need viser: pip install "ordernm[view]", or pip install viser') from error
+    return viser
+
+
+class Nodes:
+    """The nodes of a scene in a viser server.
+
+    Parameters
+    ----------
+    server : viser.ViserServer
+    scene : Scene
+    meshes : Meshes
+    size : float
+        Length of the diagonal of the mechanism, m; points and lines are drawn in proportion.
+    """
+
+    def __init__(self, server: Any, scene: Scene, meshes: Meshes, size: float):
+        self.server, self.scene = server, scene
+        self.groups = groups_of(scene.solids, meshes)
+        self.lines = [kind for kind in LINES if scene.lines(kind)]
+        self.marks = [kind for kind in MARKS if scene.marks(kind)]
+        self.size = size
+        self.handles: dict[str, Any] = {}
+
+    def show(self, poses: Poses, i: int) -> None:
+        """Show the scene at time i."""
+        with self.server.atomic():
+            for k, group in enumerate(self.groups):
+                turns = quaternions(poses.turned(group.bodies, group.rotation, i))
+                places = poses.many(group.bodies, group.at, i)
+                self._meshes(
+                    f"/solids/{k}", group.vertices, group.faces, turns, places, colors_of(group.bodies, group.color)
+                )
+            for kind in self.lines:
+                self._lines(kind, ends_of(self.scene.lines(kind), poses, i))
+            for kind in self.marks:
+                places = places_of(self.scene.marks(kind), poses, i)
+                vertices, faces = _point(self.size * MARKS[kind][1] ** 0.5 * 1.6e-3)
+                turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
+                self._meshes(
+                    f"/{kind}", vertices, faces, turns, places, np.tile(_rgb(MARKS[kind][0]), (len(places), 1))
+                )
+
+    def _meshes(self, name: str, vertices: Array, faces: Indices, turns: Array, places: Array, colors: Array) -> None:
+        known = self.handles.get(name)
+        if known is None:
+            self.handles[name] = self.server.scene.add_batched_meshes_simple(
+                name, vertices.astype(np.float32), faces.astype(np.uint32), turns, places, batched_colors=colors,
+                flat_shading=len(vertices) < 10, lod="off", cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
+        else:
+            known.batched_wxyzs, known.batched_positions = turns, places
+
+    def _lines(self, kind: str, ends: Array) -> None:
+        if kind in self.handles:
+            self.handles[kind].points = ends
+        else:
+            colour, width = LINES[kind]
+            thickness = self.size * width * 1.5e-3
+            self.handles[kind] = self.server.scene.add_line_segments(
+                f"/{kind}", ends, _rgb(colour), thickness=thickness
+            )
+
+    def remove(self) -> None:
+        """Take all nodes out of the view."""
+        for handle in self.handles.values():
+            handle.remove()
+        self.handles.clear()
+
+
+def colors_of(bodies: Indices, color: str) -> Array:
+    """Colours (n, 3) of the solids of some bodies, 0 to 255."""
+    return np.array([_rgb(color or SOLID_COLORS[b % len(SOLID_COLORS)]) for b in bodies], dtype=np.uint8)
+
+
+def _rgb(color: str) -> tuple[int, int, int]:
+    red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
+    return red, green, blue
+
+
+def _point(radius: float) -> tuple[Array, Indices]:
+    """An octahedron."""
+    corners = np.concatenate([np.eye(3), -np.eye(3)]) * radius
+    faces = [(a, b, c) if (sx * sy * sz) > 0 else (a, c, b)
+             for sx, a in ((1, 0), (-1, 3)) for sy, b in ((1, 1), (-1, 4)) for sz, c in ((1, 2), (-1, 5))]  # fmt: skip
+    return corners, np.array(faces)
+
+
+class Viewer:
+    """A view in a browser.
+
+    Parameters
+    ----------
+    title : str
+        Name of the model.
+    scene : Scene
+    poses : Poses
+        At one time, or over a motion.
+    folder : Path
+        Folder that names of mesh files start from.
+    port : int
+        Port of this machine; 0: any that is free.
+
+    Attributes
+    ----------
+    url : str
+        Where the view is.
+    """
+
+    def __init__(self, title: str, scene: Scene, poses: Poses, folder: Path, port: int = 0):
+        viser = need()
+        self.title, self.poses, self.meshes = title, poses, Meshes(folder)
+        self.server = viser.ViserServer(
+            host="127.0.0.1", port=port or _free_port(), label=f"ordernm: {title}", verbose=False
+        )
+        self.url = f"http://127.0.0.1:{self.server.get_port()}"
+        self.server.scene.set_up_direction("+z")
+        low, high = _box(scene, poses)
+        self.size = float(np.linalg.norm(high - low)) or 1.0
+        centre = (low + high) / 2
+        self.server.initial_camera.look_at = centre
+        self.server.initial_camera.position = centre + self.size * np.array([0.9, -1.4, 0.7])
+        self.server.scene.add_grid("/ground", 4 * self.size, 4 * self.size, cell_size=self.size / 10, section_size=self.size / 2,
+                                   position=(float(centre[0]), float(centre[1]), min(float(low[2]), 0.0)))  # fmt: skip
+        self.nodes = Nodes(self.server, scene, self.meshes, self.size)
+        self.lock = threading.RLock()
+        self.nodes.show(poses, 0)
+
+    def replace(self, scene: Scene, poses: Poses, i: int = 0) -> None:
+        """Show another scene of the model, such as one of other parameters."""
+        with self.lock:
+            self.nodes.remove()
+            self.poses, self.nodes = poses, Nodes(self.server, scene, self.meshes, self.size)
+            self.nodes.show(poses, i)
+
+    def show(self, i: int) -> None:
+        """Show time i of the poses."""
+        with self.lock:
+            self.nodes.show(self.poses, min(i, len(self.poses.t) - 1))
+
+    def html(self, path: str | os.PathLike[str]) -> None:
+        """Write a page that shows the scene, and plays the motion, without a server and without a network."""
+        suffix_among(path, (".html", ".htm"), ValueError, "pages are written as .html")
+        with self.lock:
+            recording = self.server.get_scene_serializer()
+            for i, pause in frames_of(self.poses.t, "page"):
+                self.nodes.show(self.poses, i)
+                recording.insert_sleep(pause)
+            text = recording.as_html()
+        write_whole(Path(path), lambda file: file.write(text.encode()))
+
+    def wait(self) -> None:
+        """Return when the user presses Ctrl-C."""
+        try:
+            while True:
+                time.sleep(1.0)
+        except KeyboardInterrupt:
+            pass
+
+    def close(self) -> None:
+        """Stop the view."""
+        self.server.stop()
+
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{self.url}" width="100%" height="480" style="border: 0"></iframe>'
+
+    def __repr__(self) -> str:
+        return f"<Viewer of {self.title}: {self.url}>"
+
+
+def frames_of(t: Array, what: str) -> list[tuple[int, float]]:
+    """Indices of the results that are shown, and the time after each, s; at most `MOST_FRAMES`, else with a warning."""
+    if len(t) < 2:
+        return [(0, 0.0)]
+    count = math.ceil((t[-1] - t[0]) * RATE) + 1
+    if min(count, len(t)) > MOST_FRAMES:
+        warn(f"{min(count, len(t))} frames are too many for a {what}; {MOST_FRAMES} of them are shown")
+    wanted = np.linspace(t[0], t[-1], min(count, MOST_FRAMES))
+    chosen = np.unique(np.clip(np.searchsorted(t, wanted - 1e-12 * (t[-1] - t[0])), 0, len(t) - 1))
+    pauses = np.diff(t[chosen], append=t[chosen[-1]])
+    return list(zip(chosen.tolist(), pauses.tolist(), strict=True))
+
+
+def _box(scene: Scene, poses: Poses) -> tuple[Array, Array]:
+    """Corners of a box around the joints, the points and the solids' centres at some times."""
+    steps = np.unique(np.linspace(0, len(poses.t) - 1, 20).astype(int))
+    found = [poses.position[0]]
+    for i in steps:
+        found += [places_of(scene.marks(kind), poses, i) for kind in MARKS]
+        found += [ends_of(scene.lines(kind), poses, i).reshape(-1, 3) for kind in LINES]
+        found += [poses.of(s.body, s.at[None], i) for s in scene.solids]
+    every = np.concatenate(found)
+    every = every[np.isfinite(every).all(axis=1)]
+    return every.min(axis=0), every.max(axis=0)
+
+
+def _free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        port: int = s.getsockname()[1]
+        return port
