@@ -20,7 +20,7 @@ class Numbers(Scope):
 
     def __init__(self) -> None:
         self.memory: dict[tuple[str, str], Any] = {}
-        self.asked, self.told = {}, {}
+        self.reads, self.writes = {}, {}
 
     def component(self, store: Any, name: str) -> Any:
         return self.memory.get((store.label, name), 0)

@@ -96,13 +96,13 @@ class SystemAddresses(Addresses):
     def of_units(self, sweep: str) -> bool:
         return SWEEP[sweep].units
 
-    def links_meant(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
+    def accessed_links(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
         """For each instance of a kind, the link whose memory a store accesses; the ground has the number after the last link."""
         ground = len(self.system.links)
         found = owner_links(self.system, kind, store, SWEEP[sweep].units)
         return [ground if link == GROUND else link for link in found]
 
-    def loops_meant(self, kind: UnitKind, store: Store) -> list[int]:
+    def accessed_loops(self, kind: UnitKind, store: Store) -> list[int]:
         """For each instance of a kind of ears, the loop whose memory a store accesses."""
         regions = self.system.regions
         assert store.place is not None
@@ -114,7 +114,7 @@ class SystemAddresses(Addresses):
         """An integer for the accessed link: its number, or its entry in `of`."""
         key = (kind.index, kind.role, SWEEP[sweep].units, store.owner, store.place, column)
         if key not in self._rows:
-            links = self.links_meant(kind, sweep, store)
+            links = self.accessed_links(kind, sweep, store)
             place = "" if store.place is None else str(store.place)
             name = f"{_COLUMN.get(store.owner, '')}{column}{place}"
             self._rows[key] = Row(name, tuple(links if of is None else (of[i] for i in links)))
@@ -122,7 +122,7 @@ class SystemAddresses(Addresses):
 
     def of_loops(self, kind: UnitKind, store: Store, column: str = "", of: list[int] | None = None) -> Row:
         """An integer for the accessed loop: its number, or its entry in `of`."""
-        loops = self.loops_meant(kind, store)
+        loops = self.accessed_loops(kind, store)
         return Row(f"LOOP{store.place}{column}", tuple(loops if of is None else (of[n] for n in loops)))
 
     @cached_property
@@ -160,7 +160,7 @@ class SystemAddresses(Addresses):
         assert place is not None
         units = [elimination.partners[i] for i in kind.units]
         own = store.owner is OWN_COUPLING
-        couplings = [p.own[place] if own else p.handed_on[place].coupling for p in units]
+        couplings = [p.own[place] if own else p.contributions[place].coupling for p in units]
         return Row(f"{'OWN' if own else 'PAIR'}{place}", tuple(elimination.coupling_slot[c] for c in couplings))
 
     # -- addresses -------------------------------------------------------------------------------------------------
@@ -220,10 +220,10 @@ class SystemAddresses(Addresses):
         if store.owner is ELEMENT:
             owners, column = [system.elements[n].constants for n in kind.members], f"P{j}"
         elif store.owner is LOOP:
-            owners = [system.closure_constants[n] for n in self.loops_meant(kind, store)]
+            owners = [system.closure_constants[n] for n in self.accessed_loops(kind, store)]
             column = f"LOOP{store.place}_P{j}"
         else:
-            owners = [system.constants_of[i] for i in self.links_meant(kind, sweep, store)]
+            owners = [system.constants_of[i] for i in self.accessed_links(kind, sweep, store)]
             column = f"P{j}" if store.place is None else f"LINK{store.place}_P{j}"
         return Row(column, tuple(self._parameter_places[c.parameters[j]] for c in owners))
 

@@ -35,35 +35,35 @@ def others(kind: Coupled) -> list[int]:
     return [m for m in range(len(kind.partners.links)) if m != kind.partners.base]
 
 
-def hand_on(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> None:
+def add_couplings(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> None:
     """Add to the couplings of the remaining links; `block` gives the 6x6 block of two of them, rows first."""
-    for n, pair in enumerate(kind.partners.handed_on):
+    for n, pair in enumerate(kind.partners.contributions):
         accumulate(x, PAIR[n], fields.coupling, block(*pair.ends), pair.first, "Eq. 44")
 
 
-def hand_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
+def add_partner_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
     """Add a symmetric 6x6 inertia to that of a partner."""
     add_inertia(x, partner_store(kind, m), Q, kind.partners.first[m])
 
 
 def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
     """Add a symmetric 6x6 inertia to that of a link; the `first` contribution assigns it."""
-    handed = fields.articulated
-    for J, M, (i, j) in zip(handed.J.scalars(), handed.M.scalars(), PLACES, strict=True):
+    inertia = fields.articulated
+    for J, M, (i, j) in zip(inertia.J.scalars(), inertia.M.scalars(), PLACES, strict=True):
         accumulate(x, store, J, Q[i][j], first, "Eq. 44")
         accumulate(x, store, M, Q[3 + i][3 + j], first, "Eq. 44")
-    accumulate(x, store, handed.H, [row[3:] for row in Q[:3]], first, "Eq. 44")
-    begin_scales(x, store, first)
+    accumulate(x, store, inertia.H, [row[3:] for row in Q[:3]], first, "Eq. 44")
+    clear_scales(x, store, first)
 
 
-def begin_scales(x: Scope, store: Store, first: bool) -> None:
+def clear_scales(x: Scope, store: Store, first: bool) -> None:
     """Set the sizes for comparison with pivots to zero; links whose inertia comes from other units do not read them."""
     if first:
         clear(x, store, fields.moment_scale)
         clear(x, store, fields.mass_scale)
 
 
-def hand_force(
+def add_partner_force(
     x: Scope, kind: Coupled, m: int, values: Vector, field: SixField = fields.articulated_force, lanes: bool = False
 ) -> None:
     """Add a moment and a force to those of a partner."""

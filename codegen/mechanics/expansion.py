@@ -67,7 +67,7 @@ class Program:
     merged: dict[str, Merged] = field(default_factory=dict)
 
 
-class Traffic:
+class FieldUse:
     """Checks that every family of fields that blocks store is read somewhere.
 
     Parameters
@@ -84,11 +84,11 @@ class Traffic:
     def note(self, sweep: Sweep, x: Expansion) -> None:
         """Record what a block stores and loads, tangents included."""
         self._read.update(name for _, name in x.block.loads.values())
-        self._families.update(asked.family for asked in x.asked.values())
+        self._families.update(entry.family for entry in x.reads.values())
         for store, name, value in x.block.stores:
-            told = x.told.get((store, name))
-            if told is not None and value is not algebra.ZERO and store.memory in LAID_OUT and not told.family.unread:
-                self._written.setdefault(told.family, (sweep.title, {}))[1][store, name] = None
+            entry = x.writes.get((store, name))
+            if entry is not None and value is not algebra.ZERO and store.memory in LAID_OUT and not entry.family.unread:
+                self._written.setdefault(entry.family, (sweep.title, {}))[1][store, name] = None
 
     def check(self) -> None:
         """Raise an error if a stored family of fields is never read.
@@ -133,12 +133,12 @@ def expand(
         patterns.overruled = False
         for sweep in chosen:
             patterns.settle(sweep)
-    traffic = Traffic(program.read_outside)
+    field_use = FieldUse(program.read_outside)
     for sweep in _timed(program, chosen, "expanding", progress):
         for kind in sweep.kinds(system):
-            program.blocks[sweep.name][kind.index] = _written(patterns, traffic, sweep, kind)
+            program.blocks[sweep.name][kind.index] = _written(patterns, field_use, sweep, kind)
     if whole:
-        traffic.check()
+        field_use.check()
     linked = _links(program, patterns, chosen)
     _choose(program, linked)
     program.report.append(("expand", _Counter(program).total(), time.perf_counter() - start))
@@ -158,7 +158,7 @@ def expand(
     return program
 
 
-def _written(patterns: Patterns, traffic: Traffic, sweep: Sweep, kind: UnitKind) -> Block:
+def _written(patterns: Patterns, field_use: FieldUse, sweep: Sweep, kind: UnitKind) -> Block:
     """The block of a kind before simplification."""
     x = Expansion(
         f"{sweep.name}_{kind.index}", sweep.title, partial(patterns.is_nonzero, kind, sweep),
@@ -166,7 +166,7 @@ def _written(patterns: Patterns, traffic: Traffic, sweep: Sweep, kind: UnitKind)
     )  # fmt: skip
     write_block(sweep, x, kind)
     patterns.check_loads(sweep, kind, x)
-    traffic.note(sweep, x)
+    field_use.note(sweep, x)
     block = x.finish()
     _check_pattern(patterns, kind, sweep, propagate_copies(block))
     return block

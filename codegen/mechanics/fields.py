@@ -62,12 +62,12 @@ class InertiaFields:
     H: MatrixField
 
 
-def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> InertiaFields:
+def _inertia(prefix: str, frame: str, meaning: str, propagated: bool) -> InertiaFields:
     J, M, H = (("kg m^2", "moments"), ("kg", "mass"), ("kg m", "their coupling"))
     return InertiaFields(
-        SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", handed_on=handed_on),
-        SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", handed_on=handed_on),
-        MatrixField(f"{prefix}H", H[0], frame, f"{meaning}: {H[1]}", handed_on=handed_on),
+        SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", propagated=propagated),
+        SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", propagated=propagated),
+        MatrixField(f"{prefix}H", H[0], frame, f"{meaning}: {H[1]}", propagated=propagated),
     )
 
 
@@ -150,19 +150,19 @@ moment_scale = ScalarField(
     "kg m^2",
     "",
     "size of the children's moments of inertia (zero pivot)",
-    handed_on=True,
+    propagated=True,
     unread=NO_LINK_ASKS,
 )
 mass_scale = ScalarField(
-    "acc.sM", "kg", "", "size of the children's masses (zero pivot)", handed_on=True, unread=NO_LINK_ASKS
+    "acc.sM", "kg", "", "size of the children's masses (zero pivot)", propagated=True, unread=NO_LINK_ASKS
 )
-articulated_force = SixField("acc.", WRENCH, OWN, "articulated force propagated by the children", handed_on=True)
+articulated_force = SixField("acc.", WRENCH, OWN, "articulated force propagated by the children", propagated=True)
 transmitted = SixField(
     "tacc.",
     WRENCH,
     OWN,
     "wrench that outboard joints transmit, with all accelerations known",
-    handed_on=True,
+    propagated=True,
 )
 inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a degree of freedom (D of Eq. 47)")
 right_side = ScalarField("rD.{}", "u/s^2", "", "driving force of a degree of freedom over its inertia (Eq. 53)")
@@ -190,10 +190,10 @@ driving_rest = ScalarField(
 
 joint_force = SixField("phi.", WRENCH, OWN, "moment and force that the joint transmits, with all accelerations known")
 turning_moment = MatrixField(
-    "Tn", "N m s", OWN, "change of the articulated moment with the angular velocity", handed_on=True
+    "Tn", "N m s", OWN, "change of the articulated moment with the angular velocity", propagated=True
 )
 turning_push = MatrixField(
-    "Tf", "N s", OWN, "change of the articulated force with the angular velocity", handed_on=True
+    "Tf", "N s", OWN, "change of the articulated force with the angular velocity", propagated=True
 )
 all_turning_moment = MatrixField("Wn", "N m s", OWN, "the same, the link's own moment too")
 all_turning_push = MatrixField("Wf", "N s", OWN, "the same, the link's own force too")
@@ -210,12 +210,12 @@ seed_turning = VectorField(
 seed_acceleration = AccelerationField(
     "sA.", ACCELERATION, OWN, "change of the accelerations by the link's own coordinates and speeds, with udot held"
 )
-composite_mass = ScalarField("comp.m", "kg", "", "mass of the link and everything outboard", handed_on=True)
+composite_mass = ScalarField("comp.m", "kg", "", "mass of the link and everything outboard", propagated=True)
 composite_moment = VectorField(
-    "comp.h", "kg m", OWN, "first moment of the link and everything outboard", handed_on=True
+    "comp.h", "kg m", OWN, "first moment of the link and everything outboard", propagated=True
 )
 composite_inertia = SymmetricField(
-    "comp.J", "kg m^2", OWN, "inertia of the link and everything outboard", handed_on=True
+    "comp.J", "kg m^2", OWN, "inertia of the link and everything outboard", propagated=True
 )
 composite_force = SixField(
     "F{}.", INERTIA, OWN, "force for a unit acceleration of a degree of freedom and of everything outboard"
@@ -223,8 +223,8 @@ composite_force = SixField(
 
 # -- energies ----------------------------------------------------------------------------------------------------------
 
-outboard_mass = ScalarField("sum.m", "kg", "", "mass of everything outboard", handed_on=True)
-outboard_moment = VectorField("sum.h", "kg m", OWN, "first moment of everything outboard", handed_on=True)
+outboard_mass = ScalarField("sum.m", "kg", "", "mass of everything outboard", propagated=True)
+outboard_moment = VectorField("sum.h", "kg m", OWN, "first moment of everything outboard", propagated=True)
 
 # -- links whose motion loops close on: against the link that carries all of the loop -----------------------------------
 
@@ -253,10 +253,10 @@ ear_total = _motion(ear_remainder.w, "ts", REGION, ", all of it", ", with all of
 ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion requires, with the sources at rest")
 ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion requires")
 ear_transmitted = SixField(
-    "sacc.", WRENCH, REGION, "contribution of later ears to a link from which they start", handed_on=True
+    "sacc.", WRENCH, REGION, "contribution of later ears to a link from which they start", propagated=True
 )
 root_transmitted = SixField(
-    "oacc.", WRENCH, OWN, "contribution of later ears to a link from which they start", handed_on=True
+    "oacc.", WRENCH, OWN, "contribution of later ears to a link from which they start", propagated=True
 )
 measured_position = VectorField("ro", "m", REGION, "position at which residuals are measured", unread=NO_EAR_STARTS)
 measured_velocity = TwistField(

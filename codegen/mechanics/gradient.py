@@ -66,8 +66,8 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
         first, second = deferred(back_in.get(k, NOTHING), late, partial(_saved, kind), steady)
         parts_out[k] = [values_out.get(k, NOTHING), first]
         parts_in[k] = [values_in.get(k, NOTHING), second, back_out.get(k, NOTHING), completion.get(k, NOTHING)]
-    handed_in = _Handed(system, parts_in, False) if alone else None
-    handed_out = _Handed(system, parts_out, True) if handed_in and handed_in.all else None
+    propagated_in = _Propagated(system, parts_in, False) if alone else None
+    propagated_out = _Propagated(system, parts_out, True) if propagated_in and propagated_in.all else None
     free = tuple(map(set, system.independent))
     name_in = GRADIENT_IN_CLOSED if closed else GRADIENT_IN
     blocks[GRADIENT_OUT], blocks[name_in] = {}, {}
@@ -75,10 +75,10 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
         k, unit = kind.index, _Unit(system, kind, free if closed else None, set(shared))
         if k in solve:
             solve[k] = unit.run(solve[k].name, solve[k].title, [solve[k]], None)
-        outward = unit.run(f"{GRADIENT_OUT}_{k}", SWEEP[GRADIENT_OUT].title, parts_out[k], handed_out, first=True)
+        outward = unit.run(f"{GRADIENT_OUT}_{k}", SWEEP[GRADIENT_OUT].title, parts_out[k], propagated_out, first=True)
         for a in unit.lanes:
             outward.stores += [(a, n, algebra.ZERO) for n in shared if (a, n) not in unit.stored]
-        inward = unit.run(f"{name_in}_{k}", SWEEP[name_in].title, parts_in[k], handed_in)
+        inward = unit.run(f"{name_in}_{k}", SWEEP[name_in].title, parts_in[k], propagated_in)
         unit.complete(inward)
         if alone:  # no later sweep reads the lanes of links
             inward.stores = [(a, n, e) for a, n, e in inward.stores if a.memory is not LANE or n in shared]
@@ -130,22 +130,24 @@ class _Unit:
         """The lanes of its links."""
         return [MY_LANE if place is None else MY_LANE[place] for _, place in self.links]
 
-    def run(self, name: str, title: str, parts: list[Block], handed: _Handed | None, first: bool = False) -> Block:
+    def run(
+        self, name: str, title: str, parts: list[Block], propagated: _Propagated | None, first: bool = False
+    ) -> Block:
         """One block from several; `first` if it runs before units that contribute to its lanes."""
 
         def fresh(store: Store, component: str) -> bool:
             if store.memory is SLOT:
-                return handed is not None and handed.fresh(self.kind, store, component)
+                return propagated is not None and propagated.fresh(self.kind, store, component)
             own = component not in self.shared or (first and store.plain in self.lanes)
             mine = store.memory is LANE and store.owner is LINK and own
             return (mine or store.name in (DQ.name, DU.name)) and (store, component) not in self.stored
 
         found = fused(name, title, parts, fresh)
-        if handed is not None:
+        if propagated is not None:
             found.stores = [
                 (a, n, e)
                 for a, n, e in found.stores
-                if not (a.memory is SLOT and e is algebra.ZERO and n in handed.assigned)
+                if not (a.memory is SLOT and e is algebra.ZERO and n in propagated.assigned)
             ]
         self.stored |= {(a.plain, n) for a, n, _ in found.stores if a.lanes}
         return found
@@ -169,7 +171,7 @@ class _Unit:
                         block.stores.append(zero)
 
 
-class _Handed:
+class _Propagated:
     """Contributions that units propagate per direction, and whether a component is still empty when a unit begins.
 
     If this is the same for all units of a kind, the first contribution assigns, and reused memory need not be cleared.

@@ -143,7 +143,7 @@ class _Merging:
         """Whether a store accesses the ground's memory."""
         if store.owner is GROUND_LINK:
             return True
-        return len(self.program.system.links) in self.addresses.links_meant(kind, self.sweep, store)
+        return len(self.program.system.links) in self.addresses.accessed_links(kind, self.sweep, store)
 
 
 __all__ = ["with_merged_sweeps"]

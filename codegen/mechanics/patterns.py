@@ -15,7 +15,7 @@ from ..program.block import FieldError, Scope, StructuralExpansion
 from ..program.store import CONSTANT, Life, Memory, Owner, Store
 from ..records import dataclass
 from . import fields
-from .stores import EAR_ITSELF, HANDED_COUPLING, LAID_OUT, OWN_COUPLING, RECORD, REGION_ITSELF, SLOT
+from .stores import CHANGED_COUPLING, EAR_ITSELF, LAID_OUT, OWN_COUPLING, RECORD, REGION_ITSELF, SLOT
 from .structure.kinds import EarKind, UnitKind
 from .structure.owners import owner_links
 from .structure.system import System
@@ -40,7 +40,7 @@ class Reach:
         self._found: dict[tuple[UnitKind, str, Store], tuple[MemoryKey, set[KindKey]] | None] = {}
         self._of_links: dict[tuple[str, int, bool, Owner, int | None], set[KindKey]] = {}
         self._regions: dict[int, set[KindKey]] = {}
-        self._handed_on: dict[tuple[int, int | None], set[KindKey]] = {}
+        self._changed: dict[tuple[int, int | None], set[KindKey]] = {}
         regions = system.regions
         of_region = {
             u.number: k.index for u, k in zip(regions.order, system.unit_kind_of, strict=True) if u.role == "region"
@@ -52,8 +52,8 @@ class Reach:
             for n, c in enumerate(partners.own)
         }
         for unit, kind, partners in zip(regions.order, system.unit_kind_of, regions.elimination.partners, strict=True):
-            for n, handed_on in enumerate(partners.handed_on):
-                self._handed_on.setdefault((kind.index, n), set()).add(kind_of_coupling[handed_on.coupling])
+            for n, contribution in enumerate(partners.contributions):
+                self._changed.setdefault((kind.index, n), set()).add(kind_of_coupling[contribution.coupling])
             if unit.role != "link":
                 number = unit.number if unit.role == "region" else regions.ears[unit.number].region
                 self._regions.setdefault(kind.index, set()).add(of_region[number])
@@ -77,8 +77,8 @@ class Reach:
         if owner is OWN_COUPLING:
             assert place is not None
             return {(kind.index, place)}
-        if owner is HANDED_COUPLING:
-            return self._handed_on[kind.index, place]
+        if owner is CHANGED_COUPLING:
+            return self._changed[kind.index, place]
         key = kind.role, kind.index, sweep.units, owner, place
         if key not in self._of_links:
             links = set(owner_links(self.system, kind, store, sweep.units))
@@ -136,7 +136,7 @@ class Patterns:
         if store.memory is CONSTANT:
             number = kind.number_of(store, name)
             return number is not algebra.ZERO
-        found = self._meant(kind, sweep, store)
+        found = self._accessed(kind, sweep, store)
         return found is None or any(name in of for of in found)
 
     def known(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> int | None:
@@ -144,10 +144,10 @@ class Patterns:
         if store.memory is CONSTANT:
             number = kind.number_of(store, name)
             return int(number) if isinstance(number, Number) and number.value in (1, -1) else None
-        values = {of.get(name) for of in self._meant(kind, sweep, store) or ({},)}
+        values = {of.get(name) for of in self._accessed(kind, sweep, store) or ({},)}
         return values.pop() if len(values) == 1 else None
 
-    def _meant(self, kind: UnitKind, sweep: Sweep, store: Store) -> list[dict[str, int | None]] | None:
+    def _accessed(self, kind: UnitKind, sweep: Sweep, store: Store) -> list[dict[str, int | None]] | None:
         """The results of `of` for all kinds whose memory a store may access; None for memory without a layout."""
         key = kind, sweep.name, store
         if key not in self._fields:
@@ -227,7 +227,7 @@ class Patterns:
         at = self._clock
         write_block(sweep, x, kind)
         reads: set[tuple[MemoryKey, KindKey]] = set()
-        for store in {store for store, _ in x.asked}:
+        for store in {store for store, _ in x.reads}:
             found = self.reach.of(kind, sweep, store)
             if found is not None:
                 reads.update((found[0], k) for k in found[1])
@@ -246,9 +246,9 @@ class Patterns:
         FieldError
             Names block, store and component.
         """
-        for (store, name), asked in x.asked.items():
+        for (store, name), entry in x.reads.items():
             found = self.reach.of(kind, sweep, store)
-            if found is None or asked.handed_on:
+            if found is None or entry.propagated:
                 continue
             for k in found[1]:
                 if k != GROUND_KIND and (found[0], k, name) not in self._written:

@@ -60,8 +60,8 @@ def expanded(
 ) -> tuple[Program, Plan, tuple[Procedure, ...]]:
     """Expand and simplify a system: its statements, the plan for targets, and the functions of the solver (`write_solver`)."""
     model = system.model
-    asked = procedures(system, reactions, functions, frames, moves)
-    read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
+    selected = procedures(system, reactions, functions, frames, moves)
+    read = {t for p in selected for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
     values, records = output_formulas(system)
     if SWITCHES.targets[0] in read:
         of_state, of_points = switch_formulas(system)
@@ -74,7 +74,7 @@ def expanded(
     for target in SIZES:
         records += frame_formulas(system, target) if target in read else []
     try:
-        wanted, backwards = sweeps(asked), swept_backwards(asked)
+        wanted, backwards = sweeps(selected), swept_backwards(selected)
         program = expand(
             system, wanted.union(backwards), _read_by_formulas(system, records), progress, functions is None
         )
@@ -97,12 +97,12 @@ def expanded(
     formulas = [*(f for f in formulas if f.target in read), *records]
     tangents = [f.tangent for f in formulas]
     # pivots are checked whether or not the function that reports them is selected
-    checked = checked_backwards(asked if functions is None else procedures(system, reactions, moves=moves))
-    transpose_sweeps(program, backwards, tangents, checked, *swept_together(asked))
+    checked = checked_backwards(selected if functions is None else procedures(system, reactions, moves=moves))
+    transpose_sweeps(program, backwards, tangents, checked, *swept_together(selected))
     for sweep in backwards:  # sweeps that are needed for their transposes only, or that were merged
         for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
             program.blocks.pop(name, None)
-    return program, plan_of(program, formulas), asked
+    return program, plan_of(program, formulas), selected
 
 
 def _read_by_formulas(system: System, records: list[Formula]) -> set[MemoryPlace]:

@@ -62,7 +62,7 @@ ELEMENT_END = Owner("end", several=True)
 """A link on which a force element acts, or whose motion it reads; see `element_kinds.ElementKind`."""
 EAR_ITSELF, REGION_ITSELF = Owner("ear"), Owner("region")
 OWN_COUPLING = Owner("coupling that ends with the unit", several=True)
-HANDED_COUPLING = Owner("coupling that the unit adds to", several=True)
+CHANGED_COUPLING = Owner("coupling that the unit adds to", several=True)
 LOOP = Owner("loop", several=True)
 ELEMENT = Owner("force element")
 
@@ -85,7 +85,7 @@ ENDS, LANE_ENDS = Store("end", ELEMENT_END, RECORD), Store("laneend", ELEMENT_EN
 
 EAR = Store("ear", EAR_ITSELF, EAR_RECORD)
 REGION, LREGION = Store("region", REGION_ITSELF, REGION_RECORD), Store("lregion", REGION_ITSELF, REGION_LANE)
-OWN, PAIR = Store("own", OWN_COUPLING, COUPLING_BLOCK), Store("pair", HANDED_COUPLING, COUPLING_BLOCK)
+OWN, PAIR = Store("own", OWN_COUPLING, COUPLING_BLOCK), Store("pair", CHANGED_COUPLING, COUPLING_BLOCK)
 
 # -- constants, and the design parameters that they depend on ------------------------------------------------------------
 

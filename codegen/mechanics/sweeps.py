@@ -217,7 +217,7 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("column_clear", "columns: forces set to zero", columns.column_clear, OUTWARD, lanes=True, groups="below"),
     Sweep("column_rest", "columns: right sides that are zero", columns.column_rest, OUTWARD, lanes=True, groups="rest"),
     Sweep("column_begin", "columns: parents that do not rotate", columns.column_begin, OUTWARD, lanes=True, groups="fresh",
-          applies=lambda kind: kind.carried_on),
+          applies=lambda kind: kind.has_parent),
     Sweep("column_turns", "columns: rotation vectors of quaternions", columns.column_turns, OUTWARD, lanes=True, groups="own",
           applies=_quaternion),
     Sweep("column_seed", "columns: changes of the links that own the coordinates and speeds", columns.column_seed, OUTWARD,

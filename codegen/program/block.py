@@ -140,8 +140,8 @@ class Scope(ABC):
         self.title = title
         self.tangents = tangents
         self.units = units
-        self.asked: dict[Component, AnyField] = {}
-        self.told: dict[Component, AnyField] = {}
+        self.reads: dict[Component, AnyField] = {}
+        self.writes: dict[Component, AnyField] = {}
 
     @abstractmethod
     def component(self, store: Store, name: str) -> Value:
@@ -191,16 +191,16 @@ class Scope(ABC):
     def load(self, store: Store, field: Readable[V_co]) -> V_co:
         """The value of a field."""
         self._check(store, field)
-        asked = self.asked
+        reads = self.reads
         for name in field.components:
-            asked[store, name] = field
+            reads[store, name] = field
         return field.read(partial(self.component, store))
 
     def store(self, store: Store, field: Field[V], value: V) -> None:
         """Write a field."""
         self._check(store, field)
         for name, part in field.parts(value):
-            self.told[store, name] = field
+            self.writes[store, name] = field
             self.set_component(store, name, part)
 
     def _check(self, store: Store, field: AnyField) -> None:
@@ -326,7 +326,7 @@ class Expansion(Scope):
     def recall(self, store: Store, field: Field[V], value: V) -> None:
         self._check(store, field)
         for name, part in field.parts(value):
-            self.asked[store, name] = field
+            self.reads[store, name] = field
             if isinstance(part, Symbol) and part not in self.block.loads:
                 self._recalled[part] = (store, name)
 

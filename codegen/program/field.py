@@ -35,7 +35,7 @@ class Readable(ABC, Generic[V_co]):
         Beginning of its components.
     unit, frame, meaning : str
         For the glossary. The frame is that in whose axes components are, empty for what has none.
-    handed_on : bool
+    propagated : bool
         Others add to it: where there are none it is zero, and nobody has stored it.
     unread : str
         When nobody may read what is stored. Without it, storing what nobody reads is an error (`mechanics.expansion`).
@@ -47,12 +47,12 @@ class Readable(ABC, Generic[V_co]):
     called: str
     """What memory in generated code calls it, without the components' endings; of those in a table."""
 
-    def __init__(self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, unread: str = ""):
+    def __init__(self, name: str, unit: str, frame: str, meaning: str, *, propagated: bool = False, unread: str = ""):
         self.name = name
         self.unit = unit
         self.frame = frame
         self.meaning = meaning
-        self.handed_on = handed_on
+        self.propagated = propagated
         self.unread = unread
         self.family: AnyField = self
         self.suffix = ""
@@ -78,7 +78,7 @@ class Readable(ABC, Generic[V_co]):
         return found
 
     def _member(self, name: str) -> Self:
-        member = type(self)(name, self.unit, self.frame, self.meaning, handed_on=self.handed_on)
+        member = type(self)(name, self.unit, self.frame, self.meaning, propagated=self.propagated)
         member.family = self.family
         return member
 
@@ -112,7 +112,7 @@ class Readable(ABC, Generic[V_co]):
 
     def _part(self, of: type[F], name: str) -> F:
         """A field of some of the components."""
-        part = of(name, self.unit, self.frame, self.meaning, handed_on=self.handed_on)
+        part = of(name, self.unit, self.frame, self.meaning, propagated=self.propagated)
         part.family = self.family
         return part
 

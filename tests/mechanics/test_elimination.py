@@ -59,13 +59,13 @@ def test_a_coupling_keeps_its_place_from_the_first_to_the_last_who_touches_it(na
         for partners in reversed(elimination.partners):
             for c in partners.own:
                 ended.add(c)
-            for handed_on in partners.handed_on:
-                c, slot = handed_on.coupling, elimination.coupling_slot[handed_on.coupling]
+            for contribution in partners.contributions:
+                c, slot = contribution.coupling, elimination.coupling_slot[contribution.coupling]
                 assert c not in ended
-                assert handed_on.first == (c not in alive.values())
+                assert contribution.first == (c not in alive.values())
                 assert alive.get(slot, c) == c
                 alive[slot] = c
-                assert all(end == CARRIER or 0 <= end < len(partners.links) for end in handed_on.ends)
+                assert all(end == CARRIER or 0 <= end < len(partners.links) for end in contribution.ends)
             for c in partners.own:
                 if alive.get(elimination.coupling_slot[c]) == c:
                     del alive[elimination.coupling_slot[c]]

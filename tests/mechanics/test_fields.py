@@ -133,7 +133,7 @@ def test_a_forgotten_store_stops_generation(name, monkeypatch):
     for site in sites:
         field = watched.stored[site]
         alone = sum(s[3] == site[3] for s in sites) == 1
-        if alone and not field.handed_on and field.name in watched.loaded:
+        if alone and not field.propagated and field.name in watched.loaded:
             looked_at += 1
             watched.dropped = site
             with pytest.raises(FieldError, match="is loaded, and no block stores it"):

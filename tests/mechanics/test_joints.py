@@ -33,8 +33,8 @@ class Formulas(Scope):
     title = "test"
 
     def __init__(self, given: Mapping[tuple[str, str], Any]):
-        self.asked: dict[Any, Any] = {}
-        self.told: dict[Any, Any] = {}
+        self.reads: dict[Any, Any] = {}
+        self.writes: dict[Any, Any] = {}
         self.given = dict(given)
 
     def component(self, store, name):

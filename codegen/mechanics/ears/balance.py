@@ -37,7 +37,7 @@ from .tangents import EarTangents, ear_tangents, tangents_of
 
 
 @dataclass(slots=True)
-class Handed:
+class RootForce:
     """A moment and force on a root, about its origin and along its own axes, and its tangent: six components each."""
 
     root: int
@@ -189,7 +189,7 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
     ear, rows, d = begin_inward(x, kind)
     phi, d_phi = forces_at_links(x, kind, fields.needed)
     wrench = closing_wrench(x, ear, phi) if rows else []
-    handed, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
+    on_roots, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
 
     def missing(k: int, j: int) -> Value:
         return missed(x, ear, k, j, phi[k], d_phi[k], taken)
@@ -201,25 +201,25 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
             r[c] = r.get(c, 0) + x.load(EAR, fields.dependent_rate(n, c)) * value
     for c, value in r.items():
         x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "d Eq. 53", lanes=True))
-    hand_to_roots(x, ear, handed)
+    add_to_roots(x, ear, on_roots)
 
 
 def let_wrench_act(
     x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, phi: list[Vector], d_phi: list[Vector], d: EarTangents
-) -> tuple[list[Handed], CouplingForces]:  # fmt: skip
+) -> tuple[list[RootForce], CouplingForces]:  # fmt: skip
     """Forces at the links and their tangents, with the wrenches that close the loops, propagated inward.
 
     Returns the forces on the roots, and those of couplings. Changes phi and d_phi. Eqs. 9, 45.
     """
-    handed: list[Handed] = []
+    on_roots: list[RootForce] = []
     taken = CouplingForces()
     for c, closure in enumerate(ear.kind.closures if rows else ()):
         if closure.is_coupling:
             taken.add(ear, c, rows, wrench, d)
         else:
-            handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
-    handed += transmit(x, ear, phi, d_phi, d, taken)
-    return handed, taken
+            on_roots += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
+    on_roots += transmit(x, ear, phi, d_phi, d, taken)
+    return on_roots, taken
 
 
 def begin_inward(
@@ -322,10 +322,10 @@ def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
 
 def transmit(
     x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents, taken: CouplingForces
-) -> list[Handed]:
+) -> list[RootForce]:
     """The same with the loops' wrenches, and its tangent, stored in `phi` and `d_phi`; returns the forces on the roots."""
     kind = ear.kind
-    handed: list[Handed] = []
+    on_roots: list[RootForce] = []
     for k in reversed(range(len(phi))):
         member = ear.members[k]
         for j in kind.dependent[k]:
@@ -350,8 +350,8 @@ def transmit(
             phi[member.parent] = add(phi[member.parent], on_parent)
             d_phi[member.parent] = add(d_phi[member.parent], moved)
         else:
-            handed.append(Handed(-1 - member.parent, on_parent, moved))
-    return handed
+            on_roots.append(RootForce(-1 - member.parent, on_parent, moved))
+    return on_roots
 
 
 def apply_wrench(
@@ -363,7 +363,7 @@ def apply_wrench(
     phi: list[Vector],
     d_phi: list[Vector],
     d: EarTangents,
-) -> list[Handed]:
+) -> list[RootForce]:
     """Add a loop's wrench on its two faces. It stays along the directions that the joint constrains, which rotate with the links.
 
     Its effect on links of the ear is added to `phi` and `d_phi`; its effect on roots is returned.
@@ -372,7 +372,7 @@ def apply_wrench(
     tangents = of_loop(rows, c, wrench, [d.vector(row.n) if row.loop == c else row.n for row in rows])
     moment, force = (x.let_vector("W", v, "Eq. 9") for v in wrenches)
     d_moment, d_force = (x.let_vector("dW", v, "d Eq. 9", lanes=True) for v in tangents)
-    handed: list[Handed] = []
+    on_roots: list[RootForce] = []
     for side, sign in ((0, -1), (1, 1)):
         place = ear.kind.closures[c].faces[side]
         if place < 0 and not ear.roots[-1 - place].feels:
@@ -390,11 +390,11 @@ def apply_wrench(
         dn = add(dn, cross(r, df), cross(d.vector(r), f))
         acting, moved = [sign * e for e in (*n, *f)], [sign * e for e in (*dn, *df)]
         if place < 0:
-            handed.append(Handed(-1 - place, acting, moved))
+            on_roots.append(RootForce(-1 - place, acting, moved))
         else:
             phi[place] = add(phi[place], acting)
             d_phi[place] = add(d_phi[place], moved)
-    return handed
+    return on_roots
 
 
 def turned_back(
@@ -411,10 +411,10 @@ def turned_back(
     )
 
 
-def hand_to_roots(x: Scope, ear: EarGeometry, handed: list[Handed]) -> None:
+def add_to_roots(x: Scope, ear: EarGeometry, on_roots: list[RootForce]) -> None:
     """Add the forces on the roots, along their axes."""
     for t, root in enumerate(ear.roots):
-        parts = [h for h in handed if h.root == t]
+        parts = [h for h in on_roots if h.root == t]
         if parts and root.feels:
             total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
             change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]

@@ -24,8 +24,8 @@ class MemberView(Scope):
         self.x = x
         self.place = place
         self.structural = x.structural
-        self.asked = x.asked
-        self.told = x.told
+        self.reads = x.reads
+        self.writes = x.writes
 
     def load(self, store: Store, field: Readable[V_co]) -> V_co:
         return self.x.load(store[self.place], field)

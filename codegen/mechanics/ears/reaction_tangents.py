@@ -15,7 +15,7 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..couplings import hand_force, others
+from ..couplings import add_partner_force, others
 from ..joints import LinkJoint
 from ..propagation import accumulate
 from ..spatial import SIX, about, add, inner, is_zero, product, transpose, turned
@@ -39,11 +39,11 @@ from ..tree.balance import add_inertial_force, moved_by
 from ..tree.inverse_dynamics import transfer
 from ..tree.triangularization import force_to_parent
 from .balance import (
-    Handed,
+    RootForce,
+    add_to_roots,
     begin_inward,
     closing_wrench,
     forces_at_links,
-    hand_to_roots,
     let_wrench_act,
     missed,
 )
@@ -111,16 +111,16 @@ def link_tangents(x: Scope, kind: LinkKind) -> None:
     phi: Vector = []
     d_phi: Vector = []
     for i in SIX:
-        own, handed = fields.total_needed.scalars()[i], fields.transmitted.scalars()[i]
-        phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
+        own, children = fields.total_needed.scalars()[i], fields.transmitted.scalars()[i]
+        phi.append(x.let("phi", x.load(ME, own) + x.load(ME, children), "Eq. 45"))
         moved = x.load(LME, fields.articulated_force.scalars()[i])
         d_phi.append(x.let("dphi", x.load(MY_LANE, own) + moved, "d Eq. 45", lanes=True))
     store_tangent(x, DREACTION, x.load(ME, fields.attitude), x.load(MY_LANE, fields.attitude), phi, d_phi)
     for m in others(kind):
         if kind.partners.first[m]:
-            hand_force(x, kind, m, [0] * 6, fields.transmitted)
-            hand_force(x, kind, m, [0] * 6, lanes=True)
-    if kind.carried_on:
+            add_partner_force(x, kind, m, [0] * 6, fields.transmitted)
+            add_partner_force(x, kind, m, [0] * 6, lanes=True)
+    if kind.has_parent:
         transfer(x, kind, kind.joint(x, kind), phi, d_phi)
 
 
@@ -131,7 +131,7 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
     phi, d_phi = forces_at_links(x, kind, fields.total_needed)
     wrench = closing_wrench(x, ear, phi) if rows else []
     open_by = redundant_part(x, ear, rows, wrench, d) if redundant else []
-    handed, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
+    on_roots, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
     if rows:
         rest = [-missed(x, ear, k, j, phi[k], d_phi[k], taken, found=True) for k, j in dependents(kind)]
         d_wrench = stored_factor(x, kind).solve_transposed(rest, "dW", "d Eq. 9", lanes=True)
@@ -139,7 +139,7 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
             d_wrench = [x.let("dW", a + b, "d Eq. 9", lanes=True) for a, b in zip(d_wrench, open_by, strict=True)]
         for c in range(len(kind.closures)):
             store_loop(x, ear, c, rows, wrench, d_wrench, d)
-        handed += let_act(x, ear, rows, d_wrench, d_phi)
+        on_roots += let_act(x, ear, rows, d_wrench, d_phi)
     else:
         for c in range(len(kind.closures)):
             for i in SIX:
@@ -147,7 +147,7 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
     for k in range(len(ear.members)):
         W, dW = x.load(ME[k], fields.attitude), x.load(MY_LANE[k], fields.attitude)
         store_tangent(x, DREACTION[k], W, dW, phi[k], d_phi[k])
-    hand_to_roots(x, ear, handed)
+    add_to_roots(x, ear, on_roots)
 
 
 def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, d: EarTangents) -> Vector:
@@ -192,10 +192,12 @@ def store_loop(
     store_tangent(x, DLOOP_REACTION[c], W, dW, force, tangent)
 
 
-def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]) -> list[Handed]:
+def let_act(
+    x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]
+) -> list[RootForce]:
     """Add the effect of changes of the multipliers on the faces to `d_phi`, and to the forces on the roots."""
     more: list[Vector] = [[0] * 6 for _ in d_phi]
-    handed: list[Handed] = []
+    on_roots: list[RootForce] = []
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:
             continue
@@ -210,7 +212,7 @@ def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector,
             own = [x.let("own", e, "d Eq. 9", lanes=True) for e in at_face]
             acting = [sign * e for e in about(ear.face(c, side)[0], own)]
             if place < 0:
-                handed.append(Handed(-1 - place, [0] * 6, acting))
+                on_roots.append(RootForce(-1 - place, [0] * 6, acting))
             else:
                 more[place] = add(more[place], acting)
     for k in reversed(range(len(more))):
@@ -226,8 +228,8 @@ def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector,
         if member.parent >= 0:
             more[member.parent] = add(more[member.parent], on_parent)
         else:
-            handed.append(Handed(-1 - member.parent, [0] * 6, on_parent))
-    return handed
+            on_roots.append(RootForce(-1 - member.parent, [0] * 6, on_parent))
+    return on_roots
 
 
 def region_reaction_tangents(x: Scope, kind: RegionKind) -> None:
@@ -237,8 +239,8 @@ def region_reaction_tangents(x: Scope, kind: RegionKind) -> None:
         if m >= 0:  # the contribution of ears is along its own axes
             transmitted[m] = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
     for m, (force, tangent) in transmitted.items():
-        hand_force(x, kind, m, force, fields.transmitted)
-        hand_force(x, kind, m, tangent, lanes=True)
+        add_partner_force(x, kind, m, force, fields.transmitted)
+        add_partner_force(x, kind, m, tangent, lanes=True)
     if kind.carried:
         moved = x.load(LREGION, fields.region_balance)
         accumulate(x, LBASE, fields.articulated_force, moved, kind.first, "Eq. 44", lanes=True)

@@ -11,7 +11,7 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Vector
 from ...program.store import Store
 from .. import fields
-from ..couplings import from_far, hand_force, others
+from ..couplings import add_partner_force, from_far, others
 from ..propagation import accumulate, clear
 from ..rotors import transmitted_along
 from ..spatial import about, add, transpose, turned
@@ -48,13 +48,13 @@ def store_reaction(x: Scope, store: Store, attitude: Matrix, force: Vector) -> N
 def transmitted(x: Scope, kind: LinkKind) -> None:
     """Inward block of a link: the reaction of its joint on it, about its origin."""
     phi: Vector = []
-    for own, handed in zip(fields.total_needed.scalars(), fields.transmitted.scalars(), strict=True):
-        phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
+    for own, children in zip(fields.total_needed.scalars(), fields.transmitted.scalars(), strict=True):
+        phi.append(x.let("phi", x.load(ME, own) + x.load(ME, children), "Eq. 45"))
     store_reaction(x, REACTION, x.load(ME, fields.attitude), phi)
     for m in others(kind):
         if kind.partners.first[m]:
-            hand_force(x, kind, m, [0] * 6, fields.transmitted)
-    if kind.carried_on:
+            add_partner_force(x, kind, m, [0] * 6, fields.transmitted)
+    if kind.has_parent:
         transfer(x, kind, kind.joint(x, kind), phi, [])
 
 
@@ -137,6 +137,6 @@ def region_transmitted(x: Scope, kind: RegionKind) -> None:
             W = x.load(REGION, fields.far_attitude(f))
             transmitted[m] = from_far(x, W, x.load(REGION, fields.far_transmitted(f)), "Eq. 45")
     for m, values in transmitted.items():
-        hand_force(x, kind, m, values, fields.transmitted)
+        add_partner_force(x, kind, m, values, fields.transmitted)
     if kind.carried:
         accumulate(x, BASE, fields.transmitted, x.load(REGION, fields.region_transmitted), kind.first, "Eq. 44")

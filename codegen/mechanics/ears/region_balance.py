@@ -9,7 +9,7 @@ from ...program.block import Scope
 from ...program.field import SixField
 from ...program.scalar import Vector
 from .. import fields
-from ..couplings import from_far, hand_force, others, to_base
+from ..couplings import add_partner_force, from_far, others, to_base
 from ..elimination import OF_SOURCES, eliminate_force
 from ..joints import Column
 from ..propagation import accumulate
@@ -70,8 +70,8 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
         for i, value in enumerate(from_far(x, W, g[s : s + 6], "d Eq. 45", True)):
             g[where[m] + i] = x.let("g", g[where[m] + i] + value + b[i], "d Eq. 45", lanes=True)
     for m in others(kind):
-        hand_force(x, kind, m, g[where[m] : where[m] + 6], lanes=True)
-        hand_force(x, kind, m, transmitted[m], fields.transmitted)
+        add_partner_force(x, kind, m, g[where[m] : where[m] + 6], lanes=True)
+        add_partner_force(x, kind, m, transmitted[m], fields.transmitted)
     for i in range(6 if kind.carried else 0):
         part, value = fields.transmitted.scalars()[i], x.load(REGION, fields.region_transmitted.scalars()[i])
         accumulate(x, LBASE, fields.articulated_force.scalars()[i], g[at + i], kind.first, "Eq. 44", lanes=True)

@@ -6,7 +6,7 @@ from ...program.block import Scope
 from ...program.field import AnyField
 from ...program.scalar import Matrix, Vector
 from .. import fields
-from ..couplings import add_inertia, from_far, hand_force, hand_inertia, hand_on, others, to_base
+from ..couplings import add_couplings, add_inertia, add_partner_force, add_partner_inertia, from_far, others, to_base
 from ..elimination import OF_SOURCES, SymmetricSystem
 from ..joints import Column
 from ..propagation import accumulate_force, clear
@@ -112,14 +112,14 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
         absolute_motions(x, kind, Q, g)
     where = places_of_partners(kind)
     for m in others(kind):
-        hand_inertia(x, kind, m, system.block(where[m], where[m]))
-        hand_force(x, kind, m, g[where[m] : where[m] + 6])
+        add_partner_inertia(x, kind, m, system.block(where[m], where[m]))
+        add_partner_force(x, kind, m, g[where[m] : where[m] + 6])
 
     def remaining_block(m: int, n: int) -> Matrix:
         rows, columns = (at if end == CARRIER else where[end] for end in (m, n))
         return system.block(rows, columns)
 
-    hand_on(x, kind, remaining_block)
+    add_couplings(x, kind, remaining_block)
     if not kind.carried:
         return
     accumulate_force(x, BASE, fields.articulated_force, g[at : at + 6], kind.first, "Eq. 45")

@@ -172,12 +172,12 @@ class Element:
         """The coefficients of a list with this key."""
         return self._coefficients_of({name for name in self.kind.first.keys if name.startswith(f"{key}[")}, key)
 
-    def _coefficients_of(self, keys: Collection[str], asked: str) -> list[Value]:
+    def _coefficients_of(self, keys: Collection[str], key: str) -> list[Value]:
         first = self.kind.first
         found = [self._coefficient(j) for j, name in enumerate(first.keys) if name in keys]
         if not found:
             raise FieldError(
-                f"{self._tag}: {type(first).__name__} has no coefficient {asked}, but {', '.join(first.keys)}"
+                f"{self._tag}: {type(first).__name__} has no coefficient {key}; it has {', '.join(first.keys)}"
             )
         return found
 

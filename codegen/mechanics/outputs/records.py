@@ -86,7 +86,7 @@ class Records:
         return v
 
     def differs(self, square: Value) -> None:
-        """Report an error if a derivative is asked for where a squared distance is zero."""
+        """Report an error if a derivative is required where a squared distance is zero."""
         if self.tangents:
             self.x.set_entry(PIVOT, 0, square - self.x.number(limits().tiny(SHORTEST, 3) ** 2))
 

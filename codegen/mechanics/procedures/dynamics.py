@@ -57,8 +57,8 @@ def jacobians(w: Shared) -> Procedure:
         if driven:
             found.append(IfAsked(w.of("J_inputs"), (Zero(w.one("J_inputs")),)))
         if weighted:
-            asked = tuple(dict.fromkeys(x.into for x in weighted))
-            found.append(IfAsked(asked, (primitives, columns.by_forces(w, weighted))))
+            needed = tuple(dict.fromkeys(x.into for x in weighted))
+            found.append(IfAsked(needed, (primitives, columns.by_forces(w, weighted))))
         found += map(one_by_one, rest)
         steps.append(Together(tuple(found), (*zero, *map(one_by_one, seeds))))
     results = w.of("udot", *(f"J_{n}" for n in w.state))

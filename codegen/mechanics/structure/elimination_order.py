@@ -22,7 +22,7 @@ CARRIER = -1
 
 
 @dataclass(frozen=True, slots=True)
-class HandedOn:
+class Contribution:
     """A block that the elimination of a unit adds to the coupling of two remaining links.
 
     Attributes
@@ -56,7 +56,7 @@ class Partners:
     between : list of (int, int)
         For an ear, the links of rows and columns of each of its couplings: index among the ear's links, or minus one minus the
         index among the partners.
-    handed_on : list of HandedOn
+    contributions : list of Contribution
     """
 
     links: list[int]
@@ -64,7 +64,7 @@ class Partners:
     first: list[bool] = field(default_factory=list)
     own: list[int] = field(default_factory=list)
     between: list[tuple[int, int]] = field(default_factory=list)
-    handed_on: list[HandedOn] = field(default_factory=list)
+    contributions: list[Contribution] = field(default_factory=list)
 
     def __eq__(self, other: object) -> bool:
         """Whether units have the same blocks."""
@@ -76,7 +76,8 @@ class Partners:
     def structure(self) -> tuple[object, ...]:
         """A key, equal for units with the same blocks."""
         return (
-            len(self.links), self.base, tuple(self.first), tuple(self.between), tuple((h.ends, h.first) for h in self.handed_on),
+            len(self.links), self.base, tuple(self.first), tuple(self.between),
+            tuple((c.ends, c.first) for c in self.contributions),
         )  # fmt: skip
 
 
@@ -293,7 +294,7 @@ def _couplings(
                         at_link.setdefault(i, []).append(number[key])
                     slot_of.append(free.pop() if free else slots)
                     slots = max(slots, slot_of[-1] + 1)
-                mine.handed_on.append(HandedOn(number[key], (where[rows], where[columns]), first))
+                mine.contributions.append(Contribution(number[key], (where[rows], where[columns]), first))
         free += [slot_of[c] for c in mine.own]
         for c in mine.own:
             for i in ends[c]:

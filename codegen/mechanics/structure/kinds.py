@@ -35,7 +35,7 @@ class LinkKind(SharedConstants):
         The first of its parent's children on the way inward.
     first_unit : bool
         The first unit to contribute inertia to its parent, loops and regions included.
-    carried_on : bool
+    has_parent : bool
         Its parent is not the ground.
     carries : bool
         It carries units outside its own ear, or is coupled to some.
@@ -66,7 +66,7 @@ class LinkKind(SharedConstants):
     aligned: bool
     first: bool
     first_unit: bool
-    carried_on: bool
+    has_parent: bool
     carries: bool
     closed_on: str
     pulled: bool

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from .. import fields
-from ..couplings import hand_force, others
+from ..couplings import add_partner_force, others
 from ..elimination import OF_FREEDOMS, eliminate_force
 from ..joints import Column, LinkJoint
 from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along
@@ -42,10 +42,10 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
     columns = joint.columns
     P: Vector = []
     phi: Vector = []
-    for i, handed in enumerate(x.load(ME, fields.transmitted)):
+    for i, children in enumerate(x.load(ME, fields.transmitted)):
         own, of_children = fields.needed.scalars()[i], fields.articulated_force.scalars()[i]
         P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, of_children), "d Eq. 45", lanes=True))
-        phi.append(x.load(ME, fields.total_needed.scalars()[i]) + handed)
+        phi.append(x.load(ME, fields.total_needed.scalars()[i]) + children)
     forces = [
         (x.entry(DTAU, j) if kind.forced[j] else 0) - s.change(x, phi) - rotor_force_change(x, kind, j)
         for j, s in enumerate(columns)
@@ -56,10 +56,10 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
         x.store(MY_LANE, fields.driving_rest, x.let("ddrive", rest, "d Eq. 53", lanes=True))
     of_partners = eliminate(x, kind, columns, P, forces)
     for m in others(kind):
-        hand_force(x, kind, m, of_partners[m], lanes=True)
+        add_partner_force(x, kind, m, of_partners[m], lanes=True)
         if kind.partners.first[m]:
-            hand_force(x, kind, m, [0] * 6, fields.transmitted)
-    if kind.carried_on:
+            add_partner_force(x, kind, m, [0] * 6, fields.transmitted)
+    if kind.has_parent:
         # in equilibrium a joint transmits its own force along its degrees of freedom, minus that of its rotor
         for j, s in enumerate(columns):
             phi[s.lead] = s.completed(phi, transmitted_along(x, kind, j))
@@ -73,7 +73,7 @@ def solve_inward(x: Scope, kind: LinkKind) -> None:
     if joint.driven:
         x.store(MY_LANE, fields.driving_rest, x.let("ddrive", joint.driven_column.along(P), "Eq. 53", lanes=True))
     eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
-    if kind.carried_on:
+    if kind.has_parent:
         hand_on_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))
 
 
@@ -117,12 +117,12 @@ def add_inertial_force(x: Scope, force: Vector, A: Vector) -> None:
 def mass_inward(x: Scope, kind: LinkKind) -> None:
     """``M x`` over directions, inward: the components of the summed forces along the degrees of freedom."""
     P = [
-        x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "Eq. 45", lanes=True)
-        for own, handed in zip(fields.needed.scalars(), fields.articulated_force.scalars(), strict=True)
+        x.let("P", x.load(MY_LANE, own) + x.load(LME, children), "Eq. 45", lanes=True)
+        for own, children in zip(fields.needed.scalars(), fields.articulated_force.scalars(), strict=True)
     ]
     joint = kind.joint(x, kind, lanes=True)
     for j, s in enumerate(joint.columns):
         own = rotor(x, kind, j)
         x.set_entry(DFORCE, j, s.along(P) if is_zero(own) else s.along(P) + own * x.entry(RIGHT_SIDE, j))
-    if kind.carried_on:
+    if kind.has_parent:
         hand_on_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))

@@ -69,7 +69,7 @@ def column_seed(x: Scope, kind: LinkKind) -> None:
     x.recall(ME, fields.parents_velocity, carried)
     x.recall(ME, fields.angular_velocity, w)
     moved: Vector = []
-    if kind.carried_on:
+    if kind.has_parent:
         phi = x.load(ME, fields.joint_force)
         moved = force_to_parent(x, joint, phi, "Eq. 45")
     d = differentiate(x, kind, joint, own=True)
@@ -83,7 +83,7 @@ def column_seed(x: Scope, kind: LinkKind) -> None:
         for row, turns in zip(articulated_inertia(x), W, strict=True)
     ]
     _add(x, MY_COLUMNS, P)
-    if kind.carried_on:
+    if kind.has_parent:
         _add(x, UP_COLUMNS, [tangent(d, e) for e in moved])
 
 
@@ -94,7 +94,7 @@ def column_unit(x: Scope, kind: LinkKind) -> None:
     for j, s in enumerate(joint.columns):
         wrench[s.lead] = wrench[s.lead] - x.entry(RIGHT_SIDE, j)
     _add(x, MY_COLUMNS, wrench)
-    if kind.carried_on:
+    if kind.has_parent:
         _add(x, UP_COLUMNS, force_to_parent(x, joint, [-e for e in wrench], "Eq. 45"))
 
 
@@ -103,9 +103,9 @@ def column_in(x: Scope, kind: LinkKind) -> None:
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j in reversed(range(joint.freedoms)):
-        left, own = range(6 if kind.carried_on or j else 0), rotor(x, kind, j)
+        left, own = range(6 if kind.has_parent or j else 0), rotor(x, kind, j)
         eliminate_force(x, OF_COLUMNS, MY_COLUMNS, j, joint.columns[j], P, 0, [""] * 6, left, own)
-    if kind.carried_on:
+    if kind.has_parent:
         _add(x, UP_COLUMNS, force_to_parent(x, joint, P, "Eq. 45"))
 
 
@@ -124,13 +124,13 @@ def column_turn(x: Scope, kind: LinkKind) -> None:
     A = _carried(x, joint)
     drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
     turned: Vector = [0, 0, 0]
-    if kind.carried_on:
+    if kind.has_parent:
         turned = joint.to_child(x.load(UP_COLUMNS, fields.column_turning), "dw", "d Eq. 18")
         for j in range(joint.freedoms):
             gain = [x.load(ME, fields.turning_gain(j, k)) for k in range(3)]
             drive[j] = drive[j] + inner(gain, turned)
     found = _substitute(x, kind, joint, A, drive)
-    if kind.carried_on:
+    if kind.has_parent:
         values = kind.joint(x, kind)
         C = carried_change(x, values, x.load(ME, fields.parents_velocity))
         A = [x.let("A", e + inner(row, turned), "d Eq. 21", lanes=True) for e, row in zip(A, C, strict=True)]
@@ -167,7 +167,7 @@ def composite_in(x: Scope, kind: LinkKind) -> None:
     for j, s in enumerate(joint.columns):
         own = rotor(x, kind, j)
         x.set_entry(DFORCE, j, s.along(P) if is_zero(own) else s.along(P) + own * x.entry(RIGHT_SIDE, j))
-    if kind.carried_on:
+    if kind.has_parent:
         _add(x, UP_COLUMNS, force_to_parent(x, joint, P, "Eq. 45"))
 
 

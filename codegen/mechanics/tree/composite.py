@@ -25,7 +25,7 @@ def composite(x: Scope, kind: LinkKind) -> None:
         n = add(matvec(J, s.angular), cross(h, s.linear))
         f = minus([m * e for e in s.linear], cross(h, s.angular))
         x.store(ME, fields.composite_force(j), [x.let("F", e, tag) for e in (*n, *f)])
-    if not kind.carried_on:
+    if not kind.has_parent:
         return
     r = joint.offset()
     h = joint.to_parent(h, "h", tag)

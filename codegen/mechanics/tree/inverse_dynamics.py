@@ -88,20 +88,20 @@ def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
     phi: Vector = []
     d_phi: Vector = []
     for i in range(6):
-        own, handed = x.load(ME, fields.total_needed.scalars()[i]), x.load(ME, fields.transmitted.scalars()[i])
-        phi.append(let(f"phi_{'nf'[i // 3]}", own + handed, "Eq. 45"))
+        own, children = x.load(ME, fields.total_needed.scalars()[i]), x.load(ME, fields.transmitted.scalars()[i])
+        phi.append(let(f"phi_{'nf'[i // 3]}", own + children, "Eq. 45"))
         if x.tangents:
-            d_own, d_handed = (
+            d_own, d_children = (
                 x.load(MY_LANE, fields.needed.scalars()[i]),
                 x.load(LME, fields.articulated_force.scalars()[i]),
             )
-            d_phi.append(let("dphi", d_own + d_handed, "d Eq. 45", lanes=True))
+            d_phi.append(let("dphi", d_own + d_children, "d Eq. 45", lanes=True))
     for j, s in enumerate(joint.columns):
         along, own = s.along(phi), rotor(x, kind, j)
         x.set_entry(FORCE, j, along if is_zero(own) else along + own * x.entry(UDOT, j))
         if x.tangents:
             x.set_entry(DFORCE, j, s.along(d_phi) + s.change(x, phi) + rotor_force_change(x, kind, j))
-    if kind.carried_on:
+    if kind.has_parent:
         transfer(x, kind, joint, phi, d_phi)
 
 

@@ -12,7 +12,7 @@ from ...program.block import Scope
 from ...program.field import PLACES, ScalarField
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
-from ..couplings import hand_force, hand_inertia, hand_on, others
+from ..couplings import add_couplings, add_partner_force, add_partner_inertia, others
 from ..elimination import OF_FREEDOMS, SymmetricSystem
 from ..joints import Column, LinkJoint
 from ..joints.inertia import shift_inertia
@@ -83,10 +83,10 @@ def force_to_parent(x: Scope, joint: LinkJoint, force: Vector, tag: str, r: Vect
 
 def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
     """Inertia and force over the link's six components and those of its partners."""
-    needed, handed = fields.needed, fields.articulated_force
+    needed, children = fields.needed, fields.articulated_force
     I = articulated_inertia(x)
-    p = add(x.load(ME, needed.angular), x.load(ME, handed.angular)) + add(
-        x.load(ME, needed.linear), x.load(ME, handed.linear)
+    p = add(x.load(ME, needed.angular), x.load(ME, children.angular)) + add(
+        x.load(ME, needed.linear), x.load(ME, children.linear)
     )
     partners = range(len(kind.partners.links))
     couplings = [x.load(OWN[m], fields.coupling) for m in partners]
@@ -102,7 +102,7 @@ def labels_of(kind: LinkKind) -> list[str]:
 
 def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
     """Unknowns, of `count`, that remain after a degree of freedom; after the last one of a joint on the ground not the link's."""
-    return range(0 if j > 0 or kind.carried_on else 6, count)
+    return range(0 if j > 0 or kind.has_parent else 6, count)
 
 
 def inertia_scales(x: Scope, kind: LinkKind, I: Matrix, pivot: int) -> Vector:
@@ -116,9 +116,9 @@ def inertia_scales(x: Scope, kind: LinkKind, I: Matrix, pivot: int) -> Vector:
     if not kind.of_links:
         return [x.let("scale", turning, tag), x.let("scale", mass, tag)]
     J = x.load(CONSTANTS, fields.inertia)
-    handed = _total([J[i][i] for i in range(3) if i != pivot]) + x.load(ME, fields.moment_scale)
+    children = _total([J[i][i] for i in range(3) if i != pivot]) + x.load(ME, fields.moment_scale)
     light = x.load(CONSTANTS, fields.mass) + x.load(ME, fields.mass_scale)
-    return [x.either("scale", turning, handed, tag), x.either("scale", mass, light, tag)]
+    return [x.either("scale", turning, children, tag), x.either("scale", mass, light, tag)]
 
 
 def _total(entries: Vector) -> Value:
@@ -146,10 +146,10 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
         keep_driving(x, kind, joint.driven_column, I, p)
     places = [6 + 6 * m for m in range(len(kind.partners.links))]
     for m in others(kind):
-        hand_inertia(x, kind, m, system.block(places[m], places[m]))
-        hand_force(x, kind, m, p[places[m] : places[m] + 6])
-    if not kind.carried_on:
-        hand_on(x, kind, lambda m, n: system.block(places[m], places[n]))
+        add_partner_inertia(x, kind, m, system.block(places[m], places[m]))
+        add_partner_force(x, kind, m, p[places[m] : places[m] + 6])
+    if not kind.has_parent:
+        add_couplings(x, kind, lambda m, n: system.block(places[m], places[n]))
         return
     r = joint.offset()
     couplings = [coupling_to_parent(x, joint, r, system.block(0, place)) for place in places]
@@ -180,7 +180,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
     turning, mass = scales
     accumulate(x, UP, fields.moment_scale, turning + dot(r, r) * mass, first, "zero pivot")
     accumulate(x, UP, fields.mass_scale, mass, first, "zero pivot")
-    hand_on(x, kind, remaining)
+    add_couplings(x, kind, remaining)
 
 
 def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> None:

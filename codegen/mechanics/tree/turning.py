@@ -62,12 +62,14 @@ def turning(x: Scope, kind: LinkKind) -> None:
     joint = kind.joint(x, kind)
     _transmitted(x, kind, joint)
     w = x.load(ME, fields.angular_velocity)
-    handed = [*x.load(ME, fields.turning_moment), *x.load(ME, fields.turning_push)]
+    children = [*x.load(ME, fields.turning_moment), *x.load(ME, fields.turning_push)]
     own = own_change(x, w)
-    W = [[x.let("W", a + b, "d Eq. 45") for a, b in zip(*rows, strict=True)] for rows in zip(own, handed, strict=True)]
+    W = [
+        [x.let("W", a + b, "d Eq. 45") for a, b in zip(*rows, strict=True)] for rows in zip(own, children, strict=True)
+    ]
     x.store(ME, fields.all_turning_moment, W[:3])
     x.store(ME, fields.all_turning_push, W[3:])
-    if not kind.carried_on:
+    if not kind.has_parent:
         return
     I = articulated_inertia(x)
     C = carried_change(x, joint, x.load(ME, fields.parents_velocity))
@@ -99,10 +101,10 @@ def turning(x: Scope, kind: LinkKind) -> None:
 
 def _transmitted(x: Scope, kind: LinkKind, joint: LinkJoint) -> None:
     """The force that a joint transmits with all accelerations known."""
-    if not kind.carried_on:
+    if not kind.has_parent:
         return  # forces on the ground are not needed
-    own, handed = x.load(ME, fields.total_needed), x.load(ME, fields.transmitted)
-    phi = [x.let("phi", a + b, "Eq. 45") for a, b in zip(own, handed, strict=True)]
+    own, children = x.load(ME, fields.total_needed), x.load(ME, fields.transmitted)
+    phi = [x.let("phi", a + b, "Eq. 45") for a, b in zip(own, children, strict=True)]
     # in equilibrium a joint transmits its own force along its degrees of freedom, minus that of its rotor
     for j, s in enumerate(joint.columns):
         phi[s.lead] = s.completed(phi, transmitted_along(x, kind, j))
