@@ -1,4 +1,4 @@
-"""Robots of other formats as models: URDF, MJCF, SDF, and objects of Pinocchio, MuJoCo and sympy."""
+"""Import of robots: from URDF, MJCF and SDF files, and from objects of Pinocchio, MuJoCo and sympy."""
 
 from .importer import Imported, Options, from_mujoco, from_pinocchio, import_model
 from .sympy_model import from_sympy

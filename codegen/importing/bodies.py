@@ -1,4 +1,4 @@
-"""Links that fixed joints hold together become one body."""
+"""Merging of links that fixed joints hold together into bodies."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ class ImportedBody:
     Attributes
     ----------
     link : Link
-        The innermost of its links, whose frame is the body's.
+        The innermost of its links; its frame is the body's frame.
     joint : RobotJoint
     parent : str
-        Link of the body that carries it, or `WORLD`.
+        Link of the parent body, or `WORLD`.
     frame : Placement
-        Of the joint, in the parent's body.
+        Frame of the joint in the parent body.
     inertia : Inertia
-        Of all links together, in the body's frame.
+        Mass properties of all its links together, in the body's frame.
     merged : list of (Link, Placement)
-        The others, and where the frames stand that are used for them.
+        The other links, and the frames that are used for them in the body.
     words : set of str
         Which of its numbers become parameters.
     comments : list of str
     tolerated : bool
-        Whether its inertia is impossible and kept.
+        Whether its inertia is physically impossible and kept.
     """
 
     link: Link
@@ -54,11 +54,11 @@ class Bodies:
     Attributes
     ----------
     all : dict of str to ImportedBody
-        By their links, each parent before its children.
+        Bodies by their innermost links, parents before children.
     holders : dict of str to (str, Placement)
-        For every link the link of its body, or `WORLD`, and where its frame stands in that.
+        For every link: the innermost link of its body, or `WORLD`, and its frame in that body.
     grounded : list of (Link, Placement)
-        Links that became part of the ground.
+        Links that are part of the ground.
     """
 
     all: dict[str, ImportedBody] = field(default_factory=dict)
@@ -66,28 +66,28 @@ class Bodies:
     grounded: list[tuple[Link, Placement]] = field(default_factory=list)
 
     def merged_frames(self) -> list[tuple[str, str, Placement]]:
-        """Links that are no bodies: the link of their body, or `WORLD`, and where the frame of the file stands in it."""
+        """Links merged into a body: name, innermost link of the body or `WORLD`, and frame of the file in it."""
         every = [(WORLD, link, frame) for link, frame in self.grounded]
         every += [(name, link, frame) for name, body in self.all.items() for link, frame in body.merged]
         return [(link.name, holder, frame @ link.origin) for holder, link, frame in every]
 
     def children(self, link: str) -> list[ImportedBody]:
-        """The bodies that a body carries."""
+        """The child bodies of a body."""
         return [body for body in self.all.values() if body.parent == link]
 
 
 def put_on_ground(robot: Robot, base: str) -> None:
-    """Give every link that no joint carries one to the ground, fixed or free."""
+    """Attach every link that is no joint's child to the ground, by a fixed or a free joint."""
     carried = {joint.child for joint in robot.joints.values()}
     before = {}
     for link in robot.links.values():
         if link.name not in carried:
             before[f" {link.name}"] = RobotJoint("", link.place, base, WORLD, link.name)
-    robot.joints = {**before, **robot.joints}  # blanks cannot begin a name of a file
+    robot.joints = {**before, **robot.joints}  # no name in a file begins with a blank
 
 
 def merged_bodies(robot: Robot, keep_fixed: bool = False, kept: Collection[str] = ()) -> Bodies:
-    """The bodies of a robot whose links all lead to the ground.
+    """The bodies of a robot, in which every link leads to the ground.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def merged_bodies(robot: Robot, keep_fixed: bool = False, kept: Collection[str] 
     keep_fixed : bool
         Keep links on fixed joints as bodies of their own.
     kept : collection of str
-        Links that stay bodies in any case.
+        Links that are never merged.
     """
     bodies = Bodies(holders={WORLD: (WORLD, Placement())})
     for joint in robot.depth_first():

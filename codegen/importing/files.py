@@ -1,8 +1,7 @@
-"""Where the files are that a robot's file names, and which of them may be read.
+"""Locations of the files that a robot's file names, and which of them may be read.
 
-Names are ``package://``, ``model://``, ``file://``, or a path beside the file. What is read stands in the folder of the
-robot's file, in folders there, or in those of ``--package-path``: the rule for the includes of a model file, with one
-option to widen it.
+Names are ``package://``, ``model://`` or ``file://`` addresses, or paths beside the file. A file is read only from the folder of
+the robot's file, from folders inside it, or from those of ``--package-path``.
 """
 
 from __future__ import annotations
@@ -19,14 +18,14 @@ WIDEN: Final = "--package-path"
 
 
 class Files:
-    """Finds files that a robot's file names.
+    """Finds files by the names in a robot's file.
 
     Parameters
     ----------
     file : path or None
         The robot's file; None for a text.
     package_paths : sequence of path
-        Folders of packages, or packages; searched first, then those of ``ROS_PACKAGE_PATH``, then the folders above the file.
+        Folders of packages, or packages. They are searched first, then ``ROS_PACKAGE_PATH``, then the folders above the file.
     """
 
     def __init__(self, file: Path | None, package_paths: Sequence[str | os.PathLike[str]] = ()) -> None:
@@ -37,13 +36,13 @@ class Files:
         self.allowed = [*own, *(os.path.realpath(p) for p in package_paths)]
 
     def find(self, name: str, folder: Path | None = None) -> Path | None:
-        """The file, or folder, of that name; None if there is none.
+        """The file or folder of that name; None if it does not exist.
 
         Parameters
         ----------
         name : str
         folder : path, optional
-            Where paths begin; left out: the folder of the robot's file.
+            Start of relative paths; by default the folder of the robot's file.
         """
         scheme, _, rest = name.partition("://")
         start = self.folder if folder is None else folder
@@ -63,12 +62,12 @@ class Files:
         return None
 
     def package_roots(self) -> list[Path]:
-        """Folders in which packages may stand."""
+        """Folders that may contain packages."""
         above = [] if self.folder is None else [self.folder, *self.folder.parents]
         return [*self.paths, *above]
 
     def missing(self, name: str, folder: Path | None = None) -> str | None:
-        """``not found: ...`` for a file that is not there."""
+        """Why no file of that name is found; None if there is one."""
         if not name:
             return "without a file's name"
         if self.find(name, folder) is not None:
@@ -81,12 +80,12 @@ class Files:
         return "file not found"
 
     def forbidden(self, path: str | os.PathLike[str]) -> str | None:
-        """Why a file that is there is not read; None if it may be."""
+        """Why an existing file may not be read; None if it may be."""
         resolved = os.path.realpath(path)
         if not any(_is_within(resolved, folder) for folder in self.allowed):
             folder = resolved if os.path.isdir(resolved) else os.path.dirname(resolved)
             shown = min(folder, os.path.relpath(folder), key=len)
-            return f"outside the folder of the robot's file; {WIDEN} {shown} lets files there be read"
+            return f"outside the folder of the robot's file; {WIDEN} {shown} permits reading files there"
         kind = no_regular_file(resolved)
         return None if kind is None else f"not read: {kind}; a regular file is needed"
 
@@ -101,5 +100,5 @@ def _is_within(path: str, folder: str) -> bool:
 def _existing(path: Path) -> Path | None:
     try:
         return path if path.exists() else None
-    except (OSError, ValueError):  # a name that no file has
+    except (OSError, ValueError):  # not a possible file name
         return None

@@ -1,8 +1,7 @@
-"""Gepetto's ``robot.yaml`` beside a URDF: which frames are held together, and which joints are of other types.
+"""Gepetto's ``robot.yaml`` beside a URDF: frames that are held together, and joints of other types.
 
-``closed_loop`` lists pairs of frames, ``type`` for each pair 3D (their origins coincide) or 6D (they coincide);
-``joint_name`` and ``joint_type`` make balls, universal joints and fixed joints of joints that the URDF can only call
-revolute.
+``closed_loop`` lists pairs of frames. ``type`` is 3D (their origins coincide) or 6D (the frames coincide) for each pair.
+``joint_name`` and ``joint_type`` turn revolute joints into spherical, universal and fixed ones, since URDF lacks some of these.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from .robot import Closing, Effect, Place, Robot
 BESIDE: Final = "robot.yaml"
 KEYS: Final = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
 _OWN: Final = re.compile(r"\b(closed_loop|joint_type|name_mot)\b")
-"""Keys that side files in the model format do not have."""
+"""Keys that only Gepetto's files have."""
 _AXES: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 JOINTS: Final[dict[str, tuple[str, tuple[Three, ...]]]] = {
     "SPHERICAL": ("spherical", ()), "FIXED": ("fixed", ()), "CARDAN": ("universal", (_AXES["X"], _AXES["Y"])),
     **{f"UJOINT_{a}{b}": ("universal", (_AXES[a], _AXES[b])) for a, b in permutations("XYZ", 2)},
 }  # fmt: skip
-"""What its types of joints are, with axes in the joint's frame."""
+"""Gepetto's joint types in the model format, with axes in the joint's frame."""
 LOOPS: Final = {"3D": "point", "6D": "fixed"}
 
 
@@ -43,7 +42,7 @@ def is_gepettos(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one of Gepetto's, and not a side file in the model format."""
     try:
         text = read_file(os.fspath(path))
-        if _OWN.search(text) is None:  # long models take long to parse
+        if _OWN.search(text) is None:  # parsing a long model takes long
             return False
         root = compose(text, os.fspath(path)).root
     except ModelError:
@@ -52,12 +51,12 @@ def is_gepettos(path: str | os.PathLike[str]) -> bool:
 
 
 def apply_gepetto(robot: Robot, path: str | os.PathLike[str]) -> None:
-    """Close loops and change types of joints as the file says.
+    """Add loops and change joint types as the file specifies.
 
     Raises
     ------
     ModelError
-        With everything that is wrong with it.
+        If the file has errors; it lists all of them.
     """
     file = os.fspath(path)
     _Reader(robot, compose(read_file(file), file)).read()
@@ -81,7 +80,7 @@ class _Reader:
             seen: set[str] = set()
             for k, (name, type_) in enumerate(zip(names, types, strict=True)):
                 if name in seen:
-                    self.wrong(f"joint {shortened(name)} is in the list already; give each joint once", "joint_name", k)
+                    self.wrong(f"joint {shortened(name)} is listed twice; list each joint once", "joint_name", k)
                 seen.add(name)
                 self.joint(k, name, type_)
         pairs = root.get("closed_loop") or []
@@ -105,28 +104,28 @@ class _Reader:
         value = self.document.root.get(key) or []
         if isinstance(value, list) and all(isinstance(v, str) for v in value):
             return value
-        self.wrong(f"{key} is no list of names; such as [left, right] is needed", key)
+        self.wrong(f"{key} is not a list of names; write a list such as [left, right]", key)
         return []
 
     def as_many(self, key: str, values: list[Any], other: str, others: list[Any]) -> bool:
-        """Whether two lists have as many entries."""
+        """Whether two lists are equally long; reports it if not."""
         if len(values) == len(others):
             return True
         if key in self.document.root:
-            self.wrong(f"{key} has {len(values)} entries and {other} has {len(others)}; as many are needed", key)
+            self.wrong(f"{key} has {len(values)} entries and {other} has {len(others)}; the numbers must agree", key)
         else:
-            self.wrong(f"{other} has {len(others)} entries, and there is no {key}; as many are needed", other)
+            self.wrong(f"{other} has {len(others)} entries, and there is no {key}; both lists are needed", other)
         return False
 
     def joint(self, k: int, name: str, type_: str) -> None:
         joint = self.robot.joints.get(name)
         if joint is None:
             known = list(self.robot.joints)
-            message = f"joint {shortened(name)} is not in the URDF, and stays as it is there{nearest(name, known)}"
+            message = f"joint {shortened(name)} is not in the URDF, so its type is not changed{nearest(name, known)}"
             self.robot.warnings.append(self.place("joint_name", k).problem(message, "warning"))
         elif type_ not in JOINTS:
             hint = nearest(type_, JOINTS)
-            self.wrong(f"joint_type {shortened(type_)}; {', '.join(JOINTS)} are allowed{hint}", "joint_type", k)
+            self.wrong(f"joint_type {shortened(type_)} is not one of {', '.join(JOINTS)}{hint}", "joint_type", k)
         else:
             if not joint.is_passive:
                 self.robot.leave_out("<dynamics> of a joint of another type", joint.place, Effect.DIFFERS)
@@ -138,7 +137,7 @@ class _Reader:
             self.wrong("two frames of the URDF are needed, such as [foot_a, foot_b]", "closed_loop", k)
             return
         if kind.upper() not in LOOPS:
-            self.wrong(f"type {shortened(kind)}; {' or '.join(LOOPS)} is allowed", "type", k)
+            self.wrong(f"type {shortened(kind)} is unknown; {' or '.join(LOOPS)} is allowed", "type", k)
             return
         links = [self.link(name, k, i) for i, name in enumerate(pair)]
         if None in links:
@@ -150,7 +149,7 @@ class _Reader:
         self.robot.closings.append(Closing(name, place, LOOPS[kind.upper()], *ends))
 
     def link(self, name: str, k: int, i: int) -> str | None:
-        """The link of a frame: of that name, or that of the joint of that name."""
+        """The link of a frame, which has the name of a link or of the joint that carries it."""
         if name in self.robot.links:
             return name
         joint = self.robot.joints.get(name)
@@ -158,6 +157,6 @@ class _Reader:
             return joint.child
         known = [*self.robot.links, *self.robot.joints]
         self.wrong(
-            f"frame {shortened(name)} is no link or joint of the URDF{nearest(name, known)}", "closed_loop", k, i
+            f"frame {shortened(name)} is not a link or joint of the URDF{nearest(name, known)}", "closed_loop", k, i
         )
         return None

@@ -1,4 +1,4 @@
-"""From a robot's file, or an object of another program, to a model: the whole way."""
+"""Conversion of a robot's file, or of another program's object, into a model."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from .writing import ModelWriter
 from .xml_reading import Element, no_regular_file, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
-"""Formats by the root of their files."""
+"""Formats by the root element of their files."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What an import may be asked for; see `import_model`."""
+    """Options of an import; see `import_model`."""
 
     name: str | None = None
     model: str | None = None
@@ -78,7 +78,7 @@ class Imported:
     renamed : dict of str to str
         New names by the names of the file.
     symbols : dict of sympy.Basic to str
-        Names of the model by symbols and functions of sympy, of a system of sympy's; else empty.
+        Names in the model by sympy symbols and functions; empty unless the model comes from sympy.
     """
 
     text: str
@@ -190,13 +190,13 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     file = os.fspath(path)
     for folder in chosen.package_paths:
         if not os.path.isdir(folder):
-            message = f"{os.fspath(folder)} is no folder; give one that holds packages, or leave it out"
+            message = f"{os.fspath(folder)} is not a folder; give a folder of packages, or leave it out"
             raise ModelError([Problem(file, None, None, "--package-path", message)])
     _check_loops(chosen)
     data = read_robot_file(file)
     root = parse_xml(data, file)
     files = Files(Path(file), chosen.package_paths)
-    with np.errstate(all="ignore"):  # `check_finite` judges
+    with np.errstate(all="ignore"):  # `check_finite` reports overflow
         return imported(_read(root, files, chosen), chosen, os.path.basename(file))
 
 
@@ -222,7 +222,7 @@ def from_pinocchio(model: Any, **options: Any) -> Imported:
     """
     from .pinocchio import read_pinocchio
 
-    with np.errstate(all="ignore"):  # `check_finite` judges
+    with np.errstate(all="ignore"):  # `check_finite` reports overflow
         chosen = _of_object(options, "pinocchio.Model", ("base", "key", "exact_angles", "package_paths"))
         return imported(read_pinocchio(model), chosen, "A model of Pinocchio")
 
@@ -249,7 +249,7 @@ def from_mujoco(model: Any, **options: Any) -> Imported:
     """
     from .mjcf import read_mujoco
 
-    with np.errstate(all="ignore"):  # `check_finite` judges
+    with np.errstate(all="ignore"):  # `check_finite` reports overflow
         chosen = _of_object(options, "MjModel", ("base", "exact_angles", "package_paths"))
         return imported(read_mujoco(model, chosen.key), chosen, "A model of MuJoCo")
 
@@ -260,7 +260,7 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
 
         robot = read_urdf(root, files, options.exact_angles)
         robot.format = "URDF"
-        _refuse(root, "--model", options.model, "for a world of SDF, which may have several models; a URDF has one")
+        _refuse(root, "--model", options.model, "for SDF worlds, which may have several models; a URDF has one")
         _refuse(root, "--key", options.key, "for MJCF, which has keyframes")
         if options.loops is None and (found := beside(root.file)) is not None and not files.forbidden(found):
             options = replace(options, loops=found)
@@ -272,21 +272,21 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
     if root.tag in ("mujoco", "mujocoinclude"):
         from .mjcf import read_mjcf
 
-        _refuse(root, "--base", options.base, "for URDF; an MJCF defines what is attached to the ground")
+        _refuse(root, "--base", options.base, "for URDF; an MJCF specifies what is attached to the ground")
         if options.exact_angles:
             raise ModelError(
-                [root.problem("--exact-angles is for URDF and SDF; MJCF has degrees, or quaternions: leave it out")]
+                [root.problem("--exact-angles is for URDF and SDF; MJCF has degrees or quaternions: leave it out")]
             )
-        _refuse(root, "--model", options.model, "for a world of SDF, which may have several models; an MJCF is one")
+        _refuse(root, "--model", options.model, "for SDF worlds, which may have several models; an MJCF is one model")
         return read_mjcf(root, Path(root.file), files, options.key)
     if root.tag == "sdf":
         from .sdf import read_sdf
 
-        _refuse(root, "--base", options.base, "for URDF; an SDF defines what is attached to the ground")
+        _refuse(root, "--base", options.base, "for URDF; an SDF specifies what is attached to the ground")
         _refuse(root, "--key", options.key, "for MJCF, which has keyframes")
         return read_sdf(root, files, options.exact_angles, options.model)
     expected = ", ".join(f"<{tag}> ({name})" for tag, name in FORMATS.items())
-    raise ModelError([root.problem(f"the root is <{root.tag}>; {expected} are read")])
+    raise ModelError([root.problem(f"the root element is <{root.tag}>; allowed are {expected}")])
 
 
 def _refuse(root: Element, option: str, value: str | None, what: str) -> None:
@@ -295,10 +295,10 @@ def _refuse(root: Element, option: str, value: str | None, what: str) -> None:
 
 
 def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Options:
-    """What the import of an object is asked for; options that are about files are refused."""
+    """Options for the import of an object; options about files are refused."""
     wrong = [name for name in others if options.get(name)]
     if wrong:
-        message = "is for files, and would do nothing here; leave it out"
+        message = "applies to files only; leave it out"
         raise ModelError([Problem(file, None, None, name, message) for name in wrong])
     chosen = Options(**options)
     _check_loops(chosen)
@@ -306,33 +306,33 @@ def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Opt
 
 
 def _check_loops(chosen: Options) -> None:
-    """Refuse a side file that is a named pipe, which may never end."""
+    """Refuse a side file that cannot be read to its end, such as a named pipe."""
     message = None if chosen.loops is None else no_regular_file(chosen.loops)
     if chosen.loops is not None and message is not None:
-        said = f"cannot be read: {message}; a YAML file with a section loops is needed"
+        said = f"cannot be read: {message}; give a YAML file with a section loops"
         raise ModelError([Problem(os.fspath(chosen.loops), 1, 1, "", said)])
 
 
 def imported(robot: Robot, options: Options, source: str) -> Imported:
-    """The model of a robot whose links all lead to the ground.
+    """The model of a robot in which every link leads to the ground.
 
     Parameters
     ----------
     robot : Robot
     options : Options
     source : str
-        What it was read from, for the comment at the head.
+        Origin of the robot, for the comment at the top of the file.
     """
     _check_options(robot, options)
     problems: list[Problem] = []
     names = names_for(robot.links)
     taken = set(names.values())
-    for closing in robot.closings:  # loops share their names with bodies
+    for closing in robot.closings:  # loops and bodies share one set of names
         closing.name = free_name(closing.name, taken)
         taken.add(closing.name)
     is_side = options.loops is not None and not is_gepettos(options.loops)
     if options.loops is not None and not is_side and robot.format != "URDF":
-        message = "a robot.yaml of Gepetto's is for URDF; write the loops in the model format"
+        message = "Gepetto's robot.yaml is for URDF; write the loops in the model format"
         raise ModelError([Problem(os.fspath(options.loops), 1, 1, "", message)])
     side = read_side_file(options.loops, robot, names) if is_side and options.loops is not None else SideFile()
     problems += _mimic(robot, options)
@@ -342,7 +342,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     bodies = merged_bodies(robot, options.keep_fixed, side.links)
     if not bodies.all:
         instead = ", or --base free to the root" if robot.format == "URDF" else ""
-        message = f"everything is fixed to the ground, nothing moves; give a link a joint that moves{instead}"
+        message = f"everything is fixed to the ground, so nothing moves; give a link a joint that moves{instead}"
         problems.append(Problem(robot.file, None, None, "", message))
     too_large = check_finite(robot, bodies)
     problems += too_large or check_inertias(robot, bodies, options.repair)
@@ -374,29 +374,29 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
 
 
 def _check_options(robot: Robot, options: Options) -> None:
-    """Refuse values of options that mean nothing."""
+    """Refuse impossible values of options."""
     if options.base not in (None, *BASES):
         raise ModelError(
-            [Problem(robot.file, None, None, "base", f"{options.base!r}; {' or '.join(BASES)} is allowed")]
+            [Problem(robot.file, None, None, "base", f"{options.base!r} is unknown; {' or '.join(BASES)} is allowed")]
         )
     if options.name is not None and not names_a_model(options.name):
-        message = f"{options.name!r} cannot name a model; a lower-case identifier such as four_bar can"
+        message = f"{options.name!r} cannot name a model; use a lower-case identifier such as four_bar"
         raise ModelError([Problem(robot.file, None, None, "--name", message)])
 
 
 def _check_lifted(robot: Robot, bodies: Bodies) -> list[Problem]:
-    """Masses and centres of mass that shall be parameters, though forces of numbers carry the weight."""
+    """Errors for masses and centres of mass that cannot become parameters, since a constant force carries the weight."""
     found = []
     for name in robot.lifted:
         body = bodies.all.get(bodies.holders[name][0])
         if body is not None and body.words & {"mass", "com"}:
-            message = f"link {shortened(name)} has a force that carries its weight, which would not follow a parameter"
-            found.append(robot.links[name].place.problem(f"{message}; leave mass and com of it out of --parameterize"))
+            message = f"the weight of link {shortened(name)} is carried by a force that would not follow a parameter"
+            found.append(robot.links[name].place.problem(f"{message}; leave its mass and com out of --parameterize"))
     return found
 
 
 def _lift(robot: Robot, bodies: Bodies) -> None:
-    """Forces that carry a part of the weight of links, each in its centre of mass."""
+    """Add forces that carry part of the weight of links, each at the centre of mass."""
     for name, part in robot.lifted.items():
         inertia = robot.links[name].inertia
         if bodies.holders[name][0] == WORLD or inertia.mass * part == 0 or not any(robot.gravity):
@@ -408,7 +408,7 @@ def _lift(robot: Robot, bodies: Bodies) -> None:
 
 
 def _mimic(robot: Robot, options: Options) -> list[Problem]:
-    """Joints that follow others, as far as they can be couplings; what is wrong with the rest, unless it is left out."""
+    """Turn mimic joints into couplings; returns errors for those that cannot be, unless --free-mimic leaves them out."""
     found, kept = [], []
     for coupling in robot.couplings:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
@@ -426,15 +426,15 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
 
 
 def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
-    """What keeps a joint from following another, and what to do; nothing if it can."""
+    """Why a joint cannot follow another, and what to do; empty if it can."""
     if coupling.unreadable:
         return "which is not read; --free-mimic leaves it out"
     if coupling.of not in robot.joints:
-        return "which is no joint of this file; name one of it"
+        return "which is not a joint of this file; name one that is"
     if coupling.of == coupling.joint:
-        return "which is the joint itself; name another one"
+        return "which is the same joint; name another one"
     if coupling.ratio == 0:
-        return "with a multiplier of 0, so that it stands still; make it a fixed joint"
+        return "with a multiplier of 0, so that it does not move; make it a fixed joint"
     for name in (coupling.joint, coupling.of):
         if robot.joints[name].type not in SINGLE:
             is_what = f"joint {shortened(name)} is {robot.joints[name].type}"
@@ -443,14 +443,14 @@ def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
 
 
 def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -> list[str]:
-    """The comment at the head of the file: what it was, and what of it is not here."""
+    """The comment at the top of the model file: origin, and what was left out."""
     lines = [f"{one_line(source)}, imported by ordernm.", *map(one_line, robot.notes)]
     if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
         mass = reduce(exact_sum, (link.inertia.mass for link, _ in bodies.grounded))
         lines.append(f"Fixed to the ground: {_listed(link.name for link, _ in bodies.grounded)}, {number(mass)} kg.")
     renamed = sum(names[link] != link for link in robot.links)
     if renamed:
-        lines.append(f"Renamed: {renamed} of {len(names)} links, their own names stand beside them.")
+        lines.append(f"Renamed: {renamed} of {len(names)} links; their original names are in comments.")
     fixed = [w.message for w in robot.warnings if w.message.endswith(FIXED)]
     if fixed:
         lines.append("Repaired:")
@@ -462,7 +462,7 @@ def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -
 
 
 def _entries(texts: Iterable[str]) -> list[str]:
-    """Lines of a list."""
+    """The lines of a list in a comment."""
     return [f"  {part}" for text in texts for part in wrapped(one_line(text, 1000))]
 
 
@@ -471,7 +471,7 @@ def _listed(names: Iterable[str]) -> str:
 
 
 def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], side: SideFile) -> Model:
-    """The model of the text; what is wrong with it is said of the file that it was imported from."""
+    """The model of a text; errors in it are reported for the robot's file."""
     try:
         return parse_model(text, robot.file)
     except ModelError as error:

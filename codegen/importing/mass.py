@@ -1,4 +1,4 @@
-"""Masses and inertias that no body has: named, and repaired on request."""
+"""Impossible masses and inertias: reported, and repaired on request."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from .robot import Robot, RobotJoint
 
 FIXED: Final = "; repaired: the joint is fixed"
 _LARGEST: Final = 1e150
-"""Of numbers whose squares are still numbers."""
+"""Largest number accepted; its square is still finite."""
 _WATER: Final = 1000.0
-"""Density of the balls that points with mass become, kg/m^3."""
+"""Density of the balls that replace point masses, kg/m^3."""
 
 
 def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Problem]:
-    """Find joints that move nothing, no rotor either, and fix them on request.
+    """Find joints that move no mass and no rotor, and fix them on request.
 
     Parameters
     ----------
     robot : Robot
-        All its links lead to the ground; its joints are changed where they are repaired.
+        Every link leads to the ground; joints are changed if they are repaired.
     held : collection of str
-        Links that loops hold: these may do without mass.
+        Links that loops hold: these may be massless.
     repair : bool
 
     Returns
     -------
     list of Problem
-        Errors, or warnings that tell the repair.
+        Errors, or warnings that describe the repair.
     """
     beyond: dict[str, bool] = {}
     order = list(robot.depth_first())
@@ -48,7 +48,7 @@ def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Prob
     for joint in order:
         if not beyond[joint.child] or joint.type == "fixed" or (joint.armature and all(joint.armature)):
             continue
-        what = f"{_named(joint)} moves nothing: link {shortened(joint.child)} and all beyond it have neither mass nor inertia"
+        what = f"{_named(joint)} moves nothing: link {shortened(joint.child)} and all outboard links are without mass and inertia"
         if repair:
             found.append(joint.place.problem(f"{what}{FIXED}", "warning"))
             joint.type, joint.axes, joint.laws, joint.start, joint.armature = "fixed", (), (), (), ()
@@ -66,7 +66,7 @@ def _named(joint: RobotJoint) -> str:
 
 
 def check_finite(robot: Robot, bodies: Bodies) -> list[Problem]:
-    """Find bodies and loops whose numbers became too large for this machine as they were put together."""
+    """Find bodies and loops whose numbers overflowed when links were merged."""
     found = []
     for closing in robot.closings:
         faces = [v for _, f in (closing.start, closing.end) for v in (*f.at, *f.rotation.ravel())]
@@ -80,13 +80,13 @@ def check_finite(robot: Robot, bodies: Bodies) -> list[Problem]:
         numbers += [joint.pitch, *joint.start, *(v for three in (*joint.laws, *joint.axes) for v in three)]
         size = np.abs(numbers).max()
         if not size < _LARGEST:
-            what = f"the numbers of link {shortened(body.link.name)} and what is fixed to it are not finite together"
+            what = f"the combined numbers of link {shortened(body.link.name)} and of links fixed to it are not finite"
             found.append(body.link.place.problem(f"{what}, or above {_LARGEST:g}; smaller ones are needed"))
     return found
 
 
 def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
-    """Find inertias that no body has, and repair them on request; without, they are kept, and the model says so."""
+    """Find impossible inertias, and repair them on request; otherwise they are kept, with a warning."""
     whole, size = 0.0, 0.0
     for body in bodies.all.values():
         whole += body.inertia.mass
@@ -98,7 +98,7 @@ def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
         if message is None:
             continue
         if body.inertia.mass == 0:
-            what = "no body has an inertia without mass; kept as it is: give it a mass"
+            what = "this is impossible; it is kept: give the link a mass"
             found.append(body.link.place.problem(f"{message}; {what}", "warning"))
         elif repair:
             before = body.inertia.matrix
@@ -108,31 +108,31 @@ def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
             found.append(body.link.place.problem(f"{message}; repaired", "warning"))
         else:
             found.append(
-                body.link.place.problem(f"{message}; kept as it is: --repair makes it that of a body", "warning")
+                body.link.place.problem(f"{message}; it is kept: --repair replaces it by a possible one", "warning")
             )
     return found
 
 
 def _doubt(body: ImportedBody, dirt: float) -> str | None:
-    """What is impossible about a body's inertia."""
+    """The reason why a body's inertia is impossible; None if it is possible."""
     matrix = body.inertia.matrix
     scale = float(np.abs(matrix).max())
     name = f"the inertia of link {shortened(body.link.name)}"
     if any(not link.inertia.is_nothing for link, _ in body.merged):
-        name += " and those fixed to it"
+        name += " and of the links fixed to it"
     if scale == 0:
         if body.inertia.mass == 0 or body.joint.type in ("fixed", "prismatic") or body.merged:
             return None
-        return f"{name} is zero, as of a point"
+        return f"{name} is zero, like that of a point mass"
     low, middle, high = (float(m) for m in np.linalg.eigvalsh(matrix / scale) * scale)
     if body.inertia.mass == 0 and not body.merged:
-        return f"{name} stands without mass"
+        return f"{name} is given without a mass"
     seen = f"{low:.6g}, {middle:.6g} and {high:.6g}"
     if low < -PSD_TOLERANCE * scale and low < -dirt:
         body.tolerated = True
-        return f"{name} has the principal moments {seen}, of which none may be negative"
+        return f"{name} has the principal moments {seen}; none may be negative"
     if low + middle < high * (1 - TRIANGLE_TOLERANCE) and high - low - middle > dirt:
-        return f"{name} has the principal moments {seen}, of which two are together less than the third"
+        return f"{name} has the principal moments {seen}; two of them must not sum to less than the third"
     return None
 
 

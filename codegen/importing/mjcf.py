@@ -1,7 +1,7 @@
 """MJCF, compiled by MuJoCo itself: bodies, joints and equality constraints of an `mujoco.MjModel`.
 
-A body of MuJoCo's may have several joints, each at a place of its own; here it becomes a chain of bodies, of which the last
-has the mass. Coordinates are those of MuJoCo less the ones of the model's reference configuration (``ref``).
+A MuJoCo body may have several joints, each at its own place; it becomes a chain of bodies, and the last one has the mass.
+Coordinates are MuJoCo's minus those of the model's reference configuration (``ref``).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _TYPES: Final = {_FREE: "free", _BALL: "spherical", _SLIDE: "prismatic", _HINGE: "revolute"}
 _CONNECT, _WELD, _JOINT = range(3)
 _SITE: Final = 6
-"""Of mjtObj."""
+"""Value of mjtObj for sites."""
 _SPHERE, _CAPSULE, _CYLINDER, _BOX = 2, 3, 5, 6
 _DIRT: Final = 1e-15
 
@@ -57,9 +57,9 @@ _LISTED: Final[dict[str, tuple[str, str, str, Effect]]] = {
     "nexclude": ("contact", "contact", "", Effect.STOPS), "nnumeric": ("custom", "custom", "", Effect.NONE),
     "ntext": ("custom", "custom", "", Effect.NONE), "ntuple": ("custom", "custom", "", Effect.NONE),
 }  # fmt: skip
-"""What a compiled model has and a file of ours has not.
+"""Parts of a compiled model that the model format lacks.
 
-By its count: the tag, that of the list in which it stands, what it is, and the effect of its absence.
+By the name of their count: the tag, the tag of the list that contains it, a remark, and the effect of the absence.
 """
 _SOFT: Final = "loops are closed exactly: no solref, no solimp"
 _UNNAMED: Final = "MuJoCo Model"
@@ -67,21 +67,21 @@ _MEDIUM: Final = ("density", "viscosity", "wind")
 
 
 def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -> Robot:
-    """The robot of a file.
+    """The robot of an MJCF file.
 
     Parameters
     ----------
     root : Element
     path : path
     files : Files
-        Says which other files may be read.
+        Which other files may be read.
     key : str, optional
-        The keyframe that it begins in; left out: the first one. ``""``: none.
+        The initial keyframe; the first one if omitted, none for ``""``.
 
     Raises
     ------
     ModelError
-        With what MuJoCo says, and the line.
+        With MuJoCo's message and the line.
     """
     file = root.file
     mujoco = _mujoco()
@@ -90,7 +90,7 @@ def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -
     parts = MjcfFiles(root, files)
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)  # which else go to a file in the working directory
+    mujoco.set_mju_user_warning(said.append)  # otherwise they go to a file in the working directory
     try:
         model = mujoco.MjModel.from_xml_path(str(path.resolve()))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
@@ -105,11 +105,11 @@ def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -
 
 
 def read_mujoco(model: Any, key: str | None = None) -> Robot:
-    """The robot of an `mujoco.MjModel`, in the keyframe of that name, or the first one."""
+    """The robot of an `mujoco.MjModel`, in the keyframe `key`, or in the first one."""
     mujoco = _mujoco()
     if not isinstance(model, mujoco.MjModel):
         raise TypeError(
-            f"from_mujoco takes a mujoco.MjModel, not {type(model).__name__}; such as MjModel.from_xml_path(...)"
+            f"from_mujoco takes a mujoco.MjModel, such as MjModel.from_xml_path(...), not {type(model).__name__}"
         )
     return _Reader(model, "MjModel", None, key).read()
 
@@ -123,7 +123,7 @@ def _mujoco() -> Any:
 
 
 def _said(file: str, text: str, parts: MjcfFiles) -> Problem:
-    """An error of MuJoCo's, with the line that it says, or that of the element that it names."""
+    """A MuJoCo error, with the line that it states, or with that of the element that it names."""
     line = re.search(r"\bline[ =](?:number=)?(\d+)", text) or re.search(r"Line number=(\d+)", text)
     what = " ".join(re.sub(r"(?:, )?line \d+|Error(?:ID)?=\S+(?: \(\w+\))?|Line number=\d+:?", " ", text).split())
     message = f"MuJoCo cannot compile it: {what}"
@@ -139,7 +139,7 @@ class _Reader:
     def __init__(self, model: Any, file: str, parts: MjcfFiles | None, key: str | None) -> None:
         self.model = model
         self.disabled = partial(disabled, _mujoco(), model)
-        """Whether one of some flags is disabled."""
+        """Whether any of some flags is disabled."""
         self.file = file
         self.parts = parts
         self.key = key
@@ -170,7 +170,7 @@ class _Reader:
         return self.robot
 
     def unique(self, kind: str, count: int) -> list[str]:
-        """Names of all objects of a kind; those that have none get one."""
+        """Unique names of all objects of a kind, also of unnamed ones."""
         access = getattr(self.model, kind)
         given = [access(i).name for i in range(count)]
         used = set(given)
@@ -181,7 +181,7 @@ class _Reader:
         return given
 
     def place(self, kind: str, name: str, number: int | None = None) -> Place:
-        """Where an element of a kind stands: by its name, or by its number in the list of the file."""
+        """Place of an element of a kind in the files: by its name, or by its number in the list of that kind."""
         found = self.places.get((kind, name)) if name else None
         if found is None and number is not None and self.parts is not None:
             listed = self.parts.joints() if kind == "joint" else self.parts.listed(kind)
@@ -190,17 +190,17 @@ class _Reader:
         return found or Place(self.file)
 
     def ranked(self, kind: str) -> range:
-        """The numbers of what a list of the file makes."""
+        """Indices of the compiled objects of a kind."""
         model = self.model
         counts = {"equality": model.neq, "tendon": model.ntendon, "keyframe": model.nkey, "joint": model.njnt}
         return range(int(counts.get(kind, len(model.actuator_trntype))))
 
     def origin(self, b: int) -> Placement:
-        """A body's frame of MuJoCo's in that used here."""
+        """MuJoCo's body frame in the frame of its link."""
         return Placement() if b == 0 else self.robot.links[self.links[b]].origin
 
     def body(self, b: int) -> None:
-        """A body with its joints."""
+        """Add a body with its joints."""
         model, name = self.model, self.names[b]
         place = self.place("body", name)
         parent = int(model.body_parentid[b])
@@ -227,7 +227,7 @@ class _Reader:
         link.moved_to(before)
 
     def between(self, body: str, joint: RobotJoint, place: Place) -> str:
-        """A link without mass between two joints of a body."""
+        """Add a massless link between two joints of a body."""
         name = free_name(f"{body}_{made_name(joint.name)}", [*self.robot.links, *self.names])
         self.robot.links[name] = Link(name, place)
         return name
@@ -253,7 +253,7 @@ class _Reader:
         return joint
 
     def damper(self, joint: RobotJoint, dof: int, single: bool) -> float:
-        """The damping of a joint; 0 where it is by powers of the speed, a term of its own."""
+        """Damping of a joint; 0 if it is a polynomial in the speed, which becomes a force term."""
         damping, more = float(self.model.dof_damping[dof]), row(self.model, "dof_dampingpoly", dof)
         if not np.any(more):
             return damping
@@ -268,7 +268,7 @@ class _Reader:
         return 0.0
 
     def spring(self, joint: RobotJoint, k: int, q: int, single: bool) -> tuple[float, float]:
-        """Stiffness and rest of the spring of a joint; 0 where it is by powers of the way, a term of its own."""
+        """Stiffness and rest position of a joint's spring; 0 if it is a polynomial, which becomes a force term."""
         model = self.model
         stiffness, more = float(np.ravel(model.jnt_stiffness[k])[0]), row(model, "jnt_stiffnesspoly", k)
         if not stiffness and not np.any(more):
@@ -308,7 +308,7 @@ class _Reader:
         return found
 
     def equality(self, e: int) -> None:
-        """A constraint: a loop, or a coordinate that follows another."""
+        """Add a constraint: a loop, or a coordinate that follows another."""
         model = self.model
         type_, data = int(model.eq_type[e]), model.eq_data[e]
         name = model.equality(e).name or free_name(f"equality_{e}", [c.name for c in self.robot.closings])
@@ -355,7 +355,7 @@ class _Reader:
             self.robot.couplings.append(Coupling(name, place, own, of, float(data[1]), float(data[0]), unreadable))
 
     def begin(self) -> None:
-        """Let the model begin in a keyframe."""
+        """Set the initial state to that of a keyframe."""
         model, count = self.model, int(self.model.nkey)
         names = [model.key(i).name for i in range(count)]
         if self.key == "" or (self.key is None and not count):
@@ -366,9 +366,7 @@ class _Reader:
             k = names.index(self.key)
         else:
             shown = ", ".join(filter(None, names[:12])) or "none with a name"
-            message = (
-                f"--key {self.key}: there is no keyframe of that name; there are {shown}{nearest(self.key, names)}"
-            )
+            message = f"--key {self.key} is not a keyframe; keyframes are {shown}{nearest(self.key, names)}"
             self.problems.append(Place(self.file).problem(message))
             return
         for i in range(count):
@@ -377,23 +375,23 @@ class _Reader:
                 self.robot.leave_out("<key>", place, Effect.NONE, "--key NAME begins in it")
         if k >= 0:
             called = f"keyframe {names[k]}" if names[k] else "first keyframe"
-            self.robot.notes.append(f"Begins in the {called}.")
+            self.robot.notes.append(f"Initial state: {called}.")
             for j in range(int(model.njnt)):
                 self.begin_joint(j, model.key_qpos[k], model.key_qvel[k])
             self.leave_out_of_key(k, self.place("keyframe", names[k], k))
 
     def leave_out_of_key(self, k: int, place: Place) -> None:
-        """List what a keyframe says of actuators and of mocap bodies, which have no state here."""
+        """List values of a keyframe for actuators and mocap bodies, which have no state here."""
         model, leave_out = self.model, self.robot.leave_out
         if model.key_act[k].any():
-            leave_out("act of the <key>", place, Effect.DIFFERS, "activations of actuators are none here")
+            leave_out("act of the <key>", place, Effect.DIFFERS, "actuators have no activation here")
         if model.key_ctrl[k].any():
-            leave_out("ctrl of the <key>", place, Effect.DRIVEN, "controls are none here")
+            leave_out("ctrl of the <key>", place, Effect.DRIVEN, "there are no controls here")
         for body in range(int(model.nbody)):
             i = int(model.body_mocapid[body])
             own = [*model.body_pos[body], *model.body_quat[body]]
             if i >= 0 and [*model.key_mpos[k][3 * i : 3 * i + 3], *model.key_mquat[k][4 * i : 4 * i + 4]] != own:
-                leave_out("mpos, mquat of the <key>", place, Effect.DIFFERS, "mocap bodies stand where <body> says")
+                leave_out("mpos, mquat of the <key>", place, Effect.DIFFERS, "mocap bodies are placed as <body> says")
 
     def begin_joint(self, j: int, qpos: Any, qvel: Any) -> None:
         model, joint = self.model, self.robot.joints[self.joint_names[j]]
@@ -414,7 +412,7 @@ class _Reader:
         self.robot.speeds[joint.name] = tuple(speeds)
 
     def leave_out(self) -> None:
-        """What the compiled model has and a file of ours has not; lines are those of the files."""
+        """List parts of the compiled model that the model format lacks, with their lines in the files."""
         model, robot = self.model, self.robot
         seen: set[str] = set()
         for count, (tag, group, remark, effect) in _LISTED.items():
@@ -436,7 +434,7 @@ class _Reader:
             geoms: list[Place | None] = [place_of(element) for element in self.elements("geom", "flexcomp")]
             for place in geoms or [None]:
                 robot.leave_out("contacts of geoms", place, Effect.STOPS)
-        is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # both together disable the rest too
+        is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # without both the rest is off, too
         for name in _MEDIUM if is_passive else ():
             if np.any(getattr(model.opt, name)):
                 said = [place_of(element) for element in self.elements("option") if name in element.attributes]
@@ -446,15 +444,15 @@ class _Reader:
                 robot.lifted[self.links[b]] = float(model.body_gravcomp[b])
         for mocap in np.flatnonzero(np.ravel(model.body_mocapid) >= 0):
             robot.leave_out(
-                "mocap of bodies", self.place("body", self.names[int(mocap)]), Effect.NONE, "they stand still"
+                "mocap of bodies", self.place("body", self.names[int(mocap)]), Effect.NONE, "they are fixed"
             )
 
     def elements(self, *tags: str) -> Iterator[Element]:
-        """Elements of these tags in all files, but those of defaults."""
+        """Elements of these tags in all files, except those in defaults."""
         return iter(()) if self.parts is None else (e for e in self.parts.used() if e.tag in tags)
 
     def lines(self, tag: str, group: str) -> list[Place | None]:
-        """Where elements of a kind stand."""
+        """Places of the elements of a tag, or of the children of `group`."""
         if group:
             return [place_of(child) for element in self.elements(group) for child in element.children]
         also = {"flex": ("flex", "flexcomp")}.get(tag, (tag,))

@@ -1,4 +1,4 @@
-"""The files of an MJCF: what MuJoCo would read, looked at before it does, and where its elements stand."""
+"""The files of an MJCF: checks before MuJoCo reads them, and the lines of their elements."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .xml_reading import Element, parse_xml, read_robot_file
 from .xml_values import is_true, place_of
 
 MAX_COMPILED: Final = 200_000
-"""Elements that a model may have once its copies are made."""
+"""Largest number of elements of a model, including copies."""
 MAX_CHAIN: Final = 50
 MAX_PIXELS: Final = 100_000_000
 MAX_SIZE: Final = 1_000_000
@@ -27,7 +27,7 @@ _FOLDERS: Final = {
     "texture": ("texturedir", "assetdir"),
 }
 _COPIES: Final = {"replicate": 1, "composite": 3, "flexcomp": 3}
-"""Elements that make ``count`` copies, and the number of values that ``count`` has at most."""
+"""Elements that make ``count`` copies, and the largest number of values in ``count``."""
 
 
 class MjcfFiles:
@@ -36,13 +36,13 @@ class MjcfFiles:
     Attributes
     ----------
     parts : list of (Element, str)
-        Roots of the file, of those that it includes and of models that it attaches, with what stands before the names in them.
+        Root elements of the file, of included files and of attached models, with the prefix of the names in them.
 
     Parameters
     ----------
     root : Element
     files : Files
-        Says which files may be read.
+        Which files may be read.
 
     Raises
     ------
@@ -70,7 +70,7 @@ class MjcfFiles:
             self.check(element)
         if self.weigh(root) > MAX_COMPILED and not self.problems:
             heaviest = max(self.elements(*_COPIES, "attach"), key=lambda e: self.weights.get(id(e), 0), default=root)
-            message = f"the model would have more than {MAX_COMPILED} elements once its copies are made; make fewer"
+            message = f"the model would have more than {MAX_COMPILED} elements with its copies; make fewer copies"
             self.problems.append(heaviest.problem(message))
         if self.problems:
             raise ModelError(self.problems)
@@ -84,7 +84,7 @@ class MjcfFiles:
                 yield from _within(part)
 
     def used(self) -> Iterator[Element]:
-        """All elements of all files but those of defaults, an included file in the place of the <include>."""
+        """All elements of all files except those in defaults; an included file is read at the place of its <include>."""
         attached = {id(model): model for model in self.models.values()}
         stack = [*reversed(attached.values()), self.root]
         while stack:
@@ -96,11 +96,11 @@ class MjcfFiles:
                 stack.extend(reversed(element.children))
 
     def listed(self, kind: str) -> list[Element]:
-        """The children of the elements of a kind."""
+        """The children of all elements of a kind."""
         return [child for element in self.used() if element.tag == kind for child in element.children]
 
     def joints(self) -> list[Element]:
-        """Joints in the order of the compiled model: those of a body before those of the bodies in it."""
+        """Joints in the order of the compiled model: those of a body before those of its child bodies."""
         found: list[Element] = []
         stack = [e for e in self.used() if e.tag == "worldbody"][::-1]
         while stack:
@@ -120,14 +120,14 @@ class MjcfFiles:
         return found
 
     def elements(self, *tags: str) -> Iterator[Element]:
-        """All elements of these tags."""
+        """All elements with one of these tags."""
         return (element for element in self.every() if element.tag in tags)
 
     def gather(self, root: Element, prefix: str, chain: tuple[str, ...]) -> None:
-        """The files that a file includes, and the models that it attaches."""
+        """Add the files that a file includes, and the models that it attaches."""
         self.parts.append((root, prefix))
         if len(chain) > MAX_CHAIN:
-            self.problems.append(root.problem(f"more than {MAX_CHAIN} files that include each other; use fewer"))
+            self.problems.append(root.problem(f"more than {MAX_CHAIN} files include each other; use fewer"))
             return
         attached: dict[str, str] = {}
         for element in _within(root):
@@ -152,7 +152,7 @@ class MjcfFiles:
                     self.gather(self.models[own], prefix + prefix_, (*chain, self.models[own].file))
 
     def opened(self, element: Element, name: str) -> Element | None:
-        """The root of a file, or None where MuJoCo will say what is wrong."""
+        """The root element of a file; None if MuJoCo will report the error."""
         for folder in (self.main, Path(element.file).resolve().parent):
             path = Path(os.path.join(folder, name))
             if not _exists(path):
@@ -172,7 +172,7 @@ class MjcfFiles:
         return None
 
     def check(self, element: Element) -> None:
-        """Find files that may not be read, and sizes that no machine has."""
+        """Find files that may not be read, and sizes that exceed any machine."""
         attributes = element.attributes
         for key, name in attributes.items():
             if key.startswith("file") and name and element.tag not in ("include", "model"):
@@ -180,15 +180,15 @@ class MjcfFiles:
         sizes = {"hfield": ("nrow", "ncol"), "texture": ("width", "height")}.get(element.tag, ())
         if sizes and math.prod(_whole(attributes.get(key, "1")) for key in sizes) > MAX_PIXELS:
             what = " x ".join(attributes.get(key, "1") for key in sizes)
-            self.problems.append(element.problem(f"{what} points of <{element.tag}>; at most {MAX_PIXELS} are read"))
+            self.problems.append(element.problem(f"<{element.tag}> has {what} points; at most {MAX_PIXELS}"))
         keys = {"size": ("nuser", "nkey"), "numeric": ("size",), "mesh": ("params",)}.get(element.tag, ())
         for key, text in attributes.items():
             if keys and key.startswith(keys) and math.prod(map(_whole, text.split())) > MAX_SIZE:
-                message = f"{key} of <{element.tag}> is {shortened(text)}; at most {MAX_SIZE} is read"
+                message = f"{key} of <{element.tag}> is {shortened(text)}; at most {MAX_SIZE} is allowed"
                 self.problems.append(element.problem(message))
 
     def check_file(self, element: Element, name: str) -> None:
-        """Find out whether a file that MuJoCo would read may be read."""
+        """Check whether a file that MuJoCo would read may be read."""
         keys = _FOLDERS.get(element.tag, ("meshdir", "texturedir", "assetdir"))
         folders = ["", *(folder for key in keys for folder in sorted(self.folders[key]))]
         names = [name, os.path.basename(name.replace("\\", "/"))] if self.strips else [name]
@@ -201,7 +201,7 @@ class MjcfFiles:
                         return
 
     def weigh(self, root: Element, chain: tuple[int, ...] = ()) -> int:
-        """How many elements a file stands for once copies are made; those of its elements are kept in `weights`."""
+        """Number of elements of a file, counting copies; those of its elements are stored in `weights`."""
         if id(root) in chain:
             return 0
         if id(root) in self.weights:
@@ -222,7 +222,7 @@ class MjcfFiles:
         return self.weights[id(root)]
 
     def places(self) -> dict[tuple[str, str], Place]:
-        """Where named elements stand, by what they are and their names in the compiled model."""
+        """Places of named elements, by kind and by name in the compiled model."""
         found: dict[tuple[str, str], Place] = {}
         for part, prefix in self.parts:
             stack = [(part, "")]
@@ -256,7 +256,7 @@ def _exists(path: Path) -> bool:
 
 
 def _whole(text: str) -> int:
-    """A whole number of a text; 1 for what is none, which MuJoCo refuses."""
+    """The integer in a text; 1 if it is none, since MuJoCo then reports an error."""
     try:
         value = float(text)
     except ValueError:

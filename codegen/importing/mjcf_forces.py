@@ -1,6 +1,6 @@
-"""What acts in an MJCF while nothing drives it: springs, dampers and rotors of joints, of tendons, and of actuators.
+"""Passive forces of an MJCF: springs, dampers and rotors of joints, tendons and actuators.
 
-An actuator acts with the control 0, or the number of its range that is nearest to 0.
+An actuator acts with control 0, or with the value of its range nearest to 0.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ _PARTS: Final = ("stiffness", "damping", "armature", "frictionloss")
 
 @dataclass(slots=True)
 class Length:
-    """A length, or an angle, of an actuator or a tendon, as texts with ``{}`` for names.
+    """Length or angle of an actuator or a tendon, as texts with ``{}`` for names.
 
     Attributes
     ----------
     value, rate : str
     of : tuple of str
-        What stands for the ``{}`` of each: joints, or marks.
+        Joints or marks whose names replace each ``{}``.
     factors : dict of str to float
-        Of joints: how much of its force each gets.
+        By joint: ratio of its force to the force along this length.
     segments : list of (str, str, float)
-        Of a tendon between points: both, and by what its force is divided there.
+        For a tendon between points: both points, and the divisor of the force there.
     """
 
     value: str
@@ -44,7 +44,7 @@ class Length:
 
 
 class Pull(NamedTuple):
-    """The force of an actuator on a tendon; the length has the factor ``gear``."""
+    """The force of an actuator on a tendon; ``gear`` is the factor of the length."""
 
     name: str
     place: Place
@@ -54,7 +54,7 @@ class Pull(NamedTuple):
 
 
 def terms_of(pairs: list[tuple[float, str]], constant: float = 0.0) -> str:
-    """``2*q.{} - q.{} + 0.5`` of factors and texts."""
+    """A sum such as ``2*q.{} - q.{} + 0.5``, from factors and texts."""
     texts = [_scaled(factor, text) for factor, text in pairs if factor]
     if constant:
         texts.append(number(constant))
@@ -67,12 +67,12 @@ def _scaled(factor: float, text: str) -> str:
 
 
 def spring_law(factor: float, more: Any, of: str) -> str:
-    """-x (factor + more[0] x + more[1] x^2 ...), MuJoCo's polynomial of a spring."""
+    """MuJoCo's spring polynomial, -x (factor + more[0] x + more[1] x^2 ...)."""
     return _law(factor, more, of, [_powered(of, k + 1) for k in range(np.size(more))])
 
 
 def damper_law(factor: float, more: Any, of: str) -> str:
-    """-x (factor + more[0] |x| + more[1] x^2 ...), MuJoCo's polynomial of a damper."""
+    """MuJoCo's damper polynomial, -x (factor + more[0] |x| + more[1] x^2 ...)."""
     powers = [_powered(f"abs({of})" if k % 2 == 0 else of, k + 1) for k in range(np.size(more))]
     return _law(factor, more, of, powers)
 
@@ -96,7 +96,7 @@ def _law(factor: float, more: Any, of: str, powers: list[str]) -> str:
 
 
 def disabled(mujoco: Any, model: Any, *words: str) -> bool:
-    """Whether one of some flags is disabled; before MuJoCo 3.3 springs and dampers have one together."""
+    """Whether any of some flags is disabled; before MuJoCo 3.3 springs and dampers share one."""
     bits = mujoco.mjtDisableBit
     both = getattr(bits, "mjDSBL_PASSIVE", 0)
     masks = (int(getattr(bits, f"mjDSBL_{w}", both if w in ("SPRING", "DAMPER") else 0)) for w in words)
@@ -104,13 +104,13 @@ def disabled(mujoco: Any, model: Any, *words: str) -> bool:
 
 
 def row(model: Any, name: str, k: int) -> Any:
-    """The numbers of one element; none where this MuJoCo has no such field."""
+    """The numbers of one element; empty if this MuJoCo version has no such field."""
     rows = getattr(model, name, None)
     return np.zeros(1) if rows is None or not len(rows) else np.ravel(rows[k])
 
 
 class PassiveForces:
-    """Gives a robot the forces of a compiled model's tendons and actuators.
+    """Adds to a robot the passive forces of a compiled model's tendons and actuators.
 
     Parameters
     ----------
@@ -118,11 +118,11 @@ class PassiveForces:
     model : mujoco.MjModel
     robot : Robot
     links, joints : list of str
-        Names by MuJoCo's numbers.
+        Names by MuJoCo's indices.
     origin : callable
-        The frame of a body of MuJoCo's in that of its link.
+        Returns MuJoCo's body frame in the frame of its link.
     place : callable
-        Where something of a kind and name stands.
+        Returns the place in the file of an element, by kind and name.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class PassiveForces:
         self.mujoco = mujoco
         self.model = model
         self.off = partial(disabled, mujoco, model)
-        """Whether one of some flags is disabled."""
+        """Whether any of some flags is disabled."""
         self.robot = robot
         self.links = links
         self.joints = joints
@@ -140,12 +140,12 @@ class PassiveForces:
         self.lengths: dict[int, Length | None] = {}
         self.limited = {joints[j]: j for j in np.flatnonzero(model.jnt_actfrclimited)}
         self.driven: dict[str, list[JointTerm]] = {joint: [] for joint in self.limited}
-        """Forces of actuators on joints where their sum has a range."""
+        """Actuator forces on joints that limit their sum."""
         self.pulled: dict[int, list[Pull]] = {}
-        """Actuators of tendons where the sum of their forces has a range."""
+        """Actuators of tendons that limit the sum of their forces."""
 
     def read(self) -> None:
-        """Add everything."""
+        """Add all passive forces."""
         for t in range(int(self.model.ntendon)):
             self.tendon(t)
         for a in range(len(self.model.actuator_trntype)):
@@ -156,7 +156,7 @@ class PassiveForces:
         self.lift()
 
     def clamp(self) -> None:
-        """Add the forces of actuators on joints where their sum has a range."""
+        """Add the actuator forces on joints that limit their sum."""
         for joint, terms in self.driven.items():
             if terms:
                 low, high = (number(float(v)) for v in self.model.jnt_actfrcrange[self.limited[joint]])
@@ -165,13 +165,13 @@ class PassiveForces:
                 self.robot.terms.append(JointTerm(joint, f"min(max({text}, {low}), {high})", of))
 
     def clamp_tendon(self, t: int, pulls: list[Pull]) -> None:
-        """Add the forces of the actuators of a tendon where their sum, gears left out, has a range.
+        """Add the actuator forces of a tendon that limits their sum (without gears).
 
-        MuJoCo scales each of them by the same factor, so only where all gears are alike is what remains the sum's nearest value.
+        MuJoCo scales all of them by the same factor. Only if all gears are equal is the result the clamped sum.
         """
         model = self.model
         if len({pull.gear for pull in pulls}) > 1:
-            why = "its actuators have gears that differ"
+            why = "its actuators have different gears"
             for pull in pulls:
                 self.robot.leave_out("actuatorfrcrange of a tendon", pull.place, Effect.DIFFERS, why)
                 self.act(pull.name, pull.length, pull.text, 1.0, driven=True)
@@ -183,7 +183,7 @@ class PassiveForces:
         self.act(name, first.length, f"min(max({text}, {low}), {high})", 1.0, driven=True)
 
     def lift(self) -> None:
-        """List joints whose actuators carry weight: within their range, and only where there are actuators that act."""
+        """List joints whose gravity compensation by actuators differs here: it is limited, or no actuator acts."""
         model = self.model
         if self.off("GRAVITY") or (self.off("SPRING") and self.off("DAMPER")) or not np.any(model.body_gravcomp):
             return
@@ -197,13 +197,13 @@ class PassiveForces:
     # ---- lengths -------------------------------------------------------------------------------------------------------
 
     def of_joint(self, k: int, gear: float) -> Length:
-        """The length of an actuator of a hinge or slide."""
+        """Length of an actuator on a hinge or slide joint."""
         zero = gear * float(self.model.qpos0[self.model.jnt_qposadr[k]])
         name = self.joints[k]
         return Length(terms_of([(gear, "q.{}")], zero), terms_of([(gear, "u.{}")]), (name,), {name: gear}, [])
 
     def of_tendon(self, t: int) -> Length | None:
-        """The length of a tendon; None for one that wraps round geoms."""
+        """Length of a tendon; None if it wraps around geoms."""
         if t not in self.lengths:
             model, wrap = self.model, self.mujoco.mjtWrap
             first, count = int(model.tendon_adr[t]), int(model.tendon_num[t])
@@ -217,7 +217,7 @@ class PassiveForces:
         return self.lengths[t]
 
     def of_joints(self, first: int, count: int) -> Length:
-        """A fixed tendon: a sum of coordinates."""
+        """Length of a fixed tendon: a linear combination of coordinates."""
         model, zero = self.model, 0.0
         factors: dict[str, float] = {}
         for w in range(first, first + count):
@@ -230,7 +230,7 @@ class PassiveForces:
         return Length(terms_of(value, zero), terms_of(rate), tuple(factors), factors, [])
 
     def of_sites(self, t: int, first: int, count: int) -> Length:
-        """A spatial tendon: a path of straight lines between points."""
+        """Length of a spatial tendon: a path of straight segments between points."""
         model, wrap = self.model, self.mujoco.mjtWrap
         divisor, before, constant = 1.0, -1, 0.0
         segments: list[tuple[str, str, float]] = []
@@ -251,7 +251,7 @@ class PassiveForces:
         return Length(terms_of(value, constant), terms_of(rate), of, {}, segments)
 
     def apart(self, a: int, b: int) -> float:
-        """The distance of two sites of one rigid body."""
+        """Distance between two sites of one rigid body."""
         ends = []
         for site in (a, b):
             body, at = int(self.model.site_bodyid[site]), self.model.site_pos[site]
@@ -262,7 +262,7 @@ class PassiveForces:
         return float(np.linalg.norm(ends[0] - ends[1]))
 
     def mark(self, site: int) -> str:
-        """A site as a point."""
+        """The point of a site; adds it if it is new."""
         name = self.model.site(site).name or f"site_{site}"
         if all(mark.name != name for mark in self.robot.marks):
             body = int(self.model.site_bodyid[site])
@@ -273,7 +273,7 @@ class PassiveForces:
     # ---- elements ------------------------------------------------------------------------------------------------------
 
     def tendon(self, t: int) -> None:
-        """The spring, damper and rotor of a tendon."""
+        """Add the spring, damper and rotor of a tendon."""
         model, robot = self.model, self.robot
         name = model.tendon(t).name
         place = self.place("tendon", name, t)
@@ -282,7 +282,7 @@ class PassiveForces:
         springs, dampers = (row(model, f"tendon_{p}poly", t) for p in ("stiffness", "damping"))
         has_spring = bool(stiffness or np.any(springs)) and not self.off("SPRING")
         has_damper = bool(damping or np.any(dampers)) and not self.off("DAMPER")
-        robot.leave_out("<tendon>", place, Effect.NONE, "its spring and damper are read, its path is not drawn")
+        robot.leave_out("<tendon>", place, Effect.NONE, "its spring and damper are read; its path is not drawn")
         if friction and not self.off("FRICTIONLOSS", "CONSTRAINT"):
             robot.leave_out("frictionloss of a tendon", place, Effect.DIFFERS, "dry friction")
         if np.any(model.tendon_limited[t]):
@@ -295,7 +295,7 @@ class PassiveForces:
             return
         length = self.of_tendon(t)
         if length is None:
-            robot.leave_out("spring or damper of a tendon that wraps round geoms", place, Effect.DIFFERS)
+            robot.leave_out("spring or damper of a tendon that wraps around geoms", place, Effect.DIFFERS)
             return
         if has_spring:
             low, high = (float(v) for v in model.tendon_lengthspring[t])
@@ -308,9 +308,9 @@ class PassiveForces:
             self.act(f"{named}{end}", length, damper_law(damping, dampers, length.rate), 1.0)
 
     def rotor(self, length: Length | None, armature: float, what: str, place: Place) -> None:
-        """The inertia along a length: that of a joint, where it is the length of one."""
+        """Add a rotor's inertia along a length; possible if the length is that of one joint."""
         if length is None or len(length.factors) != 1:
-            self.robot.leave_out(what, place, Effect.DIFFERS, "the joints that it moves share an inertia")
+            self.robot.leave_out(what, place, Effect.DIFFERS, "it couples the inertias of several joints")
             return
         ((name, factor),) = length.factors.items()
         joint = self.robot.joints[name]
@@ -318,7 +318,7 @@ class PassiveForces:
         self.robot.give_armature(joint, (before + armature * factor * factor,), place)
 
     def act(self, name: str, length: Length, text: str, factor: float, driven: bool = False) -> None:
-        """A force along a length, on joints or between points; of an actuator that is `driven`, within the joints' ranges."""
+        """Add a force along a length, on joints or between points; force limits of joints apply if `driven` by an actuator."""
         if not text:
             return
         count = text.count("{}")
@@ -335,11 +335,11 @@ class PassiveForces:
     # ---- actuators -----------------------------------------------------------------------------------------------------
 
     def actuator(self, a: int) -> None:
-        """The passive part of an actuator: what it does without control."""
+        """Add the force of an actuator without control."""
         model, robot, mujoco = self.model, self.robot, self.mujoco
         name = model.actuator(a).name
         place = self.place("actuator", name, a)
-        robot.leave_out("<actuator>", place, Effect.DRIVEN, "--motors makes inputs; what acts without control is read")
+        robot.leave_out("<actuator>", place, Effect.DRIVEN, "--motors adds inputs; forces without control are read")
         kind, target = int(model.actuator_trntype[a]), int(model.actuator_trnid[a][0])
         gear = float(model.actuator_gear[a][0])
         to_joint = kind in [int(getattr(mujoco.mjtTrn, word)) for word in _TO_JOINT]
@@ -359,14 +359,14 @@ class PassiveForces:
             return
         law_ = self.affine(a)
         if law_ is None:
-            robot.leave_out("force of an actuator without control", place, Effect.DIFFERS, "of a type that is not read")
+            robot.leave_out("force of an actuator without control", place, Effect.DIFFERS, "its type is not supported")
             return
         constant, by_length, by_rate = law_
         if not (constant or by_length or by_rate):
             return
         if length is None:
             what = "force of an actuator without control"
-            robot.leave_out(what, place, Effect.DIFFERS, "neither of a hinge or slide nor of a tendon along them")
+            robot.leave_out(what, place, Effect.DIFFERS, "neither on a hinge or slide nor on a tendon of these")
             return
         text = terms_of([(by_length, length.value), (by_rate, length.rate)], constant)
         if model.actuator_forcelimited[a]:
@@ -386,7 +386,7 @@ class PassiveForces:
         return 0 <= group <= 30 and bool(int(getattr(self.model.opt, "disableactuator", 0)) >> group & 1)
 
     def affine(self, a: int) -> tuple[float, float, float] | None:
-        """The force without control: constant, by length, by its rate; None for what is another law."""
+        """Force without control: constant, coefficient of the length, and of its rate; None for any other law."""
         model, mujoco = self.model, self.mujoco
         bias, gain, dynamics = (int(getattr(model, f"actuator_{word}type")[a]) for word in ("bias", "gain", "dyn"))
         control = 0.0
@@ -411,7 +411,7 @@ class PassiveForces:
         return first, second, third
 
     def reflected(self, a: int, place: Place, length: Length | None, joint: int) -> None:
-        """Armature and damping of the rotor of an actuator."""
+        """Add armature and damping of an actuator's rotor."""
         model = self.model
         armature, damping = (float(row(model, f"actuator_{p}", a)[0]) for p in ("armature", "damping"))
         more = row(model, "actuator_dampingpoly", a)
@@ -419,7 +419,7 @@ class PassiveForces:
         if armature:
             self.rotor(length, armature, "armature of an actuator", place)
         if is_damped and length is not None and (joint >= 0 or not np.any(more)):
-            if joint >= 0:  # MuJoCo's polynomial is that of the joint's own speed
+            if joint >= 0:  # MuJoCo's polynomial is in the joint's own speed
                 gear = float(model.actuator_gear[a][0])
                 own = self.of_joint(joint, 1.0)
                 self.act("", own, damper_law(damping, more, own.rate), gear * gear)

@@ -1,4 +1,4 @@
-"""Numbers of a model that MuJoCo has compiled: it takes some that are none, ``nan`` and ``inf``."""
+"""Check of the numbers of a compiled MuJoCo model, since MuJoCo accepts ``nan`` and ``inf``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..model.positions import shortened
 from .robot import Place
 
 LARGEST: Final = 1e75
-"""Of numbers of which products of four are numbers."""
+"""Largest number accepted; the product of four is still finite."""
 
 _POWERS: Final = "stiffness stiffnesspoly damping dampingpoly armature"
 _READ: Final = {
@@ -24,11 +24,11 @@ _READ: Final = {
     ("actuator", "actuator"): f"gear biasprm gainprm {_POWERS}",
     ("equality", "eq"): "data",
 }
-"""What is read of an element, by what it is and by how MuJoCo's names of its numbers begin."""
+"""Fields that are read, by kind of element and prefix of MuJoCo's arrays."""
 
 
 def problems_of_numbers(model: Any, file: str, place: Callable[[str, str, int | None], Place]) -> list[Problem]:
-    """Numbers of an `mujoco.MjModel` that are not finite, or too large, each with the name and the line of its element."""
+    """Errors for numbers of an `mujoco.MjModel` that are not finite or too large, with name and line of the element."""
     found = []
     if not _are_numbers(model.opt.gravity).all():
         found.append(Place(file).problem(f"gravity is {_shown(model.opt.gravity)}; finite numbers in m/s^2 are needed"))
@@ -45,7 +45,7 @@ def problems_of_numbers(model: Any, file: str, place: Callable[[str, str, int | 
 
 
 def _numbers(model: Any) -> Iterator[tuple[str, str, Any, Any]]:
-    """What an element is, a key of it, its numbers for all elements, and the number of the element in each row."""
+    """For each field: kind of element, key, values of all elements, and the element of each row."""
     for (kind, start), keys in _READ.items():
         for key in keys.split():
             values = getattr(model, f"{start}_{key}", None)

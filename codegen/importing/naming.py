@@ -1,4 +1,4 @@
-"""Names that the model format takes, from names that may be anything; the same ones every time."""
+"""Valid names for the model format, made from arbitrary names in a reproducible way."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..model import ModelBuilder, ModelError
 from ..model.entries import RESERVED
 
 _LONGEST: Final = 200
-"""Characters of a name: YAML reads keys of up to 1024."""
+"""Largest length of a name: YAML reads keys of up to 1024 characters."""
 _NAME: Final = re.compile(f"[A-Za-z_][A-Za-z0-9_]{{0,{_LONGEST - 1}}}")
 _YAML: Final = frozenset({"null"})
-"""What YAML would not read as a name."""
+"""Words that YAML would not read as a name."""
 
 
 def is_name(text: str) -> bool:
-    """Whether a body may be called so."""
+    """Whether a text is a valid name of a body."""
     return bool(_NAME.fullmatch(text)) and text not in RESERVED and text not in _YAML
 
 
 def made_name(text: str) -> str:
-    """A name that looks like a text: other characters become ``_``, and long ones are cut."""
+    """A valid name similar to a text: other characters become ``_``, and long names are cut."""
     name = re.sub("[^A-Za-z0-9_]+", "_", text)[: _LONGEST - 2]
     if not name.strip("_"):
         name = "link"
@@ -33,14 +33,14 @@ def made_name(text: str) -> str:
 
 
 def names_for(texts: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
-    """A name for every text, all different; those that are names already keep theirs.
+    """A different name for every text; valid names are kept.
 
     Parameters
     ----------
     texts : iterable of str
-        Different from each other, in the order in which they may choose.
+        All different; earlier ones get their names first.
     taken : iterable of str
-        Names that are not free.
+        Names that are already used.
     """
     listed, used = list(texts), set(taken)
     result = {text: text for text in listed if is_name(text) and text not in used}
@@ -63,7 +63,7 @@ def free_name(wanted: str, used: Iterable[str]) -> str:
 
 
 def model_name(text: str) -> str:
-    """A name for the model, and so for the package: lower case, no word of Python or C, no module."""
+    """A name for the model and the package: lower case, not a keyword of Python or C, not a module."""
     name = made_name(text).lower().strip("_") or "robot"
     if name[0].isdigit():
         name = f"robot_{name}"
@@ -71,7 +71,7 @@ def model_name(text: str) -> str:
 
 
 def names_a_model(name: str) -> bool:
-    """Whether a model, and so a package, may be called so."""
+    """Whether a text is a valid name for a model and its package."""
     builder = ModelBuilder(name)
     builder.body("link", mass=1, axis="x", inertia={"xx": 1, "yy": 1, "zz": 1})
     try:

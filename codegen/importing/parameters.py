@@ -19,14 +19,14 @@ WORDS: Final = {
     "com": "the three coordinates of the centre of mass",
     "inertia": "the six entries of the inertia matrix",
     "at": "the three coordinates of the joint that carries the body, in its parent",
-    "length": "how far the joint of the only body that it carries is from its own, along the same line",
+    "length": "the distance to the joint of the only body that it carries, along a fixed line",
     "damping": "the damping of the joint that carries the body",
     "armature": "the reflected inertia of the rotors of the joint that carries the body",
 }
 
 
 def requested_words(asked: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None) -> list[tuple[str, str]]:
-    """``arm:length,forearm:mass``, a list of such pairs, or a mapping from links to words, as pairs."""
+    """Pairs of link and word, from a text ``arm:length,forearm:mass``, a list of such texts, or a mapping of links to words."""
     if asked is None:
         return []
     if isinstance(asked, Mapping):
@@ -40,14 +40,14 @@ def requested_words(asked: str | Mapping[str, Iterable[str] | str] | Iterable[st
 
 
 class Parameters:
-    """The parameters that a model gets, as its text is written."""
+    """Collects the parameters of a model while its text is written."""
 
     def __init__(self) -> None:
         self._entries: dict[str, str] = {}
         self._lengths: dict[int, str] = {}
 
     def lines(self) -> list[str]:
-        """The entries of the section."""
+        """The entries of the section ``parameters``."""
         return [f"{name}: {entry}" for name, entry in self._entries.items()]
 
     def _new(self, name: str, value: float, unit: str, least: float | None = None) -> str:
@@ -56,21 +56,21 @@ class Parameters:
         return name
 
     def mass(self, body: str, value: float, words: set[str]) -> str:
-        """The text of a mass."""
+        """Text for a mass."""
         return self._new(f"{body}_mass", value, "kg", 0.0) if "mass" in words else number(value)
 
     def com(self, body: str, value: Three, words: set[str]) -> str:
-        """The text of a centre of mass."""
+        """Text for a centre of mass."""
         return self._three(f"{body}_com", value) if "com" in words else vector(value)
 
     def inertia(self, body: str, six: Mapping[str, float], words: set[str]) -> dict[str, str]:
-        """The texts of an inertia's entries."""
+        """Texts for the entries of an inertia."""
         if "inertia" in words:
             return {key: self._new(f"{body}_i{key}", value, "kg m^2") for key, value in six.items()}
         return {key: number(value) for key, value in six.items() if value}
 
     def at(self, body: str, value: Three, words: set[str], parent: ImportedBody | None) -> str | None:
-        """The text of a joint's place; None where it is that of the frame."""
+        """Text for a joint's position; None to use that of the frame."""
         if "at" in words:
             return self._three(f"{body}_at", value)
         if parent is None or "length" not in parent.words:
@@ -84,21 +84,21 @@ class Parameters:
         return f"[{', '.join(f'{number(v / length)}*{name}' if v else '0' for v in value)}]"
 
     def damping(self, body: str, joint: RobotJoint, words: set[str]) -> list[str]:
-        """The names of a damping that is a parameter, of each freedom where they differ."""
+        """Names of the damping parameters; one for each degree of freedom if they differ."""
         if "damping" not in words:
             return []
         unit = "N s/m" if joint.type == "prismatic" else "N m s/rad"
         return self._each(f"{body}_damping", [(law.damping, unit) for law in joint.laws])
 
     def armature(self, body: str, joint: RobotJoint, words: set[str]) -> list[str]:
-        """The texts of the reflected inertia of rotors, of each coordinate or of a ball."""
+        """Texts for the reflected rotor inertia; one for each coordinate, or one for a ball joint."""
         if "armature" not in words:
             return [number(a) for a in joint.armature]
         units = [unit for _, unit in JOINTS[joint.type].armature_units()]
         return self._each(f"{body}_armature", list(zip(joint.armature, units, strict=True)))
 
     def _each(self, name: str, rows: list[tuple[float, str]]) -> list[str]:
-        """Parameters of numbers that are not negative, with their units; several are numbered."""
+        """Parameters for non-negative numbers with their units; several are numbered."""
         ends = [f"_{i + 1}" for i in range(len(rows))] if len(rows) > 1 else [""]
         return [self._new(f"{name}{end}", value, unit, 0.0) for end, (value, unit) in zip(ends, rows, strict=True)]
 
@@ -106,17 +106,17 @@ class Parameters:
         return f"[{', '.join(self._new(f'{name}_{axis}', v, 'm') for axis, v in zip('xyz', value, strict=True))}]"
 
     def ask(self, pairs: list[tuple[str, str]], bodies: Bodies, names: Mapping[str, str], file: str) -> list[Problem]:
-        """Mark the numbers that become parameters.
+        """Mark the numbers that become parameters; returns the errors.
 
         Parameters
         ----------
         pairs : list of (str, str)
-            Link, by its name in the file or in the model, and word.
+            Link, by its name in the file or in the model; and word.
         bodies : Bodies
         names : dict of str to str
-            Of links, in the model.
+            Names of the links in the model.
         file : str
-            For messages.
+            The robot's file, for messages.
         """
         found = []
         by_name = {names[link]: body for link, body in bodies.all.items()} | dict(bodies.all)
@@ -131,29 +131,27 @@ class Parameters:
     ) -> str | None:
         body = known.get(link)
         if not link:
-            return "names no link or no word; LINK:WORD is needed, such as arm:length"
+            return "lacks a link or a word; write LINK:WORD, such as arm:length"
         if word not in WORDS:
-            return f"{shortened(word)} is no number of a body; {', '.join(WORDS)} are{nearest(word, WORDS)}"
+            return f"{shortened(word)} is not a number of a body; {', '.join(WORDS)} are{nearest(word, WORDS)}"
         if body is None:
             holder = bodies.holders.get(link)
             if holder is not None:
                 where = "the ground" if holder[0] == WORLD else f"body {names[holder[0]]!r}"
-                return f"{shortened(link)} is fixed to {where} and no body of its own; name that, or keep it with --keep-fixed"
+                return f"{shortened(link)} is fixed to {where}, so it is no body; name that, or use --keep-fixed"
             listed = list(dict.fromkeys(names[n] for n in bodies.all))
             shown = ", ".join(listed[:8]) + (", ..." if len(listed) > 8 else "")
-            return f"{shortened(link)} is no body; bodies are {shown}{nearest(link, known)}"
+            return f"{shortened(link)} is not a body; bodies are {shown}{nearest(link, known)}"
         if word == "length":
             children = bodies.children(body.link.name)
             if len(children) != 1:
                 listed = [names[c.link.name] for c in children]
                 carries = f"carries {', '.join(listed[:5])}" if children else "carries no body"
-                instead = "; CHILD:at is the place of one joint" if children else ""
-                return (
-                    f"{link!r} {carries}; a length is that to the joint of the only body that a body carries{instead}"
-                )
+                instead = "; CHILD:at is the position of one joint" if children else ""
+                return f"{link!r} {carries}; a length needs exactly one child body, whose joint it leads to{instead}"
             if not any(children[0].frame.at):
                 child = names[children[0].link.name]
-                return f"the joint of {child!r} stands where that of {link!r} stands: a length has no direction"
+                return f"the joints of {child!r} and {link!r} coincide: the length is zero and has no direction"
             self._lengths[id(body)] = names[body.link.name]
         if word == "damping" and not any(law.damping for law in body.joint.laws):
             return f"the joint of {link!r} has no damping in this file"

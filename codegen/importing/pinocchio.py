@@ -1,4 +1,4 @@
-"""A `pinocchio.Model`: its joints, placements and inertias."""
+"""Import of a `pinocchio.Model`: its joints, placements and inertias."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .robot import WORLD, Coupling, Effect, Inertia, Law, Link, Place, Robot, Ro
 
 _FILE: Final = "pinocchio.Model"
 _NOTHING: Final = 1e-200
-"""Below, entries are none; memory that was never written."""
+"""Entries below this size count as zero; they are memory that was never written."""
 _BASE: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 _OTHER_SPEEDS: Final = ("free", "planar")
-"""Joints whose speeds Pinocchio has in another order, or along other axes."""
+"""Joint types whose speeds Pinocchio orders or directs differently."""
 
 
 class _Step(NamedTuple):
-    """A joint of ours, in the one before it."""
+    """One of the model-format joints that replace a Pinocchio joint, relative to the previous one."""
 
     frame: Placement
     type: str
@@ -31,12 +31,12 @@ class _Step(NamedTuple):
 
 
 def read_pinocchio(model: Any) -> Robot:
-    """The robot of a `pinocchio.Model`; its frames of bodies become points.
+    """The robot of a `pinocchio.Model`; body frames become points.
 
     Raises
     ------
     ModelError
-        For joints that the model format has not.
+        If the model format lacks a joint type.
     """
     try:
         import pinocchio
@@ -86,7 +86,7 @@ class _Reader:
         return self.robot
 
     def bodies(self) -> dict[int, str]:
-        """Names of bodies that have the frames of joints."""
+        """Names of bodies whose frames are those of joints."""
         found: dict[int, str] = {}
         for frame in self.model.frames:
             if _is_body(frame) and _placement(frame.placement).is_identity:
@@ -94,7 +94,7 @@ class _Reader:
         return found
 
     def frames(self) -> None:
-        """Frames of bodies elsewhere, as links without mass."""
+        """Add other body frames, as massless links."""
         for frame in self.model.frames:
             name, parent = str(frame.name), int(frame.parentJoint)
             if _is_body(frame) and parent and name not in self.robot.links:
@@ -104,7 +104,7 @@ class _Reader:
                 )
 
     def strengths(self, i: int, joints: list[RobotJoint]) -> None:
-        """Damping and reflected inertia, the latter as Pinocchio's own algorithms have it: `armature`, speed by speed."""
+        """Add damping and reflected inertia; the latter is Pinocchio's `armature`, for each speed."""
         model = self.model
         at, end = int(model.idx_vs[i]), int(model.idx_vs[i]) + int(model.nvs[i])
         damping, armature = (np.array(values[at:end], dtype=float) for values in (model.damping, model.armature))
@@ -120,19 +120,19 @@ class _Reader:
             own = slice(place, place := place + len(JOINTS[joint.type].speeds))
             if joint.type in _OTHER_SPEEDS and len(set(damping[own])) > 1:
                 self.robot.leave_out(
-                    f"damping that differs along the freedoms of a {joint.type} joint", None, Effect.DIFFERS
+                    f"damping that differs between the degrees of freedom of a {joint.type} joint", None, Effect.DIFFERS
                 )
             else:
                 joint.give_laws([Law(float(d)) for d in damping[own]])
             if joint.type == "planar" and np.any(armature[own]):
-                remark = "along axes that turn with the body"
+                remark = "along axes that rotate with the body"
                 self.robot.leave_out("armature of a planar joint", None, Effect.DIFFERS, remark)
             else:
                 self.robot.give_armature(joint, armature[own].tolist())
 
     def steps(self, joint: Any, name: str) -> list[_Step]:
-        """The joints of ours that a joint is."""
-        inner = joint.extract() if hasattr(joint, "extract") else joint  # without it only what all types have
+        """The model-format joints that are equivalent to a Pinocchio joint."""
+        inner = joint.extract() if hasattr(joint, "extract") else joint  # else only what all types have
         kind, here = joint.shortname().removeprefix("JointModel"), Placement()
         if kind == "Composite":
             parts = zip(inner.joints, inner.jointPlacements, strict=True)
@@ -152,20 +152,18 @@ class _Reader:
             return [_Step(here, t.partition(":")[0], _axes(t.partition(":")[2])) for t in whole[kind]]
         if kind == "Universal":
             return [_Step(here, "universal", (as_three(inner.axis1), as_three(inner.axis2)))]
-        if joint.nv == 1:  # turns, slides, or both
+        if joint.nv == 1:  # revolute, prismatic or helical
             (column,) = _columns(joint)
             along, about = column[:3], column[3:]
             if not np.any(about):
                 return [_Step(here, "prismatic", (as_three(along),))]
             pitch = float(getattr(inner, "pitch", along @ about))
             return [_Step(here, "screw" if pitch else "revolute", (as_three(about),), pitch)]
-        self.problems.append(
-            Problem(_FILE, None, None, name, f"a joint of type {kind}, which the model format has not")
-        )
+        self.problems.append(Problem(_FILE, None, None, name, f"joint type {kind} does not exist in the model format"))
         return [_Step(here, "fixed")]
 
     def mimic(self, joint: Any, inner: Any, name: str) -> list[_Step]:
-        """A joint that follows another."""
+        """A joint that follows another one."""
         other = self.model.mimicked_joints[list(self.model.mimicking_joints).index(joint.id)]
         (motion,) = _columns(joint, int(self.model.nqs[other])) / inner.scaling
         of = str(self.model.names[other])
@@ -187,7 +185,7 @@ def _axes(letter: str) -> tuple[Three, ...]:
 
 
 def _columns(joint: Any, nq: int | None = None) -> Array:
-    """Partial velocities (nv, 6), along and about, where the coordinates are zero."""
+    """Partial velocities (nv, 6) at zero coordinates, linear then angular."""
     data, q = joint.createData(), np.zeros(joint.nq if nq is None else nq)
     if len(q) == 2 and joint.nv < 2:
         q[0] = 1.0  # cosine and sine

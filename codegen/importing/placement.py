@@ -1,4 +1,4 @@
-"""Where a frame stands in another one; sums and quarter turns keep the digits that a file has."""
+"""Pose of one frame in another. Sums and quarter turns keep the decimal digits of a file."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Three = tuple[float, float, float]
 
 _PART: Final = math.pi / 12
 _NEAR: Final = 1e-15
-"""Entries of a rotation and angles so near whole ones are meant to be these: rounding has left the rest."""
+"""Entries of a rotation, and angles, within this distance of an exact value are taken as that value."""
 
 
 class Placement:
-    """A frame in another one: x_outer = rotation x_inner + at.
+    """Pose of a frame in an outer frame: x_outer = rotation x_inner + at.
 
     Parameters
     ----------
     at : three float
-        Its origin in the outer frame, m.
+        The origin in the outer frame, m.
     rotation : (3, 3) array_like, optional
-        Turns components in the inner frame into components in the outer one; left out: from `rpy`.
+        Matrix from inner to outer components; if omitted, made from `rpy`.
     rpy : three float, optional
-        Roll, pitch, yaw about the outer frame's fixed x, y, z axes, rad; kept as they are written.
+        Roll, pitch, yaw about the outer frame's fixed x, y, z axes, rad; kept as written.
     """
 
     __slots__ = ("_rpy", "at", "rotation")
@@ -42,7 +42,7 @@ class Placement:
 
     @property
     def rpy(self) -> Three:
-        """Roll, pitch, yaw: as written, or of the rotation."""
+        """Roll, pitch, yaw: as written, or computed from the rotation."""
         if self._rpy is None:
             self._rpy = to_rpy(self.rotation)
         return self._rpy
@@ -58,7 +58,7 @@ class Placement:
         return self.at == (0.0, 0.0, 0.0) and not self.is_turned
 
     def __matmul__(self, inner: Placement) -> Placement:
-        """A frame in the inner frame, seen from the outer one."""
+        """Pose in the outer frame of a frame that is given in the inner one."""
         at = self.point(inner.at)
         if not self.is_turned:
             return Placement(at, inner.rotation, inner._rpy)
@@ -67,7 +67,7 @@ class Placement:
         return Placement(at, self.rotation @ inner.rotation)
 
     def inverse(self) -> Placement:
-        """The outer frame in the inner one."""
+        """Pose of the outer frame in the inner one."""
         back = Placement(rotation=self.rotation.T)
         one_turn = self._rpy is not None and np.count_nonzero(self._rpy) == 1
         rpy = [-v for v in self._rpy] if one_turn and self._rpy is not None else None
@@ -83,13 +83,13 @@ class Placement:
 
 
 def plus(a: Any, b: Any) -> Three:
-    """a + b, where the decimals of both are taken for exact: 0.1 + 0.2 is 0.3."""
+    """a + b, computed in exact decimals: 0.1 + 0.2 is 0.3."""
     x, y, z = (exact_sum(float(i), float(j)) for i, j in zip(a, b, strict=True))
     return x, y, z
 
 
 def turned(rotation: Array, x: Any) -> Three:
-    """rotation x; quarter turns keep the digits."""
+    """rotation x; quarter turns keep the decimal digits."""
     result = []
     for row in rotation:
         if np.all((row == 0) | (np.abs(row) == 1)):
@@ -101,7 +101,7 @@ def turned(rotation: Array, x: Any) -> Three:
 
 
 def exact_sum(a: float, b: float) -> float:
-    """a + b, the decimals of both taken for exact."""
+    """a + b, computed in exact decimals."""
     if a == 0 or b == 0:
         return a + b
     return float(Decimal(repr(a)) + Decimal(repr(b)))
@@ -120,9 +120,9 @@ def of_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def to_rpy(rotation: Array) -> Three:
-    """Roll, pitch, yaw of a rotation; yaw is 0 where pitch is a quarter turn.
+    """Roll, pitch, yaw of a rotation; yaw is 0 at gimbal lock, where pitch is a quarter turn.
 
-    Roll is that of what yaw leaves, so that both together are right where yaw alone is ill determined.
+    Roll is computed after the yaw has been removed, so that both together are accurate even if yaw alone is ill determined.
     """
     r = rotation
     yaw = math.atan2(r[1, 0], r[0, 0]) if math.hypot(r[0, 0], r[1, 0]) > _NEAR else 0.0
@@ -131,12 +131,12 @@ def to_rpy(rotation: Array) -> Three:
     roll = math.atan2(s * r[0, 2] - c * r[1, 2], c * r[1, 1] - s * r[0, 1])
     one = _whole(roll), _whole(pitch), _whole(yaw)
     other = tuple(_whole(a - math.copysign(math.pi, a)) for a in one)
-    other = other[0], -other[1], other[2]  # half a turn further about x and z, and back about y
+    other = other[0], -other[1], other[2]  # equivalent angles: x and z half a turn on, the supplement for y
     return min(one, other, key=lambda angles: sum(map(abs, angles)))
 
 
 def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
-    """The rotation of a quaternion, which is normalised."""
+    """The rotation of a quaternion, which is normalised first."""
     e = np.array([w, x, y, z], dtype=float)
     w, x, y, z = (float(v) for v in e / np.linalg.norm(e))
     return np.array(
@@ -149,7 +149,7 @@ def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
 
 
 def turning(a: Three, b: Three) -> Array:
-    """The shortest rotation that takes unit vector a to unit vector b; half a turn about an axis across where b is -a."""
+    """The shortest rotation from unit vector a to unit vector b; if b is -a, half a turn about a perpendicular axis."""
     x, y = np.array(a), np.array(b)
     c = float(x @ y)
     if a == b:
@@ -166,14 +166,14 @@ def turning(a: Three, b: Three) -> Array:
 
 
 def without_dirt(x: Any) -> Three:
-    """The vector without components that rounding has left."""
+    """The vector with components of rounding size set to zero."""
     v = np.asarray(x, dtype=float)
     v = np.where(np.abs(v) < _NEAR * np.abs(v).max(), 0.0, v)
     return float(v[0]), float(v[1]), float(v[2])
 
 
 def direction(x: Any) -> Three:
-    """A unit vector; components that rounding has left are none."""
+    """The unit vector of x, with components of rounding size set to zero."""
     v = np.asarray(x, dtype=float)
     v = v / np.abs(v).max()
     v = v / np.linalg.norm(v)
@@ -188,20 +188,20 @@ def _clean(rotation: Array) -> Array:
 
 
 def _whole(angle: float) -> float:
-    """The angle, or the multiple of pi/12 that it is but for rounding."""
+    """The angle, or the multiple of pi/12 that it equals up to rounding."""
     count = round(angle / _PART)
     whole = pi_multiple(count)
     return whole if abs(angle - whole) <= 4 * _NEAR else angle + 0.0
 
 
 def pi_multiple(twelfths: int) -> float:
-    """So many twelfths of pi, as the expression that `pi_text` writes has it."""
+    """A multiple of pi/12, evaluated like the expression that `pi_text` writes."""
     common = math.gcd(twelfths, 12)
     return twelfths // common * math.pi / (12 // common) if twelfths else 0.0
 
 
 def pi_text(angle: float) -> str | None:
-    """``3*pi/4`` for an angle that is exactly the value of that; None for others."""
+    """The text ``3*pi/4`` for an angle that has exactly this value; None for other angles."""
     count = round(angle / _PART) if abs(angle) < 1e3 else 0
     if not count or pi_multiple(count) != angle:
         return None
@@ -212,7 +212,7 @@ def pi_text(angle: float) -> str | None:
 
 
 def to_quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """w, x, y, z of a rotation, w >= 0; from the largest of the four, so that none loses digits."""
+    """w, x, y, z of a rotation with w >= 0, computed from the largest component to keep all digits."""
     r = rotation
     squares = [
         1 + r[0, 0] + r[1, 1] + r[2, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2],

@@ -1,4 +1,4 @@
-"""What every format says of a robot: links, joints between them, masses, and what has no place here."""
+"""A robot as read from any format: links, joints, mass properties, and what the model format lacks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..model.joints import JOINTS
 from .placement import Array, Placement, Three, exact_sum
 
 WORLD = ""
-"""The parent of what stands on the ground."""
+"""The parent of links on the ground."""
 
 
 SINGLE: Final = ("revolute", "prismatic", "screw")
@@ -24,13 +24,13 @@ SINGLE: Final = ("revolute", "prismatic", "screw")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where something stands in a file.
+    """Position of an element in a file.
 
     Attributes
     ----------
     file : str
     line, column : int or None
-        None where there is no text: an object of another program.
+        None if there is no text, for an object of another program.
     """
 
     file: str
@@ -38,7 +38,7 @@ class Place:
     column: int | None = None
 
     def problem(self, message: str, severity: str = "error") -> Problem:
-        """Something wrong there."""
+        """A problem at this place."""
         return Problem(self.file, self.line, self.column, "", message, severity)
 
 
@@ -62,17 +62,17 @@ class Inertia:
 
     @property
     def is_nothing(self) -> bool:
-        """Neither mass nor inertia."""
+        """Whether mass and inertia are zero."""
         return self.mass == 0 and not self.matrix.any()
 
     def seen_from(self, frame: Placement) -> Inertia:
-        """The same in the frame in which `frame` stands."""
+        """The same mass properties in the frame in which `frame` is given."""
         if not frame.is_turned:
             return Inertia(self.mass, frame.point(self.com), self.matrix)
         return Inertia(self.mass, frame.point(self.com), turned_matrix(frame.rotation, self.matrix))
 
     def __add__(self, other: Inertia) -> Inertia:
-        """Both as one body; both are in the same frame."""
+        """Mass properties of both as one body, in their common frame."""
         if other.is_nothing:
             return self
         if self.is_nothing:
@@ -88,7 +88,7 @@ class Inertia:
 
 
 def turned_matrix(rotation: Array, matrix: Array) -> Array:
-    """R I R^T, symmetric; quarter turns keep the digits."""
+    """R I R^T, exactly symmetric; quarter turns keep the decimal digits."""
     if np.all((rotation == 0) | (np.abs(rotation) == 1)):
         order = np.argmax(np.abs(rotation), axis=1)
         signs = rotation[np.arange(3), order]
@@ -100,16 +100,16 @@ def turned_matrix(rotation: Array, matrix: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A primitive shape of a link, to be seen or to collide.
+    """A primitive shape of a link, visual or for collisions.
 
     Attributes
     ----------
     type : str
         ``box``, ``cylinder``, ``capsule`` or ``sphere``, with its axis along z.
     sizes : tuple of float
-        Edges of a box; radius and length; radius; m.
+        Size of a box along x, y, z; radius and length of a cylinder or capsule; radius of a sphere; m.
     frame : Placement
-        Of its middle, in the link.
+        Pose of its centre frame in the link.
     """
 
     type: str
@@ -124,12 +124,12 @@ class Link:
     Attributes
     ----------
     name : str
-        As the file has it.
+        Its name in the file.
     place : Place
     inertia : Inertia
     solids : list of Solid
     origin : Placement
-        Of the link's frame of the file in the frame used here, whose origin is that of the joint.
+        The link's frame of the file, in the frame used here, whose origin is that of the joint.
     """
 
     name: str
@@ -139,7 +139,7 @@ class Link:
     origin: Placement = field(default_factory=Placement)
 
     def moved_to(self, frame: Placement) -> None:
-        """Use another frame, which stands in the present one."""
+        """Change to another frame, given in the present one."""
         back = frame.inverse()
         self.inertia = self.inertia.seen_from(back)
         self.solids = [Solid(s.type, s.sizes, back @ s.frame) for s in self.solids]
@@ -147,7 +147,7 @@ class Link:
 
 
 class Law(NamedTuple):
-    """A torque, or force, -stiffness (q - rest) - damping u along a freedom."""
+    """A force or torque -stiffness (q - rest) - damping u along one degree of freedom."""
 
     damping: float = 0.0
     stiffness: float = 0.0
@@ -156,7 +156,7 @@ class Law(NamedTuple):
 
 @dataclass(slots=True)
 class RobotJoint:
-    """A joint between two links; the child's frame is the joint's where its coordinates are zero.
+    """A joint between two links; at zero coordinates the child's frame coincides with the joint's.
 
     Attributes
     ----------
@@ -167,17 +167,17 @@ class RobotJoint:
     parent, child : str
         Links; the parent `WORLD` is the ground.
     frame : Placement
-        In the parent.
+        Frame of the joint in the parent.
     axes : tuple of three float
-        One, the two of a universal joint, or none.
+        One axis, the two of a universal joint, or none.
     pitch : float
-        Of a screw, m/rad.
+        Pitch of a screw joint, m/rad.
     laws : tuple of Law
-        One for all freedoms, or one for each, or none.
+        One for all degrees of freedom, one for each, or none.
     armature : tuple of float
-        Reflected inertia of rotors, kg m^2 or kg, as the model format has it: for each freedom, for a ball once; or none.
+        Reflected rotor inertia, kg m^2 or kg: one for each degree of freedom, one for a ball joint, or none.
     start : tuple of float
-        Initial coordinates, of all freedoms or none.
+        Initial coordinates: all or none.
     """
 
     name: str
@@ -194,15 +194,15 @@ class RobotJoint:
 
     @property
     def is_passive(self) -> bool:
-        """Whether no spring and no damper acts in it."""
+        """Whether neither a spring nor a damper acts in the joint."""
         return not any(law.damping or law.stiffness for law in self.laws)
 
     def give_laws(self, laws: Sequence[Law]) -> None:
-        """Laws of each freedom; those that are alike are one."""
+        """Set the laws of all degrees of freedom; equal ones are stored once."""
         self.laws = tuple(laws[:1] if len(set(laws)) == 1 else laws)
 
     def law(self, k: int) -> Law:
-        """The law of a freedom."""
+        """The law of degree of freedom k."""
         return self.laws[min(k, len(self.laws) - 1)] if self.laws else Law()
 
 
@@ -216,9 +216,9 @@ class Closing:
     place : Place
     type : str
     start, end : tuple of str and Placement
-        A link, or `WORLD`, and the face in it.
+        A link, or `WORLD`, and the joint's face in it.
     axes : tuple of three float
-        In both faces.
+        The axes in both faces.
     """
 
     name: str
@@ -231,19 +231,19 @@ class Closing:
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """q_joint = ratio q_of + offset, of two joints of one freedom.
+    """A coupling q_joint = ratio q_of + offset between two joints with one coordinate each.
 
     Attributes
     ----------
     name : str
     place : Place
     joint, of : str
-        Joints.
+        The coupled joints.
     ratio, offset : float
     unreadable : str
-        What it is, where it cannot be read as such a line.
+        Description of a coupling that is not linear; empty if it is.
     is_gear : bool
-        It is a joint of its own, between two links.
+        Whether it is a gear joint between two links, not a mimic joint.
     """
 
     name: str
@@ -258,15 +258,15 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
-    """A term of the generalised force of a joint of one freedom.
+    """A term of the generalised force of a joint with one coordinate.
 
     Attributes
     ----------
     joint : str
     text : str
-        An expression of the model format with ``{}`` for names of coordinates: ``-3*(q.{} - 2*q.{})``.
+        Expression with ``{}`` for coordinate names: ``-3*(q.{} - 2*q.{})``.
     of : tuple of str
-        The joints whose coordinates these are.
+        The joints whose coordinates the ``{}`` are.
     """
 
     joint: str
@@ -276,15 +276,15 @@ class JointTerm:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A point fixed in a link, which forces name.
+    """A point fixed in a link, to which forces refer.
 
     Attributes
     ----------
     name : str
     link : str
-        Or `WORLD`.
+        The link, or `WORLD`.
     at : three float
-        m.
+        Position in the link, m.
     """
 
     name: str
@@ -294,14 +294,14 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class BodyForce:
-    """A force element between points: an entry of the model format with ``{}`` for the names of points.
+    """A force element between points: an entry of the model file with ``{}`` for the names of points.
 
     Attributes
     ----------
     name : str
     text : str
     at : tuple of str
-        Names of marks.
+        The marks whose names the ``{}`` are.
     """
 
     name: str
@@ -310,7 +310,7 @@ class BodyForce:
 
 
 class Effect(Enum):
-    """What an element that is left out does to the motion."""
+    """How leaving out an element affects the motion."""
 
     DIFFERS = "the dynamics differ"
     STOPS = "acts at stops and contacts only"
@@ -321,14 +321,14 @@ class Effect(Enum):
 
 @dataclass(slots=True)
 class LeftOut:
-    """Something of the file that the model does not say.
+    """Parts of the file that the model lacks.
 
     Attributes
     ----------
     what : str
     effect : Effect
     lines : list of str
-        Where it stands; in another file than the robot's, with that file's name.
+        Line numbers; in other files than the robot's with the file's name.
     count : int
     remark : str
     """
@@ -351,35 +351,35 @@ class LeftOut:
 
 @dataclass(slots=True)
 class Robot:
-    """A robot, as read.
+    """A robot as read from a file or an object.
 
     Attributes
     ----------
     name : str
     file : str
-        As messages name it.
+        Its name in messages.
     gravity : three float
     links : dict of str to Link
     joints : dict of str to RobotJoint
-        One for each link but the root of a URDF.
+        One for each link except the root of a URDF.
     closings : list of Closing
     couplings : list of Coupling
     terms : list of JointTerm
     marks : list of Mark
     forces : list of BodyForce
     lifted : dict of str to float
-        Links of whose weight a part is carried, and which part.
+        Links with gravity compensation, and the fraction of the weight that is carried.
     locked : dict of str to float
-        Joints of one freedom that are held, and where.
+        Joints with one coordinate that are fixed, and their values.
     speeds : dict of str to tuple of float
-        Initial speeds of joints, all freedoms of each.
+        Initial speeds of joints, for all degrees of freedom of each.
     left_out : dict of (str, Effect) to LeftOut
-        By what it is, and what its absence does.
+        Parts that the model lacks, by description and effect.
     notes : list of str
-        What the comment at the head of the model says of its origin.
+        Lines about the robot's origin, for the comment at the top of the model file.
     warnings : list of Problem
     format : str
-        ``URDF``, or another one.
+        ``URDF``, ``MJCF`` or another format.
     """
 
     name: str
@@ -401,15 +401,15 @@ class Robot:
     format: str = ""
 
     def leave_out(self, what: str, at: Place | int | None, effect: Effect, remark: str = "") -> None:
-        """Remember something that the model will not say.
+        """Record a part of the file that the model lacks.
 
         Parameters
         ----------
         what : str
         at : Place, int or None
-            Where it stands; a number is a line of the robot's file.
+            Its place; an integer is a line of the robot's file.
         effect : Effect
-            Of its absence.
+            Effect of its absence.
         remark : str
         """
         entry = self.left_out.setdefault((what, effect), LeftOut(what, effect))
@@ -424,12 +424,12 @@ class Robot:
             entry.remark = remark
 
     def listed(self) -> list[LeftOut]:
-        """What is left out, first what changes the dynamics."""
+        """The parts that are left out; those that change the dynamics come first."""
         order = list(Effect)
         return sorted(self.left_out.values(), key=lambda entry: order.index(entry.effect))
 
     def give_armature(self, joint: RobotJoint, of_speeds: Sequence[float], at: Place | None = None) -> None:
-        """Let rotors turn with a joint, one for each speed; remember what the model format cannot say of them."""
+        """Set the reflected rotor inertias of a joint, one for each speed; record those that the model format lacks."""
         count = len(JOINTS[joint.type].armature_units())
         of_speeds = tuple(float(a) for a in of_speeds)
         if not any(of_speeds):
@@ -451,7 +451,7 @@ class Robot:
         return found
 
     def depth_first(self) -> Iterable[RobotJoint]:
-        """The joints from the ground outwards, a branch after the other, each parent before its children."""
+        """The joints from the ground outward, branch by branch, parents before children."""
         children = self.children()
         stack = list(reversed(children.get(WORLD, [])))
         while stack:
@@ -461,10 +461,10 @@ class Robot:
 
 
 def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
-    """The matrix of six entries."""
+    """The symmetric matrix with these six entries."""
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def as_three(x: Any) -> Three:
-    """Three floats."""
+    """The components as three floats."""
     return float(x[0]), float(x[1]), float(x[2])

@@ -1,8 +1,8 @@
-"""SDF: links with poses of their own, and joints between them that may close loops, see http://sdformat.org/spec.
+"""Import of SDF: links with poses of their own, and joints between them that may close loops, see http://sdformat.org/spec.
 
-An axis has components in the joint's frame, in the model's with ``use_parent_model_frame`` and in files before 1.5, or in
-the frame that ``expressed_in`` names. Worlds and models within models: `sdf_scopes`; poses and frames: `sdf_frames`;
-what makes a tree of all joints: `sdf_tree`.
+The components of an axis are in the joint's frame, or in the frame that ``expressed_in`` names. In files before 1.5, and with
+``use_parent_model_frame``, they are in the model's frame. See `sdf_scopes` for worlds and nested models, `sdf_frames` for
+poses and frames, and `sdf_tree` for the choice of the tree's joints.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .xml_values import RobotReader, is_true, is_version, place_of, version_of
 _LINK: Final = {"pose", "inertial", "visual", "collision", "gravity"}
 _MODEL: Final = {"pose", "static", "model", "include", *NAMED}
 _GRAVITY: Final = (0.0, 0.0, -9.8)
-"""Of a world that does not say it."""
+"""Gravity of a world that does not specify it, m/s^2."""
 _MEANT: Final = {
     "light": ("", Effect.NONE), "sensor": ("sensors", Effect.NONE), "plugin": ("code of a simulator", Effect.UNKNOWN),
     "scene": ("", Effect.NONE), "gui": ("", Effect.NONE), "audio": ("", Effect.NONE), "audio_source": ("", Effect.NONE),
@@ -51,7 +51,7 @@ _MEANT: Final = {
     "drake:perception_properties": ("", Effect.NONE), "drake:diffuse_map": ("", Effect.NONE),
     "drake:capsule": ("", Effect.STOPS), "drake:ellipsoid": ("", Effect.STOPS),
 }  # fmt: skip
-"""Elements that have no place in a model: what they are, and what their absence does."""
+"""Elements that the model format lacks: a remark, and the effect of their absence."""
 
 
 _LATEST: Final = (1, 12)
@@ -59,20 +59,20 @@ _SWITCHES: Final = ("wind", "enable_wind", "kinematic", "velocity_decay", "self_
 
 
 def _is_off(element: Element) -> bool:
-    """Whether an element and what is in it say nothing but zero or false."""
+    """Whether all texts in an element and its children are zero or false."""
     words = element.text.lower().split()
     own = all(word == "false" or word.strip("+-0.") == "" for word in words)
     return own and all(map(_is_off, element.children))
 
 
 def _models_of(world: Element) -> list[str]:
-    """The names of the models of a world; those of includes that give none are not known yet."""
+    """The names of the models of a world; an include without a name has none yet."""
     given = [name.text.strip() for include in world.all("include") for name in include.all("name")]
     return [*(model.attributes.get("name", "").strip() for model in world.all("model")), *given]
 
 
 def read_sdf(root: Element, files: Files, exact_angles: bool = False, chosen: str | None = None) -> Robot:
-    """The robot of an SDF file; with `exact_angles`, 1.5708 means pi/2.
+    """The robot of an SDF file; with `exact_angles`, 1.5708 is taken as pi/2.
 
     Parameters
     ----------
@@ -80,12 +80,12 @@ def read_sdf(root: Element, files: Files, exact_angles: bool = False, chosen: st
     files : Files
     exact_angles : bool
     chosen : str, optional
-        Which of its models is read, with what joints of the world hold to it.
+        The model to read, together with the world's joints that hold it.
 
     Raises
     ------
     ModelError
-        With every problem of the file.
+        If the file has errors; it lists all of them.
     """
     return _Reader(root, files, exact_angles, chosen).whole()
 
@@ -122,7 +122,7 @@ class _Reader(RobotReader):
                         static.add(full)
         for scope, item in choice.joints(read):
             path = choice.paths[scope]
-            cut = "" if path.startswith(prefix) else prefix  # names outside of the base begin in the world
+            cut = "" if path.startswith(prefix) else prefix  # names outside the base model start at the world
             self.joint(scope, item, path if cut else path.removeprefix(prefix), cut, joints)
         if not self.robot.links and not self.problems:
             self.wrong(base.element, 'no <link>; a model has at least one, such as <link name="arm"/>')
@@ -133,7 +133,7 @@ class _Reader(RobotReader):
     # ---- models --------------------------------------------------------------------------------------------------------
 
     def world(self) -> Scope:
-        """The scope of the world, or of the models beside none."""
+        """The scope of the world, or of a file that has models only."""
         said = self.root.attributes.get("version", "")
         version = version_of(said or "1.0")
         if not is_version(said) or version > _LATEST:
@@ -152,11 +152,11 @@ class _Reader(RobotReader):
         outermost = wanted.partition("::")[0] if wanted is not None else None
         named += [w for w in worlds if outermost is not None and outermost in _models_of(w)]
         for other in worlds[1:] if not named else [w for w in worlds if w is not named[0]]:
-            self.robot.leave_out("a further <world>", other.line, Effect.NONE, "the first is read")
+            self.robot.leave_out("a further <world>", other.line, Effect.NONE, "only the first is read")
         chosen = named[0] if named else worlds[0]
         gravity = chosen.first("gravity")
         if gravity is None:
-            said = "the world has no <gravity>; SDF means 0 0 -9.8 then, in m/s^2"
+            said = "the world has no <gravity>; SDF's default 0 0 -9.8 m/s^2 is used"
             self.robot.warnings.append(chosen.problem(said, "warning"))
         self.robot.gravity = as_three(self.content(gravity, 3, _GRAVITY))
         return self.scopes.world(chosen, version)
@@ -166,7 +166,7 @@ class _Reader(RobotReader):
         return what, Effect.NONE if element.tag in _SWITCHES and _is_off(element) else effect
 
     def leave_out_rest(self, scope: Scope, read: set[Scope], choice: Choice) -> None:
-        """List what is not read of a world, or of a model that is read in part, and of what it holds."""
+        """List the unread parts of a world, or of a model that is read in part."""
         known = (*_MODEL, "gravity", "world") if scope.is_world else _MODEL
         self.leave_out_children(scope.element, known)
         for model in scope.models.values():
@@ -193,7 +193,7 @@ class _Reader(RobotReader):
         inertial = self.one(element, "inertial")
         if inertial is None:
             link.inertia = Inertia(1.0, (0.0, 0.0, 0.0), np.eye(3))
-            message = f"link {shortened(name)} has no <inertial>; SDF means 1 kg and 1 kg m^2 about every axis then"
+            message = f"link {shortened(name)} has no <inertial>; SDF's default is 1 kg and 1 kg m^2 about every axis"
             self.robot.warnings.append(element.problem(message, "warning"))
         elif is_true(inertial.attributes.get("auto", "")):
             link.inertia = self.shapes.of_collisions(inertial, [(e, s) for e, s in solids if e.tag == "collision"])
@@ -229,6 +229,6 @@ class _Reader(RobotReader):
         if joint.name in joints:
             where = place_of(joints[joint.name].element).line
             self.wrong(
-                item.element, f"name {shortened(joint.name)} is there already in line {where}; give one another name"
+                item.element, f"name {shortened(joint.name)} is already used in line {where}; give one another name"
             )
         joints[joint.name] = joint

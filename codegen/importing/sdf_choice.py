@@ -1,4 +1,4 @@
-"""Which models of a world of SDF are read: the chosen one, or the only one that moves, with what joints hold to it."""
+"""Choice of the models of an SDF world to read: the chosen one, or the only one that moves, with the joints that hold it."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from .sdf_scopes import Item, Scope
 from .xml_values import RobotReader
 
 _SHOWN = 12
-"""Names of models that a message lists."""
+"""Number of model names that a message lists."""
 
 
 class Choice:
-    """Chooses scopes of a world.
+    """Chooses models of a world.
 
     Parameters
     ----------
     reader : RobotReader
-        Gathers what is wrong.
+        Collects the errors.
     frames : Frames
         Finds the links of joints.
     world : Scope
@@ -28,7 +28,7 @@ class Choice:
     Attributes
     ----------
     paths : dict of Scope to str
-        Every scope in the order of the file, with what stands before its names in the world: ``robot::arm::``.
+        Every scope in the order of the file, with the prefix of its names in the world: ``robot::arm::``.
     """
 
     def __init__(self, reader: RobotReader, frames: Frames, world: Scope) -> None:
@@ -39,16 +39,16 @@ class Choice:
         self._joints = list(self._all_joints())
 
     def scopes(self, chosen: str | None) -> list[Scope]:
-        """What is read, in the order of the file; empty after a problem.
+        """The scopes to read, in the order of the file; empty after an error.
 
         Parameters
         ----------
         chosen : str or None
-            The name of a model, ``robot`` or ``robot::arm``; None, or the name of the world: the only model that moves.
+            Name of a model, ``robot`` or ``robot::arm``; None or the name of the world chooses the only model that moves.
         """
         if not self.world.models:
             if not self.reader.problems:
-                self.reader.wrong(self.reader.root, 'no <model>; <sdf> holds one, such as <model name="robot">')
+                self.reader.wrong(self.reader.root, 'no <model>; <sdf> needs one, such as <model name="robot">')
             return []
         if chosen is None or chosen == self.world.name:
             return self._only_moving()
@@ -59,7 +59,7 @@ class Choice:
         return self._held(scope for _, scope in found.all())
 
     def base(self, read: Iterable[Scope]) -> Scope:
-        """The innermost scope in which all that is read stands."""
+        """The innermost scope that contains all scopes that are read."""
         base, read = self.world, set(read)
         while base not in read:
             inner = [m for m in base.models.values() if any(scope in read for _, scope in m.all())]
@@ -69,7 +69,7 @@ class Choice:
         return base
 
     def ends(self, scope: Scope, item: Item) -> list[Scope]:
-        """The scopes of the links that a joint joins, without the world."""
+        """The scopes of the two links that a joint connects, without the world."""
         found = []
         for tag in ("parent", "child"):
             end = item.element.first(tag)
@@ -83,10 +83,10 @@ class Choice:
         return found
 
     def joints(self, read: Sequence[Scope]) -> Iterator[tuple[Scope, Item]]:
-        """The joints of what is read, with those outside of it that hold it."""
+        """The joints inside the scopes that are read, and those outside that connect to them."""
         found = set(read)
         for scope, item, ends in self._joints:
-            # one whose links are not known is wrong, which reading it reports
+            # a joint with unknown links is wrong; reading it reports the error
             if any(end in found for end in ends) or (not ends and scope in found):
                 yield scope, item
 
@@ -97,11 +97,11 @@ class Choice:
             for item in scope.items.values():
                 if item.element.tag == "joint":
                     yield scope, item, self.ends(scope, item)
-            if not scope.is_world:  # reported once more where the model is read
+            if not scope.is_world:  # the error is reported when the model is read
                 del self.reader.problems[problems:]
 
     def _held(self, read: Iterable[Scope]) -> list[Scope]:
-        """What is read, with the models that joints hold to it, whole."""
+        """The scopes that are read, and the complete models that joints connect to them."""
         found = set(read)
         between = [(scope, ends) for scope, _, ends in self._joints if len(set(ends)) == 2]
         before = 0
@@ -115,7 +115,7 @@ class Choice:
 
     @staticmethod
     def _whole(outer: Scope, inner: Scope) -> list[Scope]:
-        """The model, directly in the outer scope, in which the inner one is, with all in it; for the outer one, that alone."""
+        """The model directly in `outer` that contains `inner`, with its nested models; only `outer` if both are the same."""
         if inner is outer:
             return [outer]
         while inner.parent is not None and inner.parent is not outer:
@@ -123,7 +123,7 @@ class Choice:
         return [scope for _, scope in inner.all()]
 
     def _only_moving(self) -> list[Scope]:
-        """The models that move, where joints hold them together."""
+        """The models that move, if joints connect them."""
         groups: list[list[Scope]] = []
         for model in self.world.models.values():
             if not any(model in group for group in groups):
@@ -133,18 +133,16 @@ class Choice:
         if len(moving) > 1:
             names = [tops[k][0].name for k in moving]
             shown = ", ".join(map(shortened, names[:8])) + (", ..." if len(names) > 8 else "")
-            message = f"{len(names)} models that no joint holds together, {shown}; one is read"
+            message = f"{len(names)} models move and no joint connects them: {shown}; only one can be read"
             self.reader.wrong(tops[moving[1]][0].element, f"{message}: choose it by --model {names[0]}")
             return []
         return groups[moving[0]]
 
     def _unknown(self, chosen: str) -> None:
-        """A problem: no model has that name."""
+        """Report that no model has that name."""
         names = [path.removesuffix("::") for path in self.paths.values() if path]
-        names.sort(key=lambda name: name.count("::"))  # a stable order: models of the world first
+        names.sort(key=lambda name: name.count("::"))  # the sort is stable, so models of the world come first
         shown = ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
         within = [name for name in names if name.endswith(f"::{chosen}")]
         hint = f"; did you mean {within[0]}?" if within else nearest(chosen, names)
-        self.reader.wrong(
-            self.reader.root, f"--model {chosen}: there is no model of that name; there are {shown}{hint}"
-        )
+        self.reader.wrong(self.reader.root, f"--model {chosen} is not a model; models are {shown}{hint}")

@@ -1,7 +1,7 @@
-"""Where the frames of an SDF stand, and of which links they are part.
+"""Poses of the frames of an SDF, and the links that they belong to.
 
-A pose is relative to the model, a joint's to its child, or to what ``relative_to`` names; a frame is part of what
-``attached_to`` names, a model of its canonical link.
+A pose is relative to the model (of a joint: to its child), or to the frame that ``relative_to`` names. A frame belongs to
+the link that ``attached_to`` names; a model's frame belongs to its canonical link.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _ROOTS = ("world", "__root__")
 
 
 class Frames:
-    """Finds frames by their names.
+    """Finds frames by name.
 
     Parameters
     ----------
     values : Values
-        Reads numbers, and gathers what is wrong.
+        Reads numbers, and collects the errors.
     """
 
     def __init__(self, values: Values) -> None:
@@ -33,7 +33,7 @@ class Frames:
         self.attached: dict[tuple[int, str], str | None] = {}
 
     def pose(self, element: Element | None) -> Placement:
-        """The numbers of a <pose>."""
+        """The pose in a <pose> element."""
         if element is None or not element.text.strip():
             return Placement()
         values = self.values
@@ -41,12 +41,12 @@ class Frames:
         in_degrees = is_true(element.attributes.get("degrees", ""))
         if format_ == "quat_xyzw":
             if in_degrees:
-                values.wrong(element, "degrees of a quaternion; leave degrees out, or write angles")
+                values.wrong(element, "a quaternion in degrees; remove degrees, or write angles")
             seven = values.content(element, 7, (0, 0, 0, 0, 0, 0, 1))
             x, y, z, w = seven[3:]
             return Placement(seven[:3], values.quaternion(element, (w, x, y, z)))
         if format_ != "euler_rpy":
-            values.wrong(element, f"rotation_format {shortened(format_)}; euler_rpy or quat_xyzw is allowed")
+            values.wrong(element, f"rotation_format {shortened(format_)} is unknown; euler_rpy or quat_xyzw is allowed")
         six = values.content(element, 6, (0,) * 6)
         rpy = [math.radians(a) for a in six[3:]] if in_degrees else six[3:]
         return Placement(six[:3], rpy=values.angles(rpy))
@@ -54,18 +54,18 @@ class Frames:
     def relative_to(
         self, scope: Scope, home: Scope, pose: Element | None, asked: Element, otherwise: str = ""
     ) -> Placement:
-        """The frame that a pose is relative to, in that of a scope."""
+        """Pose in a scope of the frame to which a <pose> is relative."""
         name = pose.attributes.get("relative_to", "").strip() if pose is not None else ""
         return self.of(scope, home, name or otherwise, pose if pose is not None else asked)
 
     def of(self, scope: Scope, home: Scope, name: str, asked: Element) -> Placement:
-        """The frame that a name means for what stands in `home`, in the frame of the scope of names."""
+        """Pose, in the scope of names, of the frame that a name denotes for an element in `home`."""
         if name in ("", "__model__"):
             return self.of_model(home) if home.is_merged else Placement()
         return self.named(scope, name, asked)
 
     def named(self, scope: Scope, name: str, asked: Element) -> Placement:
-        """A frame by its name in a scope, in the frame of that scope."""
+        """Pose of a named frame of a scope, in the frame of that scope."""
         if name in ("", "__model__"):
             return Placement()
         if name in _ROOTS:
@@ -81,15 +81,13 @@ class Frames:
         return self.once(scope, name, asked, lambda: self.of_item(scope, item))
 
     def once(self, scope: Scope, name: str, asked: Element, make: object) -> Placement:
-        """What `make` gives, computed one time; a problem where it needs itself."""
+        """The result of `make`, computed once; an error if it depends on itself."""
         assert callable(make)
         key = (id(scope), name)
         if key in self.placed:
             found = self.placed[key]
             if found is None:
-                message = (
-                    f"frame {shortened(name)} is relative to itself by way of others; one must be relative to the model"
-                )
+                message = f"frame {shortened(name)} depends on itself through others; one must be relative to the model"
                 self.values.wrong(asked, message)
                 return Placement()
             return found
@@ -99,7 +97,7 @@ class Frames:
         return result
 
     def of_item(self, scope: Scope, item: Item) -> Placement:
-        """The frame of a link, a joint or a frame, in that of its scope."""
+        """Pose of a link, joint or frame in its scope."""
         element = item.element
         pose, otherwise = element.first("pose"), ""
         if element.tag == "joint":
@@ -110,7 +108,7 @@ class Frames:
         return self.relative_to(scope, item.home, pose, element, otherwise) @ self.pose(pose)
 
     def of_model(self, model: Scope) -> Placement:
-        """The frame of a model in that of the scope in which its name is."""
+        """Pose of a model in the scope that contains its name."""
         if model.parent is None or model.home is None:
             return Placement()
         parent, home = model.parent, model.home
@@ -120,7 +118,7 @@ class Frames:
             at = self.relative_to(parent, home, model.pose, model.element) @ self.pose(model.pose)
             if not model.placement_frame:
                 return at
-            if model.is_merged:  # its names are those of the parent: find the frame as if the model stood in its origin
+            if model.is_merged:  # its names are the parent's: find the frame as if the model were at its origin
                 alone = Frames(self.values)
                 alone.placed[id(parent), f"::{id(model)}"] = Placement()
                 return at @ alone.named(parent, model.placement_frame, model.element).inverse()
@@ -129,13 +127,13 @@ class Frames:
         return self.once(parent, f"::{id(model)}", asked, found)
 
     def absolute(self, scope: Scope) -> Placement:
-        """The frame of a scope in that of the world."""
+        """Pose of a scope in the world."""
         return Placement() if scope.parent is None else self.absolute(scope.parent) @ self.of_model(scope)
 
     # ---- links ---------------------------------------------------------------------------------------------------------
 
     def link(self, scope: Scope, home: Scope, name: str, asked: Element) -> str | None:
-        """The link, by its name in the scope, that a frame is part of, or `WORLD`; None after a problem."""
+        """The link that a frame belongs to, by its name in the scope, or `WORLD`; None after an error."""
         if name == "world":
             return WORLD
         if name in ("", "__model__"):
@@ -156,7 +154,7 @@ class Frames:
         key = (id(scope), name)
         if key in self.attached:
             if self.attached[key] is None:
-                message = f"frame {shortened(name)} is attached to itself by way of others; attach one to a link"
+                message = f"frame {shortened(name)} is attached to itself through others; attach one to a link"
                 self.values.wrong(asked, message)
             return self.attached[key]
         self.attached[key] = None
@@ -169,7 +167,7 @@ class Frames:
         return self.attached[key]
 
     def canonical(self, model: Scope, asked: Element) -> str | None:
-        """The link that the frame of a model is part of: the one it names, else its first one."""
+        """The link that a model's frame belongs to: its canonical link, otherwise its first one."""
         names = model.parent if model.is_merged and model.parent is not None else model
         said = model.element.attributes.get("canonical_link", "").strip()
         if said:
@@ -183,13 +181,13 @@ class Frames:
                 if found is not None:
                     return f"{name}::{found}"
         self.values.wrong(
-            asked, f"model {shortened(model.name)} has no link, of which its frame could be part; name a link"
+            asked, f"model {shortened(model.name)} has no link to which its frame could belong; name a link"
         )
         return None
 
 
 class PartReader:
-    """Reads some elements of an SDF.
+    """Base class of readers for some elements of an SDF.
 
     Parameters
     ----------

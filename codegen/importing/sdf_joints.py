@@ -1,4 +1,4 @@
-"""Joints of an SDF as they are written: their links, axes, and what acts in them."""
+"""Joints of an SDF as written: their links, their axes, and the forces in them."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ _MEANT: Final = {
 
 @dataclass(frozen=True, slots=True)
 class SdfJoint:
-    """A joint as read.
+    """An SDF joint as read.
 
     Attributes
     ----------
     name : str
-        With the models that it is in.
+        Its name, with the names of the models that contain it.
     scope : Scope
-        Of its name.
+        The scope of its name.
     item : Item
     path : str
-        Of the scope, in what is read: ``arm::``, or nothing.
+        Path of the scope within what is read: ``arm::``, or empty.
     type : str
         A type of the model format, or ``gearbox``.
     parent, child : str
-        Links, by their full names, or `WORLD`.
+        Full names of the links, or `WORLD`.
     axes : tuple of Element
     pitch, armature : float
     laws : tuple of Law
-        Of each axis.
+        The law of each axis.
     cut : str
-        Of a joint outside of the robot's model: what names begin with there, and not in the robot.
+        For a joint outside the robot's model: prefix of names there that is absent in the robot.
     """
 
     name: str
@@ -69,7 +69,7 @@ class SdfJoint:
 
     @property
     def element(self) -> Element:
-        """Where it stands."""
+        """The joint's element."""
         return self.item.element
 
 
@@ -77,17 +77,17 @@ class JointReader(PartReader):
     """Reads joints."""
 
     def read(self, scope: Scope, item: Item, path: str, cut: str) -> SdfJoint | None:
-        """The joint of an item; None after a problem.
+        """The joint of an item; None after an error.
 
         Parameters
         ----------
         scope : Scope
-            Of its name.
+            The scope of its name.
         item : Item
         path : str
-            Of the scope.
+            Path of the scope.
         cut : str
-            What names begin with there, and not in the robot.
+            Prefix of names there that is absent in the robot.
         """
         reader, element = self.reader, item.element
         reader.leave_out_children(element, _JOINT, _MEANT)
@@ -112,7 +112,7 @@ class JointReader(PartReader):
         return joint
 
     def ends(self, scope: Scope, item: Item, path: str, cut: str, what: str) -> list[str]:
-        """The links of <parent> and <child>, of which frames may be named; fewer than two after a problem."""
+        """The links of <parent> and <child>, which may name frames; fewer than two after an error."""
         ends = []
         for tag in ("parent", "child"):
             end = self.reader.one(item.element, tag)
@@ -125,7 +125,7 @@ class JointReader(PartReader):
         return ends
 
     def axes(self, element: Element, type_: str, what: str) -> tuple[Element, ...]:
-        """The axes that a type of joint has."""
+        """The axes that a joint of this type has."""
         reader = self.reader
         tags = {"universal": ("axis", "axis2"), "ball": (), "fixed": ()}.get(type_, ("axis",))
         for tag in ("axis", "axis2"):
@@ -135,25 +135,25 @@ class JointReader(PartReader):
         for axis in found:
             if axis is None:
                 needed = "<axis><xyz>0 0 1</xyz></axis>" + (" and <axis2>" if type_ == "universal" else "")
-                reader.wrong(element, f"{what}, {type_}, has not all its axes; {needed} is needed")
+                reader.wrong(element, f"{what} of type {type_} lacks an axis; {needed} is needed")
                 continue
             reader.leave_out_children(axis, ("xyz", "use_parent_model_frame", "dynamics", "mimic"), _MEANT)
             if not any(reader.content(axis.first("xyz"), 3, (0, 0, 1))):
-                reader.wrong(axis, "the axis is 0 0 0, which is no direction; such as <xyz>0 0 1</xyz> is needed")
+                reader.wrong(axis, "the axis is 0 0 0, which has no direction; write one such as <xyz>0 0 1</xyz>")
         return tuple(axis for axis in found if axis is not None)
 
     def pitch(self, element: Element) -> float:
-        """The pitch of a screw: ``screw_thread_pitch`` is in metres a turn, ``thread_pitch`` in radians a metre, negative."""
+        """Pitch of a screw: ``screw_thread_pitch`` is in m per turn, ``thread_pitch`` in rad/m with opposite sign."""
         pitch, old = element.first("screw_thread_pitch"), element.first("thread_pitch")
         if pitch is not None or old is None:
             return self.reader.content(pitch, 1, (1.0,))[0] / (2 * math.pi)
         value = self.reader.content(old, 1, (0,))[0]
         if value == 0:
-            self.reader.wrong(old, "thread_pitch is 0; a number of radians a metre is needed")
+            self.reader.wrong(old, "thread_pitch is 0; a nonzero number in rad/m is needed")
         return -1.0 / value if value else 0.0
 
     def law(self, axis: Element) -> Law:
-        """The <dynamics> of an axis."""
+        """The law in the <dynamics> of an axis."""
         values, element = {}, axis.first("dynamics")
         for child in element.children if element is not None else ():
             if child.tag in ("damping", "friction", "spring_reference", "spring_stiffness"):
@@ -167,7 +167,7 @@ class JointReader(PartReader):
         return Law(values.get("damping", 0.0), stiffness, values.get("spring_reference", 0.0) if stiffness else 0.0)
 
     def rotor(self, element: Element) -> float:
-        """The reflected inertia of a rotor, of Drake's elements."""
+        """The reflected rotor inertia, from Drake's elements."""
         inertia, ratio = (element.first(f"drake:{word}") for word in ("rotor_inertia", "gear_ratio"))
         if inertia is None:
             return 0.0
@@ -181,11 +181,11 @@ class JointReader(PartReader):
         n = self.reader.content(ratio, 1, (1.0,))[0]
         value = self.reader.content(inertia, 1, (0.0,))[0]
         if value < 0:
-            self.reader.wrong(inertia, f"the inertia of a rotor is {value:g}; at least 0 is needed")
+            self.reader.wrong(inertia, f"the inertia of a rotor is {value:g}; it must not be negative")
         return value * n * n
 
     def mimic(self, joint: SdfJoint) -> None:
-        """A joint that follows another: q = multiplier (q_other - reference) + offset."""
+        """Add a joint that follows another one: q = multiplier (q_other - reference) + offset."""
         reader = self.reader
         for axis in joint.axes:
             element = axis.first("mimic")

@@ -1,7 +1,7 @@
-"""Worlds and models of an SDF as scopes of names, with what they include read and put in its place.
+"""Worlds and models of an SDF as scopes of names, with included files read.
 
-A scope is a world or a model. Names in it are those of its links, joints, frames and models; ``a::b`` is b in the model a.
-What ``merge="true"`` includes has names in the including model, and poses relative to its own frame.
+A scope is a world or a model. It contains the names of its links, joints, frames and models; ``a::b`` is b in model a. The
+names of a model included with ``merge="true"`` are in the including model; its poses are relative to its own frame.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ class Scope:
     name : str
     element : Element
     version : tuple of int
-        Of the file in which it stands.
+        Version of the file that contains it.
     parent : Scope or None
-        In which its name is; None for a world, or a model beside none.
+        Scope that contains its name; None for a world, and for a model outside worlds.
     home : Scope or None
-        Whose frame its pose is relative to: the parent, or what was merged into it.
+        Scope to whose frame its pose is relative: the parent, or a model merged into it.
     pose : Element or None
     placement_frame : str
-        The frame of the model that stands where the pose says.
+        The frame of the model that is at the pose.
     static : bool
     is_merged : bool
-        Its names are those of the parent.
+        Whether its names are in the parent.
     depth : int
-        How many models it is in.
+        Number of models that contain it.
     items : dict of str to Item
         Links, joints and frames by name.
     models : dict of str to Scope
@@ -67,7 +67,7 @@ class Scope:
 
     @property
     def is_world(self) -> bool:
-        """Whether it is a world, or a file of models without one."""
+        """Whether it is a world, or a file that has models only."""
         return self.element.tag != "model"
 
     @property
@@ -76,11 +76,11 @@ class Scope:
         return self.static or (self.parent is not None and self.parent.stands)
 
     def known(self) -> list[str]:
-        """Names that mean a frame here."""
+        """Names that denote a frame here."""
         return [*([] if self.is_world else ["__model__"]), *self.items, *self.models]
 
     def all(self) -> Iterator[tuple[str, Scope]]:
-        """This scope and those within, with what stands before their names here."""
+        """This scope and those in it, with the prefixes of their names here."""
         yield "", self
         for name, model in self.models.items():
             for prefix, scope in model.all():
@@ -96,7 +96,7 @@ class Item:
     name : str
     element : Element
     home : Scope
-        In whose axes its pose is where it says nothing else: the scope of its name, or what was merged into that.
+        Scope to whose axes its pose refers by default: the scope of its name, or a model merged into that.
     """
 
     name: str
@@ -105,17 +105,17 @@ class Item:
 
 
 class Scopes:
-    """Makes scopes of elements, and reads what they include.
+    """Makes scopes from elements, and reads the files that they include.
 
     Parameters
     ----------
     files : Files
     wrong : callable
-        Takes an element and what is wrong with it.
+        Receives an element and an error message about it.
     problems : list of Problem
-        Takes what is wrong with other files.
+        Receives the errors in other files.
     left : callable
-        Takes an element that is left out.
+        Receives an element that is left out.
     """
 
     def __init__(
@@ -133,23 +133,23 @@ class Scopes:
         self.read: dict[str, Element] = {}
 
     def world(self, element: Element, version: tuple[int, int]) -> Scope:
-        """The scope of a world, or of a file without one."""
+        """The scope of a world, or of a file that has models only."""
         scope = Scope(element.attributes.get("name", "").strip(), element, version)
         self.fill(scope, scope, element, ())
         return scope
 
     def fill(self, names: Scope, home: Scope, element: Element, chain: tuple[str, ...]) -> None:
-        """Give a scope what stands in an element.
+        """Add the children of an element to a scope.
 
         Parameters
         ----------
         names : Scope
-            Takes the names.
+            Receives the names.
         home : Scope
-            The same, or what is merged into it.
+            The same scope, or a model that is merged into it.
         element : Element
         chain : tuple of str
-            Files that include each other on the way here.
+            Files from the robot's file to this one, each including the next.
         """
         for child in element.children:
             if child.tag == "model":
@@ -162,19 +162,19 @@ class Scopes:
                     names.items[name] = Item(name, child, home)
 
     def new_name(self, element: Element, scope: Scope, given: str | None = None) -> str | None:
-        """A name that the scope has not yet; None after a problem."""
+        """A name that is new in the scope; None after an error."""
         name = (given if given is not None else element.attributes.get("name", "")).strip()
         if not name:
             self.wrong(element, f'<{element.tag}> has no name; name="..." is needed')
             return None
         if "::" in name or name == "world" or re.fullmatch("__.*__", name):
-            self.wrong(element, f"name {shortened(name)} is reserved in SDF; choose another one, without :: and __")
+            self.wrong(element, f"name {shortened(name)} is reserved in SDF; choose one without :: and __")
             return None
         other = scope.items.get(name) or scope.models.get(name)
         if other is not None:
             where = place_of(other.element)
             line = f"in line {where.line}" + (f" of {where.file}" if where.file != element.file else "")
-            self.wrong(element, f"name {shortened(name)} is there already {line}; every name in a model stands once")
+            self.wrong(element, f"name {shortened(name)} is already used {line}; names in a model must differ")
             return None
         return name
 
@@ -182,13 +182,13 @@ class Scopes:
         self, names: Scope, home: Scope, element: Element, version: tuple[int, int], chain: tuple[str, ...],
         include: Element | None = None,
     ) -> None:  # fmt: skip
-        """A model, in a file or included; what the <include> says goes before what the model says."""
+        """Add a model, in the file or included; the <include> overrides the model."""
         self.count += 1
         place = place_of(include or element)
         if self.count > MAX_SCOPES:
-            raise ModelError([place.problem(f"more than {MAX_SCOPES} models; worlds have fewer: read a part of it")])
+            raise ModelError([place.problem(f"more than {MAX_SCOPES} models; read a smaller part of the world")])
         if names.depth >= MAX_NESTED or len(chain) > MAX_NESTED:
-            raise ModelError([place.problem(f"more than {MAX_NESTED} models within each other; use fewer")])
+            raise ModelError([place.problem(f"more than {MAX_NESTED} nested models; use fewer")])
 
         def said(tag: str) -> Element | None:
             own = include.first(tag) if include is not None else None
@@ -216,11 +216,11 @@ class Scopes:
         self.fill(scope, scope, element, chain)
 
     def include(self, names: Scope, home: Scope, include: Element, chain: tuple[str, ...]) -> None:
-        """The model that an <include> means."""
+        """Add the model that an <include> names."""
         for child in include.children:
             if child.tag == "experimental:params":
                 self.wrong(
-                    child, "<experimental:params> changes what is included, which is not read; write the file flat"
+                    child, "<experimental:params> modifies the included model and is not read; include a modified copy"
                 )
             elif child.tag not in _INCLUDE:
                 self.left(child)
@@ -233,7 +233,7 @@ class Scopes:
         path = str(found.resolve())
         if path in chain:
             self.wrong(
-                include, f"<include> of {shortened(name)}: files that include each other in a circle; leave one out"
+                include, f"<include> of {shortened(name)}: files include each other in a circle; remove one include"
             )
             return
         try:
@@ -244,7 +244,7 @@ class Scopes:
             self.problems += error.problems
             return
         if root.tag != "sdf":
-            self.wrong(include, f"<include> of {shortened(name)}, whose root is <{root.tag}>; a file of SDF is needed")
+            self.wrong(include, f"<include> of {shortened(name)}: its root element is <{root.tag}>; give an SDF file")
             return
         models = list(root.all("model"))
         if not models:
@@ -252,17 +252,15 @@ class Scopes:
             if kinds:
                 self.left(include)
             else:
-                self.wrong(include, f"<include> of {shortened(name)}, in which there is no <model>; one is needed")
+                self.wrong(include, f"<include> of {shortened(name)}: it has no <model>; one is needed")
             return
         if len(models) > 1:
-            self.wrong(
-                include, f"<include> of {shortened(name)}, in which there are {len(models)} models; one is needed"
-            )
+            self.wrong(include, f"<include> of {shortened(name)}: it has {len(models)} models; one is needed")
             return
         self.model(names, home, models[0], version_of(root.attributes.get("version", "1.0")), (*chain, path), include)
 
     def opened(self, name: str, folder: Path) -> Path | str:
-        """The file of a URI, or what is wrong."""
+        """The file of a URI, or an error message."""
         path = self.files.find(name, folder)
         if path is None:
             return self.files.missing(name, folder) or "file not found"
@@ -278,7 +276,7 @@ class Scopes:
         return path if forbidden is None else forbidden
 
     def of_folder(self, folder: Path) -> Path | None:
-        """The file of a folder of a model: that of the newest version in model.config, else model.sdf or another one."""
+        """The model file in a folder: the newest version in model.config, otherwise model.sdf or any SDF file."""
         config = folder / "model.config"
         if config.is_file() and self.files.forbidden(config) is None:
             try:

@@ -1,4 +1,4 @@
-"""Shapes of an SDF, and the mass properties that ``<inertial auto="true">`` means by them."""
+"""Shapes of an SDF, and the mass properties that ``<inertial auto="true">`` computes from them."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .xml_reading import Element
 from .xml_values import Sizes
 
 _WATER: Final = 1000.0
-"""The density that SDF takes where none is said, kg/m^3."""
+"""SDF's default density, kg/m^3."""
 
 
 class ShapeReader(PartReader):
     """Reads <visual> and <collision>."""
 
     def solid(self, scope: Scope, item: Item, element: Element) -> Solid | None:
-        """The primitive of an element, in the frame of its link; what is none is listed."""
+        """The primitive solid of an element in its link; other shapes are listed as left out."""
         self.reader.leave_out_children(element, ("pose", "geometry", "density", "auto_inertia_params"))
         frame = self.frame(scope, item, self.reader.one(element, "pose"))
         return self.reader.primitive(element, frame, _SIZES, "uri")
 
     def frame(self, scope: Scope, item: Item, pose: Element | None) -> Placement:
-        """A pose in the frame of a link; only one with ``relative_to`` is in another."""
+        """A pose in the frame of a link; only one with ``relative_to`` refers to another frame."""
         own = self.frames.pose(pose)
         if pose is None or not pose.attributes.get("relative_to", "").strip():
             return own
@@ -36,7 +36,7 @@ class ShapeReader(PartReader):
         return link.inverse() @ self.frames.relative_to(scope, item.home, pose, item.element) @ own
 
     def of_collisions(self, inertial: Element, collisions: Sequence[tuple[Element, Solid | None]]) -> Inertia:
-        """The mass properties of all collisions of a link by their densities."""
+        """Mass properties of all collision shapes of a link, from their densities."""
         reader, total = self.reader, Inertia()
         wanted = "write <mass> and <inertia>, without auto"
         if not collisions:
@@ -63,7 +63,7 @@ class ShapeReader(PartReader):
         return Inertia(given, total.com, total.matrix * (given / total.mass))
 
     def density(self, element: Element, otherwise: float) -> float:
-        """The density in an element, kg/m^3."""
+        """The density of an element, kg/m^3."""
         found = element.first("density")
         value = self.reader.content(found, 1, (otherwise,))[0]
         if value <= 0 and found is not None:

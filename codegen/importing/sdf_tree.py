@@ -1,4 +1,4 @@
-"""The joints of an SDF as a tree, joints that close loops, and gears."""
+"""Choice of the joints of an SDF that form a tree; the others close loops or are gears."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from .xml_reading import Element
 from .xml_values import RobotReader, is_true, place_of
 
 PARALLEL: Final = 1e-6
-"""rad: axes of a gear and of a hinge that differ by less are the same."""
+"""Angle in rad between the axes of a gear and of a joint up to which they count as parallel."""
 _LOOP_TYPES: Final = {"spherical": "point"}
 _AXES_IN_JOINTS: Final = (1, 5)
-"""The version since which axes have components in the joint's frame."""
+"""First version in which axes are in the joint's frame."""
 _EXPRESSED_IN: Final = (1, 7)
-"""The version since which only ``expressed_in`` says otherwise."""
+"""First version in which only ``expressed_in`` changes that."""
 
 
 class TreeMaker:
-    """Chooses joints for a tree; the others close loops.
+    """Chooses joints for the tree; the others close loops.
 
     Parameters
     ----------
     reader : RobotReader
-        Its robot takes joints, loops and gears.
+        Its robot receives joints, loops and gears.
     frames : Frames
     base : Scope
-        In whose frame everything is computed.
+        Scope whose frame is the reference of all poses.
     static : set of str
-        Links that stand on the ground where no joint carries them.
+        Links that are fixed to the ground if no joint carries them.
     """
 
     def __init__(self, reader: RobotReader, frames: Frames, base: Scope, static: set[str]) -> None:
@@ -51,13 +51,13 @@ class TreeMaker:
         self.used: dict[str, Placement] = {WORLD: self.outside.inverse()}
 
     def put_together(self, joints: Mapping[str, SdfJoint], poses: Mapping[str, Placement]) -> None:
-        """Give the robot its joints.
+        """Give the robot its joints, loops and gears.
 
         Parameters
         ----------
         joints : dict of str to SdfJoint
         poses : dict of str to Placement
-            Of links, in the frame of the base.
+            Poses of the links in the frame of the base.
         """
         robot, used = self.robot, self.used
         moving = {name: joint for name, joint in joints.items() if joint.type != GEARBOX}
@@ -68,7 +68,7 @@ class TreeMaker:
             if name in moving:
                 self.carry(moving[name], reverse, poses)
                 continue
-            used[name] = poses[name]  # of a base: name is that of the link
+            used[name] = poses[name]  # names of such carriers are those of their links
             at = self.outside @ poses[name]
             is_static = name in self.static
             stand = RobotJoint("", robot.links[name].place, "fixed" if is_static else "free", WORLD, name)
@@ -88,11 +88,11 @@ class TreeMaker:
                 self.close(joint, poses)
 
     def frame(self, joint: SdfJoint) -> Placement:
-        """The frame of a joint, in that of the base."""
+        """Pose of a joint's frame in the base."""
         return self.in_base(joint) @ self.frames.named(joint.scope, joint.item.name, joint.element)
 
     def in_base(self, joint: SdfJoint) -> Placement:
-        """The frame of the scope of a joint's name, in that of the base."""
+        """Pose in the base of the scope that contains a joint's name."""
         if joint.scope is self.base:
             return Placement()
         if joint.cut:
@@ -100,7 +100,7 @@ class TreeMaker:
         return self.frames.named(self.base, joint.path.removesuffix("::"), joint.element)
 
     def direction(self, joint: SdfJoint, axis: Element, child: Placement) -> Three:
-        """Components of an axis in the child's axes."""
+        """Components of an axis in the child's frame."""
         xyz, old = axis.first("xyz"), axis.first("use_parent_model_frame")
         value = as_three(self.reader.content(xyz, 3, (0, 0, 1)))
         home, version = joint.item.home, joint.item.home.version
@@ -117,7 +117,7 @@ class TreeMaker:
         return without_dirt(child.inverse().vector((self.in_base(joint) @ frame).vector(value)))
 
     def carry(self, joint: SdfJoint, reverse: bool, poses: Mapping[str, Placement]) -> None:
-        """A joint of the tree; reversed, its child carries its parent."""
+        """Add a joint to the tree; if reversed, its child carries its parent."""
         used = self.used
         above, below = (joint.child, joint.parent) if reverse else (joint.parent, joint.child)
         at = self.frame(joint).at
@@ -133,10 +133,10 @@ class TreeMaker:
         self.robot.give_armature(made, (joint.armature,) * len(axes), place_of(joint.element))
 
     def gear(self, gear: SdfJoint) -> Coupling:
-        """A gearbox as a coupling of the two hinges that its links have on its reference body.
+        """The coupling that a gearbox is, between the two revolute joints of its links on its reference body.
 
-        The specification: theta_2 = -gearbox_ratio theta_1, the angles of the parent about ``axis`` and of the child about
-        ``axis2``, both against ``gearbox_reference_body``.
+        In the specification, theta_2 = -gearbox_ratio theta_1. These are the angles of the parent about ``axis`` and of the child
+        about ``axis2``, both relative to ``gearbox_reference_body``.
         """
         place = place_of(gear.element)
         what = f"is a gear between links {shortened(gear.parent)} and {shortened(gear.child)}"
@@ -158,7 +158,7 @@ class TreeMaker:
         return Coupling(gear.name, place, joint, of, -value * first * second, 0.0, is_gear=True)
 
     def hinge(self, body: str, link: str, along: Any) -> list[tuple[str, int]]:
-        """Joints of the tree that turn a link against a body about an axis, and 1, or -1 where they count the other way."""
+        """Joints of the tree that rotate a link relative to a body about an axis; with 1, or -1 for the opposite sense."""
         found = []
         for name, joint in self.robot.joints.items():
             if joint.type != "revolute" or {joint.parent, joint.child} != {body, link}:
@@ -170,11 +170,11 @@ class TreeMaker:
         return found
 
     def close(self, joint: SdfJoint, poses: Mapping[str, Placement]) -> None:
-        """A joint that closes a loop."""
+        """Add a joint that closes a loop."""
         place = place_of(joint.element)
         if joint.type == "screw":
             what = f"joint {shortened(joint.name)}, a screw, closes a loop"
-            self.reader.wrong(joint.element, f"{what}, which models cannot say; let it carry a link")
+            self.reader.wrong(joint.element, f"{what}, which is not supported; let it carry a link")
             return
         if any(law.damping or law.stiffness for law in joint.laws):
             self.robot.leave_out("<dynamics> of a joint that closes a loop", place, Effect.DIFFERS)

@@ -1,4 +1,4 @@
-"""Loops and couplings that a robot's file cannot say, from a small file beside it in the model format."""
+"""Side files: loops and couplings in the model format, for robot formats that lack them."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from ..model.positions import Document, compose, read_file
 from .robot import Robot
 
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_.(+-][^,\[\]{}#&*!|>'\"%@`:?\n\t\\]*|[A-Za-z0-9_.(+-][A-Za-z0-9_.()+*/ -]*")
-"""What needs no quotes in YAML."""
+"""Texts that need no quotes in YAML."""
 SECTIONS: Final = ("points", "loops", "couplings", "loop_tolerance", "initial", "independent")
 
 
 @dataclass(slots=True)
 class SideFile:
-    """What a side file adds.
+    """Contents of a side file.
 
     Attributes
     ----------
     sections : dict of str to list of str
-        Lines of each of its sections.
+        Lines of each section.
     links : set of str
-        Links that it names: these stay bodies.
+        Links that it names; they are not merged with others.
     document : Document, optional
     """
 
@@ -36,19 +36,19 @@ class SideFile:
     document: Document | None = None
 
     def problem(self, problem: Problem) -> Problem:
-        """A problem of the model at its place in the side file."""
+        """An error in the model, at its place in the side file."""
         assert self.document is not None
         line, column = self.document.place(self.document.root, tuple(problem.path.split(".")))
         return Problem(self.document.file, line, column, problem.path, problem.message, problem.severity)
 
 
 def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[str, str]) -> SideFile:
-    """Read a side file; links have the names of the robot's file or those of the model.
+    """Read a side file, in which links have their names in the robot's file or in the model.
 
     Raises
     ------
     ModelError
-        If it is no YAML, or has other sections than these.
+        If the file is not YAML or has other sections.
     """
     file = os.fspath(path)
     document = compose(read_file(file), file)
@@ -57,13 +57,13 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
     root = document.root
     if not isinstance(root, dict) or ("loops" not in root and "couplings" not in root):
         problems.append(
-            Problem(file, 1, 1, "", f"no section loops, and no couplings; it may hold {', '.join(SECTIONS)}")
+            Problem(file, 1, 1, "", f"neither a section loops nor couplings; allowed are {', '.join(SECTIONS)}")
         )
         raise ModelError(problems)
     for key in root:
         if key not in SECTIONS:
             line, column = document.place(root, (key,), key=True)
-            message = f"{key!r} has no place here; {', '.join(SECTIONS)} have{nearest(key, SECTIONS)}"
+            message = f"section {key!r} is not allowed here; {', '.join(SECTIONS)} are{nearest(key, SECTIONS)}"
             problems.append(Problem(file, line, column, "", message))
     if problems:
         raise ModelError(problems)
@@ -94,7 +94,7 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
 
 
 def _coordinate(name: Any, new: Mapping[str, str]) -> Any:
-    """A coordinate by the model's names: what stands before its number, ``arm.1``, may be a link of the robot's file."""
+    """A coordinate with its name in the model; the part before its number, as in ``arm.1``, may be a link of the robot's file."""
     if not isinstance(name, str) or name in new:
         return new.get(name, name)
     stem, dot, part = name.rpartition(".")
@@ -102,7 +102,7 @@ def _coordinate(name: Any, new: Mapping[str, str]) -> Any:
 
 
 def _mappings(value: Any) -> list[dict[str, Any]]:
-    """All mappings in a value."""
+    """All mappings within a value."""
     found, stack = [], [value]
     while stack:
         one = stack.pop()
@@ -115,7 +115,7 @@ def _mappings(value: Any) -> list[dict[str, Any]]:
 
 
 def _flow(value: Any) -> str:
-    """A value in the flow style of YAML."""
+    """A value in YAML's flow style."""
     if isinstance(value, dict):
         return f"{{{', '.join(f'{_flow(k)}: {_flow(v)}' for k, v in value.items())}}}"
     if isinstance(value, list):

@@ -10,7 +10,7 @@ from .robot import Inertia, Solid
 
 
 def moments(solid: Solid) -> list[float]:
-    """Moments of inertia about the centre of mass along the solid's axes, of 1 kg, m^2."""
+    """Principal moments of inertia about the centre of mass for a mass of 1 kg, along the solid's axes, m^2."""
     if solid.type == "box":
         a, b, c = (s * s / 12 for s in solid.sizes)
         return [b + c, a + c, a + b]
@@ -27,7 +27,7 @@ def moments(solid: Solid) -> list[float]:
     if solid.type == "cone":
         across = 3 / 80 * (4 * r * r + length * length)
         return [across, across, 0.3 * r * r]
-    ball = 4 * r / 3 / (length + 4 * r / 3)  # its part of the mass
+    ball = 4 * r / 3 / (length + 4 * r / 3)  # fraction of the mass in the end caps
     ends = 0.4 * r * r + length * length / 4 + 3 * length * r / 8
     across = (1 - ball) * (r * r / 4 + length * length / 12) + ball * ends
     return [across, across, (1 - ball) * r * r / 2 + ball * 0.4 * r * r]
@@ -48,7 +48,7 @@ def volume(solid: Solid) -> float:
 
 
 def of_density(solid: Solid, density: float) -> Inertia:
-    """The mass properties of a solid of a density, kg/m^3, in the link's frame."""
+    """Mass properties of a solid with a density, kg/m^3, in the link's frame."""
     mass = density * volume(solid)
     com = (0.0, 0.0, -solid.sizes[1] / 4 if solid.type == "cone" else 0.0)
     return Inertia(mass, com, mass * np.diag(moments(solid))).seen_from(solid.frame)

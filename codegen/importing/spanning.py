@@ -1,4 +1,4 @@
-"""Which joints of a graph of links carry links, so that all lead to the ground, and which are left to close loops."""
+"""Spanning tree of a graph of links: the joints that carry links; the other joints close loops."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .robot import WORLD
 
 
 class Edge(NamedTuple):
-    """A joint between two links; `loose` ones would rather close loops."""
+    """A joint between two links; a `loose` one closes a loop if possible."""
 
     name: str
     parent: str
@@ -18,11 +18,11 @@ class Edge(NamedTuple):
 
 
 def spanning_tree(links: Sequence[str], edges: Sequence[Edge]) -> list[tuple[str, bool]]:
-    """What carries links if they are spanned by joints, from the ground outwards.
+    """Carriers of all links, from the ground outward: a joint, or the link itself if it is attached to the ground.
 
-    The name of a joint, with whether its child carries its parent, or of a link that stands on the ground by itself.
-    Joints are taken from parent to child, the loose ones where no other joint leads on, backwards last. What nothing leads
-    to stands on the ground, first links that are nobody's child.
+    Each entry is a name, and whether the joint is reversed, so that its child carries its parent. Joints are taken from parent to
+    child, loose ones only if no other joint continues the tree, reversed ones last. Links that no joint reaches are attached to
+    the ground, first those that are nobody's child.
     """
     children = {edge.child for edge in edges}
     waiting = [*(link for link in links if link not in children), *(link for link in links if link in children)]

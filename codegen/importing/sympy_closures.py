@@ -1,4 +1,4 @@
-"""Constraints of `sympy.physics.mechanics` that hold a point of one body in a plane fixed to the ground."""
+"""sympy constraints that hold a point of a body in a plane fixed to the ground."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _AGREES: Final = 1e-9
 
 
 class Closure(NamedTuple):
-    """normal . x + offset = 0 of a point of a body.
+    """The condition normal . x + offset = 0 on a point of a body.
 
     Attributes
     ----------
     body : str
     point : list of sympy.Expr
-        In the body.
+        The point in the body's frame.
     normal : list of int
-        Components -1, 0 or 1, in the ground.
+        Components -1, 0 or 1, in the ground's frame.
     offset : sympy.Expr
     """
 
@@ -34,7 +34,7 @@ class Closure(NamedTuple):
 
 
 def closure_of(found: SympySystem, constraint: Any, used: Sequence[Any]) -> Closure | None:
-    """The closure that a constraint is; None where it is none.
+    """The closure that is equivalent to a constraint; None if there is none.
 
     Parameters
     ----------
@@ -58,12 +58,12 @@ def closure_of(found: SympySystem, constraint: Any, used: Sequence[Any]) -> Clos
 
 
 def _depends_on(found: SympySystem, values: Sequence[Any], used: Sequence[Any]) -> bool:
-    """Whether values depend on these coordinates, each, and on no others."""
+    """Whether the values depend on all of these coordinates and on no others."""
     return {q for q in found.scalars if any(v.has(q) for v in values)} == set(used)
 
 
 def _fitted(frame: Frame, constraint: Any, used: Sequence[Any], place: Sequence[Any], turned: Any) -> Closure | None:
-    """The closure of a point of this body, if the constraint is one: found by numbers, then by symbols, and compared."""
+    """The closure of a point of this body, if the constraint is one: found with numbers, then with symbols, and compared."""
     import sympy
 
     free = sorted({x for e in (constraint, *place, *turned) for x in e.free_symbols}, key=str)

@@ -1,8 +1,8 @@
-"""Holonomic constraints of `sympy.physics.mechanics` as couplings and loops of a model.
+"""Holonomic sympy constraints as couplings and loops of a model.
 
-A linear constraint is a coupling. One that holds a point of a body in a plane of the ground is that loop. Any other one is the
-equation of a surface on which a point lies whose coordinates are those of the constraint: bodies without mass on sliding joints
-carry it, coupled to the coordinates.
+A linear constraint becomes a coupling. A constraint that holds a point of a body in a plane of the ground becomes that loop.
+Any other constraint becomes a surface. A point lies on it whose coordinates are the variables of the constraint: massless
+bodies on prismatic joints carry the point, and couplings relate them to the variables.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ def read_conditions(found: SympySystem, constraints: Iterable[Any], dependent: I
     ----------
     found : SympySystem
     constraints : iterable of sympy.Expr
-        Zero where the constraints hold.
+        Expressions that are zero when the constraints hold.
     dependent : iterable of sympy.Function
-        Coordinates that the system calls dependent.
+        Coordinates that the system declares dependent.
     """
     reader = _Conditions(found, list(dependent))
     for number, constraint in enumerate(constraints, 1):
@@ -46,17 +46,17 @@ class _Conditions:
         self.closures: dict[tuple[str, ...], list[tuple[str, str]]] = {}
 
     def read(self, name: str, constraint: Any) -> None:
-        """One constraint."""
+        """Add one constraint."""
         from sympy.core.function import AppliedUndef
 
         used = [q for q in self.found.scalars if constraint.has(q)]
         others = constraint.atoms(AppliedUndef) - set(used)
         if others or moves(constraint.subs(dict.fromkeys(used, 1))):
             raise Trouble(
-                f"{constraint} depends on time or on what is no coordinate; coordinates and parameters are allowed"
+                f"{constraint} depends on time or on other functions than coordinates; coordinates and parameters are allowed"
             )
         if not used:
-            raise Trouble(f"{constraint} has no coordinate of a joint")
+            raise Trouble(f"{constraint} contains no coordinate of a joint; one is needed")
         if (line := self.line(constraint, used)) is not None:
             return self.linear(name, *line)
         if (closure := closure_of(self.found, constraint, used)) is not None:
@@ -70,7 +70,7 @@ class _Conditions:
         return self.sum(name, constraint, used)
 
     def line(self, e: Any, used: Sequence[Any]) -> tuple[dict[Any, Any], Any] | None:
-        """Factors of coordinates, and what is added; None where the expression is not linear in them."""
+        """Coefficients of the coordinates, and the constant term; None if the expression is not linear in them."""
         factors = {q: e.diff(q).expand() for q in used}
         if any(_changes(c, used) for c in factors.values()):
             return None
@@ -81,11 +81,11 @@ class _Conditions:
         return factors, e.subs(dict.fromkeys(used, 0))
 
     def linear(self, name: str, factors: dict[Any, Any], rest: Any) -> None:
-        """A coupling; of one coordinate alone, a constant."""
+        """Add a coupling; a constraint on a single coordinate becomes a prescribed constant."""
         free = [q for q in factors if factors[q] != 0 and q not in self.following]
         chosen = [q for q in free if q in self.dependent] or free
         if not chosen:
-            raise Trouble("every coordinate of this constraint follows others already; a coordinate can follow once")
+            raise Trouble("other constraints already determine every coordinate of this constraint; remove one of them")
         last = chosen[-1]
         self.following.append(last)
         text = self.found.text
@@ -99,11 +99,11 @@ class _Conditions:
         self.found.sections.setdefault("couplings", {})[name] = entry
 
     def name(self, q: Any) -> str:
-        """The coordinate of the model."""
+        """The name of a coordinate in the model."""
         return self.found.scalars[q][0]
 
     def surface(self, name: str, e: Any, variables: Sequence[Any]) -> None:
-        """The expression of up to three variables, linear in coordinates, is zero."""
+        """Add the condition that an expression of up to three variables, each linear in coordinates, is zero."""
         letters = self.letters()
         equation = self.found.text(
             e.subs(dict(zip(variables, letters[: len(variables)], strict=True)), simultaneous=True)
@@ -117,7 +117,7 @@ class _Conditions:
         }
 
     def letters(self) -> list[Any]:
-        """Symbols of the coordinates x, y and z of a point."""
+        """New symbols for the coordinates x, y and z of a point."""
         import sympy
 
         found = list(sympy.symbols(" ".join(_LETTERS), cls=sympy.Dummy))
@@ -125,12 +125,12 @@ class _Conditions:
         return found
 
     def forget(self, letters: list[Any]) -> None:
-        """End the use of these symbols."""
+        """Remove these symbols."""
         for letter in letters:
             del self.found.symbols[letter]
 
     def write_closures(self) -> None:
-        """Two planes through a point are a curve, one is a surface."""
+        """Add the loops: two planes through a point make a curve, one plane makes a surface."""
         loops = self.found.sections.setdefault("loops", {})
         for (body, *at), planes in self.closures.items():
             to = body if at == ["0"] * 3 else {"body": body, "at": at}
@@ -142,7 +142,7 @@ class _Conditions:
                 loops[names[0]] = {"joint": joint, "from": GROUND, "to": to}
 
     def point(self, variables: Sequence[Any]) -> str:
-        """A body whose place is given by variables."""
+        """The body at the point whose coordinates are the variables; adds it if it is new."""
         key = tuple(variables)
         if key not in self.points:
             bodies = self.found.sections["bodies"]
@@ -156,7 +156,7 @@ class _Conditions:
         return self.points[key]
 
     def follow(self, own: str, variable: Any) -> None:
-        """Let a coordinate be a linear function of coordinates."""
+        """Add the coupling of a new body's coordinate to a linear expression of coordinates."""
         line = self.line(variable, [q for q in self.found.scalars if variable.has(q)])
         if line is None or not line[0]:
             return
@@ -166,7 +166,7 @@ class _Conditions:
         self.found.sections.setdefault("couplings", {})[f"{own}_follows"] = entry
 
     def sum(self, name: str, e: Any, used: Sequence[Any]) -> None:
-        """A sum of terms of up to two variables each: each term is a coordinate of its own, and these follow each other."""
+        """Add a sum of terms of up to two variables: each term becomes a new coordinate, and a coupling makes the sum zero."""
         import sympy
         from sympy.simplify.fu import TR8
 
@@ -174,9 +174,7 @@ class _Conditions:
         for term in sympy.Add.make_args(sympy.expand(TR8(sympy.expand(e)))):
             variables = self.variables(term)
             if len(variables) >= len(_LETTERS):
-                allowed = (
-                    f"constraints of more than {len(_LETTERS)} coordinates are sums of terms of two angles or lengths"
-                )
+                allowed = f"a constraint of more than {len(_LETTERS)} coordinates must be a sum of terms of two angles or lengths"
                 raise Trouble(f"{term} has {len(variables)} variables; {allowed}")
             parts[variables] = parts.get(variables, 0) + term
         linear = sum((p for v, p in parts.items() if not v or self.line(p, list(used)) is not None), sympy.Integer(0))
@@ -192,7 +190,7 @@ class _Conditions:
         self.linear(name, factors, rest)
 
     def variables(self, term: Any) -> tuple[Any, ...]:
-        """The angles of a term, and its coordinates beside them."""
+        """The angles in sines and cosines of a term, then its other coordinates."""
         import sympy
 
         angles = [f for f in term.atoms(sympy.sin, sympy.cos) if moves(f) and self._is_linear(f.args[0])]
@@ -205,7 +203,7 @@ class _Conditions:
 
 
 def _changes(e: Any, used: Sequence[Any]) -> bool:
-    """Whether the values of an expression at some coordinates differ, which is found sooner than by simplifying it."""
+    """Whether an expression changes with some coordinates, tested with numbers, which is faster than simplifying it."""
     if not moves(e):
         return False
     free = {x: (k + 2) / 7 for k, x in enumerate(sorted(e.free_symbols, key=str))}

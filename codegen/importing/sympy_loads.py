@@ -1,4 +1,4 @@
-"""Loads and actuators of `sympy.physics.mechanics` as gravity and forces of a model."""
+"""sympy loads and actuators as gravity and forces of a model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def read_loads(found: SympySystem, loads: Iterable[Any], actuators: Iterable[Any
 
 
 def _as_load(load: Any) -> Any:
-    """A force or a torque; older objects of sympy have pairs of a point or a frame and a vector."""
+    """A force or torque object, also from the pairs of older sympy versions: a point or frame, and a vector."""
     from sympy.physics.mechanics import Force, ReferenceFrame, Torque
 
     if hasattr(load, "location"):
@@ -34,28 +34,28 @@ def _as_load(load: Any) -> Any:
 
 
 def _reported(found: SympySystem, where: str, read: Any, *what: Any) -> None:
-    """Read something and report what is wrong with it."""
+    """Call a reader and report its errors."""
     try:
         read(found, *what)
     except Trouble as error:
         found.report(where, str(error))
-    except ValueError as error:  # sympy's, of points and frames that nothing connects
+    except ValueError as error:  # raised by sympy for points and frames that nothing connects
         found.report(where, f"{error}")
 
 
 def _spelled(kind: str) -> str:
-    """``LinearSpring`` as ``linear_spring``."""
+    """The name of a class in lower case: ``LinearSpring`` as ``linear_spring``."""
     return "".join(f"_{c.lower()}" if c.isupper() else c for c in kind).lstrip("_")
 
 
 def _add(found: SympySystem, name: str, **keys: Any) -> None:
-    """An entry of the section ``forces``."""
+    """Add an entry to the section ``forces``."""
     forces = found.sections.setdefault("forces", {})
     forces[free_name(made_name(name), forces)] = {k.rstrip("_"): v for k, v in keys.items()}
 
 
 def _gravity(found: SympySystem, loads: list[Any]) -> list[Any] | None:
-    """The common acceleration of forces in all mass centres, which are taken from the loads; None where there is none."""
+    """The common acceleration of forces at all mass centres, which are removed from the loads; None if there is none."""
     import sympy
 
     ground = next(f for f in found.frames.values() if f.name == GROUND)
@@ -79,7 +79,7 @@ def _gravity(found: SympySystem, loads: list[Any]) -> list[Any] | None:
 
 
 def _load(found: SympySystem, name: str, load: Any) -> None:
-    """A force on a point, or a torque on a frame."""
+    """Add a force on a point, or a torque on a frame."""
     if load.vector == 0:
         return
     if hasattr(load, "force"):
@@ -95,7 +95,7 @@ def _load(found: SympySystem, name: str, load: Any) -> None:
 
 
 def _components(found: SympySystem, vector: Any, body: Frame) -> tuple[list[str], dict[str, str]]:
-    """Components in the ground or in the body, whichever takes fewer operations."""
+    """Components in the ground's or the body's frame, whichever takes fewer operations."""
     import sympy
 
     ground = next(f for f in found.frames.values() if f.name == GROUND)
@@ -105,7 +105,7 @@ def _components(found: SympySystem, vector: Any, body: Frame) -> tuple[list[str]
 
 
 def _actuator(found: SympySystem, name: str, actuator: Any) -> None:
-    """An actuator: an element of the model where it has that, else its loads."""
+    """Add an actuator: as the equivalent force element of the model, otherwise as its loads."""
     kind = type(actuator).__name__
     if kind == "TorqueActuator" and _in_joint(found, name, actuator):
         return
@@ -117,7 +117,7 @@ def _actuator(found: SympySystem, name: str, actuator: Any) -> None:
 
 
 def _in_joint(found: SympySystem, name: str, actuator: Any) -> bool:
-    """Whether a torque acts between the two bodies of a hinge, about its axis; its entry is then written."""
+    """Add a torque that acts between the two bodies of a revolute joint about its axis; returns False for other torques."""
     import sympy
 
     if actuator.reaction_frame is None:
@@ -141,8 +141,8 @@ def _in_joint(found: SympySystem, name: str, actuator: Any) -> bool:
 
 
 def _along_line(found: SympySystem, name: str, kind: str, actuator: Any, ends: Sequence[Any]) -> bool:
-    """Whether an element of the model acts along the line between two points; its entry is then written."""
-    if kind == "LinearSpring" and actuator.equilibrium_length == 0:  # its force has a value where its ends coincide
+    """Add a force element along the line between two points; False if there is none."""
+    if kind == "LinearSpring" and actuator.equilibrium_length == 0:  # a force also if the ends coincide
         keys = {"type": "bushing", "stiffness": actuator.stiffness}
     elif kind == "LinearSpring":
         keys = {"type": "spring", "stiffness": actuator.stiffness, "free_length": actuator.equilibrium_length}
@@ -157,7 +157,7 @@ def _along_line(found: SympySystem, name: str, kind: str, actuator: Any, ends: S
         keys = {"type": "actuator", "force": actuator.force}
     places = [found.body_of_point(p) for p in ends]
     if places[0][0] is places[1][0]:
-        return True  # it pulls a body by itself
+        return True  # both ends are on one body: no effect
     points = [b.name if at == _AT_ORIGIN else {"body": b.name, "at": at} for b, at in places]
     written: dict[str, Any] = {k: v if k == "type" else found.text(v) for k, v in keys.items()}
     if keys["type"] == "bushing":

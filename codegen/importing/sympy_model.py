@@ -1,4 +1,4 @@
-"""From a `System` of `sympy.physics.mechanics` to a model: the whole way."""
+"""Conversion of a `System` of `sympy.physics.mechanics` into a model."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def from_sympy(system: Any, values: Mapping[Any, float] | None = None, name: str
     if found.problems:
         raise ModelError(found.problems)
     if name is not None and not names_a_model(name):
-        message = f"{name!r} cannot name a model; a lower-case identifier such as four_bar can"
+        message = f"{name!r} cannot name a model; use a lower-case identifier such as four_bar"
         raise ModelError([Problem(FILE, None, None, "name", message)])
     if with_conditions and list(getattr(system, "q_dep", ())):
         found.sections["independent"] = [found.scalars[q][0] for q in system.q_ind if q in found.scalars]
@@ -116,14 +116,16 @@ def _parts(system: Any) -> tuple[list[Any], Any, Any]:
 
 
 def _check_speeds(found: SympySystem, system: Any) -> None:
-    """Speeds are the rates of coordinates, and nothing moves but joints."""
+    """Check that speeds are rates of coordinates, and that all of them belong to joints."""
     from sympy.physics.mechanics import dynamicsymbols
 
     rates = [e.expand() for e in system.kdes]
     for q, (_, u) in found.scalars.items():
         expected = u - q.diff(dynamicsymbols._t)
         if expected not in rates and -expected not in rates:
-            message = f"the kinematical equation {u} = {q.diff(dynamicsymbols._t)} is not in kdes; speeds of a model are rates"
+            message = (
+                f"kdes lacks the kinematical equation {u} = {q.diff(dynamicsymbols._t)}; speeds of a model are rates"
+            )
             found.report(f"kdes of {q}", message)
     speeds = {u for _, u in found.scalars.values()}
     for what, listed, known in (("q", system.q, set(found.scalars)), ("u", system.u, speeds)):
@@ -133,7 +135,7 @@ def _check_speeds(found: SympySystem, system: Any) -> None:
 
 
 def _check_rest(found: SympySystem, system: Any) -> None:
-    """What a model cannot say of a system."""
+    """Report the parts of a system that the model format lacks."""
     refused = {
         "nonholonomic_constraints": "velocity constraints are not read; holonomic constraints are",
         "u_aux": "auxiliary speeds are not read; forces in joints are reactions of the solver",
@@ -155,15 +157,13 @@ def _time() -> Any:
 
 
 def _give_values(found: SympySystem, values: dict[Any, float]) -> None:
-    """Fill ``parameters`` and ``initial``."""
+    """Fill the sections ``parameters`` and ``initial``."""
     given: dict[str, float] = {}
     known = {**{str(s): n for s, n in found.symbols.items()}, **{n: n for n in found.symbols.values()}}
     for key, value in values.items():
         which = found.symbols.get(key, known.get(str(key)))
         if which is None:
-            message = (
-                f"no symbol of this system; symbols are {_listed(map(str, found.symbols))}{nearest(str(key), known)}"
-            )
+            message = f"is not a symbol of this system; symbols are {_listed(map(str, found.symbols))}{nearest(str(key), known)}"
             found.report(f"values[{key}]", message)
         else:
             given[which] = float(value)
@@ -173,7 +173,7 @@ def _give_values(found: SympySystem, values: dict[Any, float]) -> None:
     none = [n for n, s in found.parameters.items() if n not in given and s in found.products]
     for names, default in ((unknown, "1"), (none, "0")):
         if names:
-            message = f"no value given for {_listed(names)}: {default} is taken; values={{...}} gives others"
+            message = f"no value is given for {_listed(names)}; {default} is used; values={{...}} sets others"
             found.robot.warnings.append(Problem(FILE, None, None, "values", message, "warning"))
     defaults = {**dict.fromkeys(unknown, 1.0), **dict.fromkeys(none, 0.0)}
     found.sections["parameters"] = {n: number(given.get(n, defaults.get(n, 1.0))) for n in sorted(found.parameters)}
@@ -183,7 +183,7 @@ def _give_values(found: SympySystem, values: dict[Any, float]) -> None:
 
 
 def _imported(found: SympySystem, name: str, joints: Iterable[Any]) -> Imported:
-    """The model of what was read."""
+    """The model of the sections that were read."""
     robot = found.robot
     lines = ["A System of sympy.physics.mechanics, imported by ordernm.", *map(one_line, robot.notes)]
     if robot.left_out:

@@ -1,4 +1,4 @@
-"""Rotations of sympy as the key ``rotate`` of a model."""
+"""sympy rotations as the key ``rotate`` of the model format."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 
 def rotation_keys(turned: Any, text: Callable[[Any], str]) -> dict[str, Any]:
-    """The key ``rotate`` that turns a frame so; nothing where the frames are parallel.
+    """The key ``rotate`` for a rotation; empty if the frames are parallel.
 
     Parameters
     ----------
     turned : (3, 3) Matrix
-        Its columns are the axes of the frame.
+        Its columns are the axes of the rotated frame.
     text : callable (expression) -> str
-        Writes an angle.
+        Writes an angle as text.
     """
     import sympy
 
@@ -35,7 +35,7 @@ def rotation_keys(turned: Any, text: Callable[[Any], str]) -> dict[str, Any]:
 
 
 def _angle(sine: Any, cosine: Any) -> Any:
-    """The angle of a sine and a cosine, or of positive multiples of both."""
+    """The angle with this sine and cosine, or with positive multiples of both."""
     import sympy
 
     if isinstance(cosine, sympy.cos) and sine in (sympy.sin(cosine.args[0]), -sympy.sin(cosine.args[0])):

@@ -17,13 +17,13 @@ from .robot import Effect, Robot
 from .sympy_rotations import rotation_keys
 
 FILE: Final = "System"
-"""How messages name the system."""
+"""Name of the system in messages."""
 GROUND: Final = "ground"
 JOINTS: Final = "PinJoint, PrismaticJoint, CylindricalJoint, PlanarJoint, SphericalJoint and WeldJoint"
 
 
 class Trouble(Exception):
-    """Something of the system that a model cannot say; the reader adds where."""
+    """Raised if a model cannot express a part of the system; the reader adds the place."""
 
 
 @dataclass(slots=True)
@@ -33,15 +33,15 @@ class Frame:
     Attributes
     ----------
     name : str
-        Of the body in the model, or ``ground``.
+        The body's name in the model, or ``ground``.
     axes : ReferenceFrame
         The axes of the model's body.
     origin : Point
-        Its origin.
+        The body's origin.
     joint : Joint or None
         The joint that carries it.
     sign : int
-        -1 where that joint's child carries its parent.
+        -1 if that joint's child carries its parent, otherwise 1.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Frame:
 
 @dataclass(slots=True)
 class Step:
-    """A joint of the model: type, keys, and the coordinates and speeds of sympy in its order."""
+    """A joint of the model: type, keys, and the sympy coordinates and speeds in the model's order."""
 
     keys: dict[str, Any]
     q: tuple[Any, ...] = ()
@@ -62,28 +62,28 @@ class Step:
 
 @dataclass(slots=True)
 class SympySystem:
-    """What is read of a system so far.
+    """State of reading a system.
 
     Attributes
     ----------
     system : System
     frames : dict of body to Frame
-        Every body of sympy's; those of the ground share one.
+        Every sympy body; those of the ground share one frame.
     sections : dict of str to dict
-        Sections of the model, as plain data.
+        Sections of the model file, as plain data.
     symbols : dict of sympy.Basic to str
-        Names of the model: of coordinates, speeds, parameters and inputs.
+        Names in the model of coordinates, speeds, parameters and inputs.
     robot : Robot
-        Collects what is left out, and warnings.
+        Collects warnings and what is left out.
     problems : list of Problem
     inputs : list of str
     parameters : dict of str to sympy.Symbol
     scalars : dict of sympy.Function to (str, sympy.Function)
-        For every coordinate of sympy its name behind ``q.``, and its speed.
+        For every sympy coordinate its name after ``q.``, and its speed.
     products : set of sympy.Symbol
         Parameters that are products of inertia.
     reserved : tuple of str
-        Names that no parameter may have.
+        Names that parameters must not have.
     """
 
     system: Any
@@ -99,11 +99,11 @@ class SympySystem:
     reserved: tuple[str, ...] = ()
 
     def report(self, where: str, message: str) -> None:
-        """Something wrong with a part of the system."""
+        """Report an error in a part of the system."""
         self.problems.append(Problem(FILE, None, None, where, message))
 
     def expression(self, value: Any) -> Expression:
-        """A formula of the model; unknown symbols become parameters, unknown functions of time inputs."""
+        """An expression of the model; new symbols become parameters, new functions of time become inputs."""
         import sympy
 
         try:
@@ -112,11 +112,11 @@ class SympySystem:
             raise Trouble(error.message) from None
 
     def text(self, value: Any) -> str:
-        """The same as a text of the model file."""
+        """The same as text for the model file."""
         return str(self.expression(value))
 
     def named(self, e: Any) -> Tree:
-        """The name of a symbol, a function of time or the rate of a coordinate."""
+        """The name of a symbol, of a function of time, or of a coordinate's rate."""
         import sympy
 
         if e in self.symbols:
@@ -126,7 +126,7 @@ class SympySystem:
             if len(e.variables) == 1 and rate.startswith("q."):
                 return ("name", f"u.{rate[2:]}")
             allowed = "time derivatives of the joints' coordinates are allowed"
-            raise ExpressionError(f"{e}; {allowed}, no accelerations and no rates of inputs")
+            raise ExpressionError(f"{e}: {allowed}, but not accelerations or rates of inputs")
         if e == time():
             return ("name", "t")
         if e.is_Symbol:
@@ -137,7 +137,7 @@ class SympySystem:
             self.inputs.append(name)
         else:
             raise ExpressionError(
-                f"{e}: an unknown function; coordinates, speeds and functions of time alone are allowed"
+                f"{e} is an unknown function; coordinates, speeds and functions of time alone are allowed"
             )
         self.symbols[e] = name
         return ("name", name)
@@ -153,14 +153,14 @@ class SympySystem:
         return [self.text(c) for c in components(vector, axes)]
 
     def fixed(self, vector: Any, axes: Any, what: str) -> list[str]:
-        """Components of a vector that is constant in these axes."""
+        """Components, as texts, of a vector that must be constant in these axes."""
         found = components(vector, axes)
         if any(moves(c) for c in found):
             raise Trouble(f"{what} is not constant in its body: {vector}")
         return [self.text(c) for c in found]
 
     def body_of_point(self, point: Any) -> tuple[Frame, list[str]]:
-        """The body in which a point is fixed, and where."""
+        """The body in which a point is fixed, and the point's components."""
         places = [(frame, _place(point, frame)) for frame in self.all_frames()]
         for simplified in (False, True):
             for frame, place in places:
@@ -168,7 +168,7 @@ class SympySystem:
                     found = [c.simplify() for c in place] if simplified else place
                     if not any(map(moves, found)):
                         return frame, [self.text(c) for c in found]
-        raise Trouble(f"point {point} is fixed in no body; forces act on points that are fixed in bodies")
+        raise Trouble(f"point {point} is not fixed in a body; forces need points that are fixed in bodies")
 
     def body_of_frame(self, axes: Any) -> Frame:
         """The body in which a reference frame is fixed."""
@@ -179,16 +179,16 @@ class SympySystem:
                 continue
             if not any(map(moves, turned)):
                 return frame
-        raise Trouble(f"frame {axes} is fixed in no body; torques act on frames of bodies")
+        raise Trouble(f"frame {axes} is not fixed in a body; torques need frames of bodies")
 
     def all_frames(self) -> list[Frame]:
-        """The frames of the bodies, each once, moving ones first."""
+        """The frames of the bodies, each once, moving bodies first."""
         every = {id(f): f for f in self.frames.values()}.values()
         return sorted(every, key=lambda f: f.name == GROUND)
 
 
 def components(vector: Any, axes: Any) -> list[Any]:
-    """Components of a vector of sympy; a list of three expressions."""
+    """The three components of a sympy vector in some axes."""
     if vector == 0:
         import sympy
 
@@ -197,14 +197,14 @@ def components(vector: Any, axes: Any) -> list[Any]:
 
 
 def moves(e: Any) -> bool:
-    """Whether an expression depends on functions of time, or on time."""
+    """Whether an expression depends on time, directly or through functions of time."""
     from sympy.core.function import AppliedUndef
 
     return bool(e.atoms(AppliedUndef)) or time() in e.free_symbols
 
 
 def _place(point: Any, frame: Frame) -> list[Any] | None:
-    """Where a point is, from the origin of a body, in its axes; None where sympy does not know."""
+    """Position of a point from the origin of a body, in its axes; None if sympy does not know it."""
     try:
         return components(point.pos_from(frame.origin), frame.axes)
     except ValueError:
@@ -212,17 +212,17 @@ def _place(point: Any, frame: Frame) -> list[Any] | None:
 
 
 def read_bodies(found: SympySystem, joints: Iterable[Any], bodies: Iterable[Any], inertial: Any, origin: Any) -> None:
-    """The tree of bodies and joints.
+    """Read the tree of bodies and joints.
 
     Parameters
     ----------
     found : SympySystem
-        Gets frames, symbols and the section ``bodies``.
+        Receives frames, symbols and the section ``bodies``.
     joints, bodies : iterable of Joint and of body
     inertial : ReferenceFrame
         The inertial axes.
     origin : Point or None
-        A point at rest; left out: the mass centre of the first body on the ground.
+        A point at rest; by default the mass centre of the first body on the ground.
     """
     waiting = list(joints)
     known, carried = _in_order(list(bodies), waiting), {id(j.child) for j in waiting}
@@ -230,29 +230,29 @@ def read_bodies(found: SympySystem, joints: Iterable[Any], bodies: Iterable[Any]
     at_rest = [b for b in known if b not in roots and id(b) not in carried and _is_at_rest(b, inertial)]
     if not roots and not at_rest:
         message = (
-            "no body is at rest in the inertial frame; a joint has to carry the first body, see System.from_newtonian"
+            "no body is at rest in the inertial frame; a joint must carry the first body, see System.from_newtonian"
         )
         raise ModelError([Problem(FILE, None, None, "bodies", message)])
     ground = Frame(GROUND, inertial, (roots or at_rest)[0].masscenter if origin is None else origin)
     names = names_for(dict.fromkeys(str(b.name) for b in known if b not in roots))
-    for on_ground in (roots, at_rest):  # bodies that joints carry may be at rest, too
+    for on_ground in (roots, at_rest):  # bodies that joints carry may also be at rest
         found.frames |= {body: ground for body in on_ground if body not in found.frames}
         waiting = _follow(found, waiting, names)
     for body in known:
         if body not in found.frames:
-            message = f"no joint carries this body; every body needs one of sympy's joints: {JOINTS}"
+            message = f"no joint carries this body; every body needs one of these joints: {JOINTS}"
             found.report(f"bodies.{body.name}", message)
 
 
 def _follow(found: SympySystem, joints: list[Any], names: Mapping[str, str]) -> list[Any]:
-    """Read the joints that known bodies carry, from the inside to the outside; the others are left."""
+    """Read the joints on known bodies, outward from the ground; returns the joints that remain."""
     waiting, count = joints, -1
     while len(waiting) != count:
         count, joints, waiting = len(waiting), waiting, []
         for joint in joints:
             ends = [b in found.frames for b in (joint.parent, joint.child)]
             if all(ends):
-                found.report(f"joints.{joint.name}", "closes a loop; in sympy, holonomic constraints close loops")
+                found.report(f"joints.{joint.name}", "closes a loop; write the loop as holonomic constraints")
             elif any(ends):
                 try:
                     _read_joint(found, joint, names, 1 if ends[0] else -1)
@@ -264,13 +264,13 @@ def _follow(found: SympySystem, joints: list[Any], names: Mapping[str, str]) -> 
 
 
 def _in_order(bodies: list[Any], joints: list[Any]) -> list[Any]:
-    """All bodies, each once, those of joints too."""
+    """All bodies once each, including those of joints."""
     every = [*bodies, *(b for j in joints for b in (j.parent, j.child))]
     return list({id(b): b for b in every}.values())
 
 
 def _is_at_rest(body: Any, inertial: Any) -> bool:
-    """Whether the axes of a body are those of the ground, or fixed to them."""
+    """Whether the axes of a body are fixed to the ground."""
     axes = getattr(body, "frame", None)
     if axes is None:
         return False
@@ -281,9 +281,9 @@ def _is_at_rest(body: Any, inertial: Any) -> bool:
 
 
 def _read_joint(found: SympySystem, joint: Any, names: Mapping[str, str], sign: int) -> None:
-    """A joint, and the body that it carries.
+    """Add a joint, and the body that it carries.
 
-    The axes of the model's body are those of sympy's interframe, its origin is the point of the joint.
+    The axes of the model's body are those of sympy's interframe; its origin is the joint's point.
     """
     parent, child = (joint.parent, joint.child)[::sign]
     inner, outer = (joint.parent_interframe, joint.child_interframe)[::sign]
@@ -313,7 +313,7 @@ def _read_joint(found: SympySystem, joint: Any, names: Mapping[str, str], sign: 
 
 
 def _axis(texts: list[str]) -> Any:
-    """``x``, ``-z``, or three components."""
+    """Text of an axis: ``x``, ``-z``, or three components."""
     along = [i for i in range(3) if texts[i] != "0"]
     if len(along) == 1 and texts[along[0]] in ("1", "-1"):
         return texts[along[0]].rstrip("1") + "xyz"[along[0]]
@@ -331,19 +331,19 @@ def _mass(found: SympySystem, body: Any, frame: Frame) -> dict[str, Any]:
     if hasattr(body, "central_inertia") and body.central_inertia != 0:
         matrix = body.central_inertia.to_matrix(frame.axes)
         if any(map(moves, matrix)):
-            raise Trouble("the inertia of the body is not constant in it")
+            raise Trouble("the inertia is not constant in the body; it must be")
         six = {"xyz"[i] + "xyz"[j]: matrix[i, j] for i in range(3) for j in range(i, 3)}
         found.products |= {value for key, value in six.items() if key[0] != key[1] and value.is_Symbol}
         if inertia := {key: found.text(value) for key, value in six.items() if value != 0}:
             entry["inertia"] = inertia
     if body.potential_energy != 0:
-        remark = "counts in Lagrange's method and not in Kane's; forces are read from loads"
+        remark = "sympy uses it in Lagrange's method but not in Kane's; forces are read from loads only"
         found.robot.leave_out("potential_energy of bodies", None, Effect.UNKNOWN, remark)
     return entry
 
 
 def joint_steps(joint: Any, sign: int) -> list[Step]:
-    """The joints of the model that a joint of sympy's is, from the inside to the outside."""
+    """The joints of the model that are equivalent to a sympy joint, outward."""
     kind = type(joint).__name__
     q, u = tuple(joint.coordinates), tuple(joint.speeds)
     if kind == "WeldJoint":
@@ -354,7 +354,7 @@ def joint_steps(joint: Any, sign: int) -> list[Step]:
         order = slice(None, None, -1 if kind == "CylindricalJoint" else 1)  # the model format slides first
         return [Step(keys, q[order], u[order])]
     if kind not in ("PlanarJoint", "SphericalJoint"):
-        raise Trouble(f"a {kind}; joints of a model are {JOINTS}")
+        raise Trouble(f"a {kind} is not supported; joints of a model are {JOINTS}")
     if sign < 0:
         raise Trouble(f"the child of this {kind} carries its parent; exchange the two bodies")
     if kind == "PlanarJoint":
@@ -363,11 +363,11 @@ def joint_steps(joint: Any, sign: int) -> list[Step]:
 
 
 def _spherical(joint: Any, q: tuple[Any, ...], u: tuple[Any, ...]) -> list[Step]:
-    """Three hinges, since sympy's coordinates are angles."""
+    """Three revolute joints, since sympy's coordinates are angles."""
     letters = str(joint._rot_order).upper().translate(str.maketrans("123", "XYZ"))
     amounts = list(q if joint._amounts is None else joint._amounts)
     if sorted(map(str, amounts)) != sorted(map(str, q)):
-        raise Trouble(f"amounts {amounts}; the three coordinates, each once, are allowed")
+        raise Trouble(f"amounts {amounts} are not supported; use the three coordinates, each once")
     turns = list(zip(letters, amounts, strict=True))
     if joint._rot_type.upper() == "SPACE":
         turns.reverse()

@@ -1,4 +1,4 @@
-"""Plain data as the text of a model file."""
+"""Plain data written as the text of a model file."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def model_text(head: Sequence[str], sections: Mapping[str, Any]) -> str:
     Parameters
     ----------
     head : sequence of str
-        Lines of the comment at the head.
+        Lines of the comment at the top.
     sections : mapping
-        Sections in their order, with texts and numbers at their leaves.
+        Sections in their order, with texts and numbers as values.
     """
     lines = [f"# {line}".rstrip() for line in head]
     for key, value in sections.items():
@@ -35,7 +35,7 @@ def model_text(head: Sequence[str], sections: Mapping[str, Any]) -> str:
 
 
 def _block(name: str, entry: Mapping[str, Any]) -> list[str]:
-    """An entry with a line for each key."""
+    """An entry with one line for each key."""
     return [f"  {name}:", *(f"    {key}: {_flow(value)}" for key, value in entry.items())]
 
 

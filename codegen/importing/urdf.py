@@ -1,4 +1,4 @@
-"""URDF: links and joints of a tree, see http://wiki.ros.org/urdf/XML."""
+"""Import of URDF: links and joints of a tree, see http://wiki.ros.org/urdf/XML."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ TYPES: Final = {
 }  # fmt: skip
 
 DRAKE_TYPES: Final = {"ball": "spherical", "universal": "universal", "planar": "planar", "screw": "screw"}
-"""Of <drake:joint>; those of universal and planar joints turn about the axes of the joint's frame."""
+"""Types of <drake:joint>; universal and planar joints there use the axes of the joint's frame."""
 _DRAKES: Final = "drake:joint"
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 LOOP_TYPES: Final = {
@@ -59,7 +59,7 @@ _MEANT: Final = {
     "hardwareInterface": ("controllers", Effect.DRIVEN), "contact": ("contacts", Effect.STOPS),
     "contact_coefficients": ("contacts", Effect.STOPS), "self_collision_checking": ("contacts", Effect.STOPS),
     "verbose": ("", Effect.NONE), "collision_checking": ("contacts", Effect.STOPS), "audio_source": ("", Effect.NONE),
-    "loop_joint": ("a loop; say it with --loops", Effect.DIFFERS),
+    "loop_joint": ("a loop; add it with --loops", Effect.DIFFERS),
     "drake:ball_constraint": ("a constraint of Drake's", Effect.DIFFERS),
     "drake:linear_bushing_rpy": ("a force of Drake's", Effect.DIFFERS),
     "linear_bushing_rpy": ("a force of Drake's", Effect.DIFFERS),
@@ -67,12 +67,12 @@ _MEANT: Final = {
     "frame": ("a frame of Drake's", Effect.NONE),
     "drake:collision_filter_group": ("contacts", Effect.STOPS), "collision_filter_group": ("contacts", Effect.STOPS),
 }  # fmt: skip
-"""Elements that have no place in a model: what they are for, and what their absence does."""
+"""Elements that the model format lacks: a remark, and the effect of their absence."""
 _ACTING: Final = {
     "joint", "link", "springStiffness", "springReference", "spring_stiffness", "dampingFactor", "damping", "gravity",
     "turnGravityOff", "implicitSpringDamper", "kinematic", "static",
 }  # fmt: skip
-"""Children of <gazebo> that change how a robot moves there."""
+"""Children of <gazebo> that change the motion of a robot there."""
 _ATTRIBUTES: Final = {
     "origin": {"xyz", "rpy", "quat_xyzw"}, "axis": {"xyz"}, "mass": {"value"}, "parent": {"link"}, "child": {"link"},
     "inertia": {"ixx", "iyy", "izz", "ixy", "ixz", "iyz"}, "dynamics": {"damping", "friction"},
@@ -81,11 +81,9 @@ _ATTRIBUTES: Final = {
     "parent_origin": {"xyz", "rpy", "quat_xyzw"}, "child_origin": {"xyz", "rpy", "quat_xyzw"},
     "parent_axis": {"xyz"}, "child_axis": {"xyz"}, "constraint": {"name", "type"},
 }  # fmt: skip
-_XACRO: Final = (
-    "the file is a xacro, which puts something in the place of this; expand it first: xacro FILE > robot.urdf"
-)
+_XACRO: Final = "the file is a xacro, in which this element is to be replaced; expand it first: xacro FILE > robot.urdf"
 _QUATERNIONS_SINCE: Final = (1, 1)
-"""The version of URDF that has quat_xyzw."""
+"""First version of URDF with quat_xyzw."""
 
 
 def _radius_and_length(reader: RobotReader, element: Element) -> tuple[float, ...]:
@@ -101,12 +99,12 @@ _SIZES: Final[dict[str, Sizes]] = {
 
 
 def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
-    """The robot of a URDF; with `exact_angles`, 1.5708 means pi/2.
+    """The robot of a URDF; with `exact_angles`, 1.5708 is taken as pi/2.
 
     Raises
     ------
     ModelError
-        With every problem of the file.
+        If the file has errors; it lists all of them.
     """
     return _Reader(root, files, exact_angles).whole()
 
@@ -150,7 +148,7 @@ class _Reader(RobotReader):
             self.check_tree()
 
     def attributes_of_root(self) -> None:
-        """List attributes of <robot> that are not known, and a version that is none."""
+        """List unknown attributes of <robot>, and an invalid version."""
         for key, text in self.root.attributes.items():
             if key == "version" and not is_version(text):
                 what = f"version {shortened(text)} of <robot>"
@@ -159,7 +157,7 @@ class _Reader(RobotReader):
                 self.robot.leave_out(f"attribute {shortened(key)} of <robot>", self.root.line, Effect.UNKNOWN)
 
     def xacro(self) -> Element | None:
-        """The first element that xacro would have replaced."""
+        """The first element that xacro should have replaced."""
         stack = [self.root]
         while stack:
             element = stack.pop()
@@ -170,11 +168,11 @@ class _Reader(RobotReader):
 
     def what_of(self, element: Element) -> tuple[str, Effect]:
         if element.tag == "gazebo" and any(child.tag in _ACTING for child in element.children):
-            return "what Gazebo alone reads", Effect.DIFFERS
+            return "only Gazebo reads it", Effect.DIFFERS
         return super().what_of(element)
 
     def leave_out_rest(self, element: Element, known: set[str]) -> None:
-        """List the children that are not known, and attributes."""
+        """List unknown children and attributes."""
         self.leave_out_children(element, known)
         allowed = _ATTRIBUTES.get(element.tag)
         if allowed is not None:
@@ -186,7 +184,7 @@ class _Reader(RobotReader):
                     )
 
     def origin(self, element: Element, tag: str = "origin") -> Placement:
-        """The frame of an element's <origin>."""
+        """Pose in an element's <origin>."""
         found = self.one(element, tag)
         if found is None:
             return Placement()
@@ -194,7 +192,7 @@ class _Reader(RobotReader):
         xyz = self.attribute(found, "xyz", 3, (0, 0, 0))
         if "quat_xyzw" in found.attributes:
             if self.version < _QUATERNIONS_SINCE:
-                message = 'of version 1.1, ignored as others do; <robot version="1.1"> has it read'
+                message = 'of version 1.1, ignored as other programs do; <robot version="1.1"> enables it'
                 self.robot.leave_out("attribute 'quat_xyzw' of <origin>", found.line, Effect.NONE, message)
             elif "rpy" in found.attributes:
                 self.wrong(found, f"<{tag}> has both rpy and quat_xyzw; one of them is allowed")
@@ -239,7 +237,7 @@ class _Reader(RobotReader):
         return Inertia(value, (0.0, 0.0, 0.0), matrix).seen_from(frame)
 
     def solid(self, element: Element) -> Solid | None:
-        """A primitive of <visual> or <collision>; what else there is is listed."""
+        """A primitive solid of <visual> or <collision>; other shapes are listed as left out."""
         self.leave_out_children(element, ("origin", "geometry"))
         return self.primitive(element, self.origin(element), _SIZES, "filename")
 
@@ -272,7 +270,7 @@ class _Reader(RobotReader):
             self.mimic(mimic, name)
 
     def ends(self, element: Element, what: str) -> list[str]:
-        """The links of <parent> and <child>; fewer than two after a problem."""
+        """The links of <parent> and <child>; fewer than two after an error."""
         ends = []
         for tag in ("parent", "child"):
             end = self.one(element, tag)
@@ -283,14 +281,14 @@ class _Reader(RobotReader):
             if link is None:
                 continue
             if link == "world" and tag == "parent" and link not in self.robot.links:
-                link = WORLD  # as Drake reads it
+                link = WORLD  # as in Drake
             elif link not in self.robot.links:
                 self.unknown(end, "link", link, list(self.robot.links))
             ends.append(link)
         return ends
 
     def constraint(self, element: Element, name: str) -> None:
-        """A <constraint>: a joint that closes a loop, with a face and an axis in each of its links."""
+        """Add a <constraint>: a joint that closes a loop, with a face and an axis in each link."""
         self.leave_out_rest(element, _CONSTRAINT)
         what = f"constraint {shortened(name)}"
         type_ = self.type_of(element, what, LOOP_TYPES, "are allowed")
@@ -308,9 +306,7 @@ class _Reader(RobotReader):
             else:
                 axes = (first,)
                 if closing == "prismatic" and direction(first) != direction(second):
-                    message = (
-                        "has other axes in its links; turn the faces by <parent_origin> and <child_origin> instead"
-                    )
+                    message = "has different axes in its links; rotate the faces by <parent_origin> and <child_origin>"
                     self.wrong(element, f"{what}, prismatic, {message}")
                 end = end @ Placement(rotation=turning(direction(first), direction(second)))
         if len(ends) == 2 and ends[0] == ends[1]:
@@ -323,7 +319,7 @@ class _Reader(RobotReader):
         self.robot.closings.append(Closing(made_name(name), place, closing, (ends[0], start), (ends[1], end), axes))
 
     def transmission(self, element: Element) -> None:
-        """A <transmission>: what Drake adds, the inertia of a rotor, is the armature of the joint."""
+        """Add a <transmission>: Drake's rotor inertia becomes the joint's armature."""
         self.leave_out(element)
         joint, actuator = element.first("joint"), element.first("actuator")
         if joint is None or actuator is None:
@@ -346,7 +342,7 @@ class _Reader(RobotReader):
         self.leave_out_rest(found, set())
         xyz = self.attribute(found, "xyz", 3, (1, 0, 0))
         if not any(xyz):
-            self.wrong(found, 'the axis is 0 0 0, which is no direction; such as xyz="0 0 1" is needed')
+            self.wrong(found, 'the axis is 0 0 0, which has no direction; write one such as xyz="0 0 1"')
             return (1.0, 0.0, 0.0)
         return as_three(xyz)
 
@@ -367,7 +363,7 @@ class _Reader(RobotReader):
             self.robot.couplings.append(Coupling(joint, place_of(element), joint, other, ratio, offset))
 
     def check_tree(self) -> None:
-        """Every link but one is carried by one joint."""
+        """Check that every link but one is the child of exactly one joint."""
         robot = self.robot
         carried: dict[str, RobotJoint] = {}
         for joint in robot.joints.values():
@@ -384,7 +380,7 @@ class _Reader(RobotReader):
             joint = next(iter(robot.joints.values()))
             circle = self.circle(joint.child, carried)
             self.problems.append(carried[circle[0]].place.problem(
-                f"every link is carried by another one: {_around(circle)}; one link must be the root"
+                f"every link is the child of a joint: {_around(circle)}; one link must be the root"
             ))  # fmt: skip
             return
         for name in roots[1:]:
@@ -404,7 +400,7 @@ class _Reader(RobotReader):
         if lost is not None:
             circle = self.circle(lost, carried)
             self.problems.append(robot.links[circle[0]].place.problem(
-                f"links carry each other in a circle: {_around(circle)}; "
+                f"joints form a circle of links: {_around(circle)}; "
                 f"one of them must be the child of a link that leads to the root {shortened((roots or on_ground)[0])}"
             ))  # fmt: skip
 

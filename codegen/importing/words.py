@@ -1,4 +1,4 @@
-"""Numbers, vectors and comments as a model file has them."""
+"""Texts of numbers, vectors and comments in a model file."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Final
 from .placement import Three, pi_text
 
 WIDTH: Final = 118
-"""Characters of a comment."""
+"""Width of a comment in characters."""
 
 
 def number(value: float) -> str:
-    """The shortest text that is read as the same number; whole ones without point."""
+    """The shortest text that is read as the same number; integers without a point."""
     if value == 0:
         return "0"
     if abs(value) < 1e15 and value == int(value):
@@ -26,7 +26,7 @@ def number(value: float) -> str:
 
 
 def angle(value: float) -> str:
-    """A number, as a part of pi where it is exactly one."""
+    """Text of an angle, as a fraction of pi if it is exactly one."""
     return pi_text(value) or number(value)
 
 
@@ -44,11 +44,11 @@ def axis_text(axis: Three) -> str:
 
 
 def one_line(text: str, longest: int = 80) -> str:
-    """A text of a file in a comment."""
+    """Text from a robot's file, shortened to one line for a comment."""
     text = text if text.isprintable() else repr(text)[1:-1]
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def wrapped(text: str, width: int = WIDTH) -> list[str]:
-    """Lines of a comment; what follows the first is indented."""
+    """Lines of a comment; lines after the first are indented."""
     return textwrap.wrap(text, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False) or [""]

@@ -1,4 +1,4 @@
-"""The text of a model, as a person would have written it."""
+"""Writes the text of a model file as a person would."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .solids import moments
 from .words import WIDTH, angle, axis_text, number, one_line, vector, wrapped
 
 _AGREES: Final = 1e-9
-"""So nearly, relative to the largest, the numbers of a shape must be those of the file."""
+"""Relative tolerance for the mass properties of a shape to count as those of the file."""
 SHAPES: Final = ("box", "cylinder", "capsule", "sphere")
-"""Solids that the model format has."""
+"""Solids in the model format."""
 _COORDINATES: Final = {
     "cylindrical": ("1", "2"), "planar": ("1", "2", "3"), "universal": ("1", "2"),
     "spherical": ("wx", "wy", "wz"), "free": ("wx", "wy", "wz", "vx", "vy", "vz"),
 }  # fmt: skip
-"""What stands behind the name in the speeds of joints with several freedoms."""
+"""Suffixes of the speed names of joints with several degrees of freedom."""
 
 
 class ModelWriter:
@@ -34,16 +34,16 @@ class ModelWriter:
     robot : Robot
     bodies : Bodies
     name : str
-        Of the model.
+        Name of the model.
     names : dict of str to str
-        Of links, in the model.
+        Names of the links in the model.
     parameters : Parameters
     head : sequence of str
-        Lines of the comment at the head.
+        Lines of the comment at the top.
     sections : dict of str to sequence of str
-        Lines of sections that come from elsewhere.
+        Lines of sections that are made elsewhere.
     motors : bool
-        Whether every freedom of joints, but not of the base, has an input.
+        Whether every degree of freedom of a joint, except those of the base, has an input.
     """
 
     def __init__(
@@ -68,8 +68,8 @@ class ModelWriter:
         self.mark_names: dict[str, str] = {}
 
     def text(self) -> str:
-        """The whole file."""
-        bodies = [line for body in self.bodies.all.values() for line in self.body(body)]  # may need parameters
+        """The text of the whole file."""
+        bodies = [line for body in self.bodies.all.values() for line in self.body(body)]  # adds parameters
         points = self.points()
         inputs, forces = self.forces()
         parts: list[tuple[str, Sequence[str]]] = [
@@ -101,7 +101,7 @@ class ModelWriter:
         return "\n".join(lines) + "\n"
 
     def body(self, body: ImportedBody) -> list[str]:
-        """The entry of a body."""
+        """The lines of a body."""
         joint, words = body.joint, body.words
         keys = [f"type: {joint.type}", *_axis_keys(joint.type, joint.axes)]
         if joint.pitch:
@@ -120,7 +120,7 @@ class ModelWriter:
         return lines + [f"  {line}" for line in self.mass(body, name)]
 
     def mass(self, body: ImportedBody, name: str) -> list[str]:
-        """Mass, com and inertia of a body, or a shape that has them."""
+        """Mass, com and inertia of a body, or an equivalent shape."""
         mass, com, matrix = body.inertia.mass, body.inertia.com, body.inertia.matrix
         shape = None if body.words & {"mass", "com", "inertia"} else shape_of(body)
         if shape is not None:
@@ -140,7 +140,7 @@ class ModelWriter:
         return lines
 
     def points(self) -> list[str]:
-        """Links that are no bodies, as points, with how they are turned as a comment; then marks."""
+        """Lines of points: links that are not bodies, with their rotation in a comment; then marks."""
         lines = []
         every = self.bodies.merged_frames()
         for link, holder, own in every:
@@ -160,12 +160,12 @@ class ModelWriter:
         return lines
 
     def point(self, name: str, holder: str, at: Three, remark: str) -> str:
-        """The entry of a point."""
+        """The line of a point."""
         place = f", at: {vector(at)}" if any(at) else ""
         return f"{name}: {{body: {self.names[holder]}{place}}}" + (f"  # {remark}" if remark else "")
 
     def closing(self, closing: Closing) -> list[str]:
-        """The entry of a loop."""
+        """The lines of a loop."""
         keys = [f"type: {closing.type}", *_axis_keys(closing.type, closing.axes)]
         lines = [f"{closing.name}:", f"  joint: {{{', '.join(keys)}}}"]
         for key, (link, frame) in (("from", closing.start), ("to", closing.end)):
@@ -175,7 +175,7 @@ class ModelWriter:
         return lines
 
     def couplings(self) -> list[str]:
-        """Joints that follow others."""
+        """Lines of the couplings."""
         lines: list[str] = []
         used = {*self.names.values(), *(closing.name for closing in self.robot.closings)}
         for coupling in self.robot.couplings:
@@ -193,7 +193,7 @@ class ModelWriter:
         return lines
 
     def forces(self) -> tuple[list[str], list[str]]:
-        """Inputs, and forces in joints: dampers, springs, motors."""
+        """Lines of the inputs, and of the forces in joints: dampers, springs, motors."""
         inputs, forces = [], []
         named: dict[str, str] = {}
         further: dict[str, list[str]] = {}
@@ -232,7 +232,7 @@ class ModelWriter:
         return inputs, forces
 
     def initial(self) -> list[str]:
-        """Coordinates and speeds in which the robot begins."""
+        """Lines of the initial coordinates and speeds."""
         q, u = [], []
         for link, body in self.bodies.all.items():
             if body.joint.name in self.robot.locked:
@@ -246,19 +246,19 @@ class ModelWriter:
 
 
 def _listed(values: Sequence[str]) -> str:
-    """One value, or a list; quoted where a comma would end it."""
+    """One value, or a list; a value with a comma is quoted."""
     if len(values) == 1:
         return f'"{values[0]}"' if "," in values[0] else values[0]
     return f"[{', '.join(_listed([value or '0']) for value in values)}]"
 
 
 def _times(factor: float, what: str) -> str:
-    """``-2*x``, ``-x``."""
+    """A product such as ``-2*x`` or ``-x``."""
     return what if factor == 1 else f"-{what}" if factor == -1 else f"{number(factor)}*{what}"
 
 
 def _unit(count: int) -> tuple[float, ...]:
-    """The coordinates of a free or spherical joint that has not moved."""
+    """Coordinates of a free or spherical joint in its reference pose."""
     return tuple(1.0 if k == count - 4 else 0.0 for k in range(count))
 
 
@@ -280,7 +280,7 @@ def _place_keys(frame: Placement, at: str | None = None) -> list[str]:
 
 
 def shape_of(body: ImportedBody) -> str | None:
-    """The primitive of a body whose mass properties are the body's, as an entry."""
+    """Entry of the primitive solid that has a body's mass properties; None if there is none."""
     inertia = body.inertia
     if inertia.mass <= 0:
         return None
@@ -304,7 +304,7 @@ def _agrees(solid: Solid, mass: float, com: Three, matrix: Any) -> bool:
 
 
 def _box_axes(frame: Placement) -> list[int] | None:
-    """Which edge of a box is along each axis of the body; None if they stand askew."""
+    """The edge of a box along each axis of the body; None if the box is not aligned with the axes."""
     size = np.abs(frame.rotation)
     return [int(i) for i in np.argmax(size, axis=1)] if np.all((size == 0) | (size == 1)) else None
 

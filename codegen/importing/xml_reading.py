@@ -1,8 +1,7 @@
-"""XML to elements that remember their lines; nothing but elements, attributes and text is read.
+"""XML parsed into elements with line numbers; only elements, attributes and text are read.
 
-The parser is that of defusedxml, which refuses document types, and with them entities, default attributes and files
-elsewhere. Two liberties that Pinocchio, MuJoCo and Drake take are taken here too: two dashes within a comment, and
-blanks before the declaration.
+The parser is that of defusedxml. It rejects document types, and so entities, default attributes and external files. As in
+Pinocchio, MuJoCo and Drake, two things are tolerated: two dashes in a comment, and blanks before the declaration.
 """
 
 from __future__ import annotations
@@ -45,12 +44,12 @@ class Element:
     tag : str
     attributes : dict of str to str
     line, column : int
-        Where it begins, counted from 1.
+        Where the element begins, counted from 1.
     file : str
-        As messages name it.
+        The file's name in messages.
     children : list of Element
     text : str
-        All text directly in it.
+        All text directly in the element.
     """
 
     tag: str
@@ -62,15 +61,15 @@ class Element:
     text: str = ""
 
     def all(self, *tags: str) -> Iterator[Element]:
-        """Its children of these tags."""
+        """The children with one of these tags."""
         return (c for c in self.children if c.tag in tags)
 
     def first(self, tag: str) -> Element | None:
-        """Its first child of this tag."""
+        """The first child with this tag."""
         return next(self.all(tag), None)
 
     def problem(self, message: str, severity: str = "error") -> Problem:
-        """Something wrong here."""
+        """A problem at this element."""
         return Problem(self.file, self.line, self.column, "", within_a_line(message), severity)
 
 
@@ -80,7 +79,7 @@ def read_robot_file(path: str | Path) -> bytes:
     Raises
     ------
     ModelError
-        If it cannot be read, is a named pipe or another file without an end, is empty or too large.
+        If the file cannot be read to its end (a named pipe, for instance), is empty or too large.
     """
     message = no_regular_file(path)
     if message is not None:
@@ -92,7 +91,7 @@ def read_robot_file(path: str | Path) -> bytes:
 
 
 def no_regular_file(path: str | os.PathLike[str]) -> str | None:
-    """What a path names that is there and cannot be read to an end; pipes of this process, such as /dev/stdin, can be."""
+    """Why a path cannot be read to an end, such as a named pipe; pipes of this process, such as /dev/stdin, are allowed."""
     try:
         mode = os.stat(path).st_mode
         resolved = os.path.realpath(path)
@@ -109,7 +108,7 @@ def parse_xml(data: bytes | str, file: str) -> Element:
     Raises
     ------
     ModelError
-        If it is no XML, has a document type, or goes beyond every robot.
+        If the text is not XML, has a document type, or exceeds the limits.
     """
     from defusedxml import DefusedXmlException
     from defusedxml.expatreader import create_parser
@@ -129,17 +128,15 @@ def parse_xml(data: bytes | str, file: str) -> Element:
     try:
         parser.parse(source)
     except DefusedXmlException:
-        message = (
-            "a document type (DOCTYPE), with which entities and default attributes come, is not read; leave it out"
-        )
+        message = "a document type (DOCTYPE) is not read, since it can bring entities and default attributes; remove it"
         raise ModelError([handler.problem(message)]) from None
     except SAXParseException as error:
         message = (
-            f"this is not XML: {error.getMessage()}; every <element> needs its </element>, every attribute its quotes"
+            f"this is not XML: {error.getMessage()}; every <element> needs an </element>, every attribute needs quotes"
         )
         line, column = error.getLineNumber() or 1, (error.getColumnNumber() or 0) + 1
         raise ModelError([Problem(file, line, column, "", message)]) from None
-    except (SAXException, LookupError, ValueError) as error:  # encodings; characters that no text has
+    except (SAXException, LookupError, ValueError) as error:  # unknown encodings, and invalid characters
         raise ModelError([Problem(file, 1, 1, "", f"this is not XML: {error}; write the file in UTF-8")]) from None
     if handler.root is None:
         raise ModelError([Problem(file, 1, 1, "", "this is not XML: no element")])
@@ -147,12 +144,12 @@ def parse_xml(data: bytes | str, file: str) -> Element:
 
 
 def _tolerated(data: bytes) -> tuple[bytes, str | None]:
-    """The text without what only a strict parser refuses, every byte in its place; and an encoding that was taken out.
+    """The text without two faults that only a strict parser rejects, with every byte in its place; and the removed encoding.
 
-    Comments become blank ones, and so does a declaration that does not stand at the beginning.
+    Comments are replaced by blanks, and so is a declaration that is not at the beginning.
     """
     if b"\0" in data[:4] or data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data, None  # of two or four bytes a character
+        return data, None  # encodings with two or four bytes per character
     found, place = [], 0
     while (opening := _OPENINGS.search(data, place)) is not None:
         ending = _ENDINGS[opening[0]]
@@ -179,7 +176,7 @@ def _blanks(match: re.Match[bytes]) -> bytes:
 
 
 class _Handler(ContentHandler):
-    """Takes what the parser finds."""
+    """Builds the elements from the parser's events."""
 
     def __init__(self, file: str) -> None:
         super().__init__()
@@ -201,9 +198,9 @@ class _Handler(ContentHandler):
     def startElement(self, name: str, attrs: Any) -> None:
         self.count += 1
         if self.count > MAX_ELEMENTS:
-            raise ModelError([self.problem(f"more than {MAX_ELEMENTS} elements; robots have far fewer")])
+            raise ModelError([self.problem(f"more than {MAX_ELEMENTS} elements; simplify the file")])
         if len(self.open) >= MAX_DEPTH:
-            raise ModelError([self.problem(f"more than {MAX_DEPTH} levels of nesting; robots have far fewer")])
+            raise ModelError([self.problem(f"more than {MAX_DEPTH} levels of nesting; simplify the file")])
         element = Element(name, dict(attrs.items()), *self.place(), self.file)
         if self.open:
             self.open[-1][0].children.append(element)

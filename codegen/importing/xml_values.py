@@ -1,4 +1,4 @@
-"""Numbers and names in attributes and text of XML, with what is wrong with them, and what readers of a robot in XML share."""
+"""Numbers and names in XML attributes and text, with their errors, and what the URDF and SDF readers share."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .xml_reading import Element
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _LARGEST: Final = 1e150
-"""Of numbers whose squares are still numbers."""
+"""Largest number accepted; its square is still finite."""
 _LONGEST: Final = 400
-"""Characters of a number."""
+"""Largest length of the text of a number."""
 
 
 class Values:
-    """Reads values of elements and gathers what is wrong.
+    """Reads values of elements and collects the errors.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Values:
     Parameters
     ----------
     exact_angles : bool
-        Whether 1.5708 means pi/2.
+        Whether 1.5708 is taken as pi/2.
     """
 
     def __init__(self, exact_angles: bool = False) -> None:
@@ -42,11 +42,11 @@ class Values:
         self.exact_angles = exact_angles
 
     def wrong(self, element: Element, message: str) -> None:
-        """Something wrong with an element."""
+        """Report an error about an element."""
         self.problems.append(element.problem(message))
 
     def numbers(self, element: Element, what: str, text: str, count: int) -> tuple[float, ...] | None:
-        """So many numbers of a text, or None after a problem."""
+        """The numbers in a text, which must be `count`; None after an error."""
         parts = text.split()
         named = f"{what} of <{element.tag}>"
         hint = "; expand the file with xacro first: xacro FILE > robot.urdf" if "${" in text or "$(" in text else ""
@@ -66,7 +66,7 @@ class Values:
         return tuple(found)
 
     def attribute(self, element: Element, key: str, count: int, default: Sequence[float]) -> tuple[float, ...]:
-        """Numbers of an attribute; the default where it is left out or wrong."""
+        """Numbers of an attribute; the default if it is absent or wrong."""
         text = element.attributes.get(key)
         if text is None:
             return tuple(default)
@@ -74,18 +74,18 @@ class Values:
         return tuple(default) if found is None else found
 
     def angles(self, values: Sequence[float]) -> tuple[float, ...]:
-        """Angles, those that are parts of pi but for missing digits made exact if that is wanted."""
+        """Angles; with `exact_angles`, those close to multiples of pi/12 become exact."""
         return tuple(pi_multiple(cut_twelfths(v)) or v for v in values) if self.exact_angles else tuple(values)
 
     def number(self, element: Element, key: str, default: float | None = 0.0) -> float:
-        """A number of an attribute; without default it is obligatory."""
+        """A number of an attribute, which is required if there is no default."""
         if default is None and key not in element.attributes:
             self.wrong(element, f'<{element.tag}> has no {key}; {key}="..." is needed')
             return 0.0
         return self.attribute(element, key, 1, (default or 0.0,))[0]
 
     def quaternion(self, element: Element, wxyz: Sequence[float]) -> Array:
-        """The rotation of a quaternion; a problem where it is none."""
+        """The rotation of a quaternion; an error if it has no direction."""
         size = math.sqrt(sum(v * v for v in wxyz)) if max(map(abs, wxyz)) < _LARGEST else math.inf
         if not 0 < size < math.inf:
             self.wrong(element, "the quaternion is 0 0 0 0 or too large; x y z w of length 1 are needed")
@@ -94,14 +94,14 @@ class Values:
         return of_quaternion(w, x, y, z)
 
     def content(self, element: Element | None, count: int, default: Sequence[float]) -> tuple[float, ...]:
-        """Numbers between an element's tags; the default where it is None or wrong."""
+        """Numbers in an element's text; the default if the element is None or wrong."""
         if element is None:
             return tuple(default)
         found = self.numbers(element, "the text", element.text, count)
         return tuple(default) if found is None else found
 
     def name(self, element: Element, key: str = "name") -> str | None:
-        """A name in an attribute, or None after a problem."""
+        """A name in an attribute; None after an error."""
         text = element.attributes.get(key, "").strip()
         if not text:
             self.wrong(element, f'<{element.tag}> has no {key}; {key}="..." is needed')
@@ -109,21 +109,19 @@ class Values:
         return text
 
     def new_name(self, element: Element, known: dict[str, Place], what: str) -> str | None:
-        """A name that none of `known` has, which is added to them; None after a problem."""
+        """A name that is not in `known`, to which it is added; None after an error."""
         name = self.name(element)
         if name is None:
             return None
         if name in known:
             where = f" in line {known[name].line}" if known[name].line else ""
-            self.wrong(
-                element, f"{what} {shortened(name)} is there already{where}; every {what} needs a name of its own"
-            )
+            self.wrong(element, f"{what} {shortened(name)} is already used{where}; every {what} needs a different name")
             return None
         known[name] = place_of(element)
         return name
 
     def one(self, element: Element, tag: str) -> Element | None:
-        """The child of a tag that may stand once."""
+        """The only child with a tag; an error if there are several."""
         found = list(element.all(tag))
         for other in found[1:]:
             self.wrong(
@@ -132,7 +130,7 @@ class Values:
         return found[0] if found else None
 
     def unknown(self, element: Element, what: str, name: str, known: Sequence[str]) -> None:
-        """A name that means nothing."""
+        """Report an unknown name."""
         shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
         self.wrong(
             element, f"{what} {shortened(name)} is not in this file; known are {shown or 'none'}{nearest(name, known)}"
@@ -140,24 +138,24 @@ class Values:
 
 
 class RobotReader(Values, ABC):
-    """What reading a URDF and reading an SDF have in common; each format's reader fills `robot` in its `read`.
+    """Base class of the URDF and SDF readers, whose `read` methods fill `robot`.
 
     Attributes
     ----------
     root : Element
     files : Files
-        Finds what the file names.
+        Finds the files that the robot's file names.
     robot : Robot
     meant : mapping
-        Elements that have no place in a model, by tags: what they are for, and what their absence does.
+        Elements that the model format lacks, by tag: a remark, and the effect of their absence.
 
     Parameters
     ----------
     root : Element
-        Of the file.
+        Root element of the file.
     files : Files
     exact_angles : bool
-        Whether 1.5708 means pi/2.
+        Whether 1.5708 is taken as pi/2.
     """
 
     meant: ClassVar[Mapping[str, tuple[str, Effect]]] = {}
@@ -170,14 +168,14 @@ class RobotReader(Values, ABC):
 
     @abstractmethod
     def read(self) -> None:
-        """Fill `robot`, and gather what is wrong."""
+        """Fill `robot`, and collect the errors."""
 
     def what_of(self, element: Element) -> tuple[str, Effect]:
-        """What an element that has no place in a model is for, and what its absence does."""
+        """Remark about an element that the model format lacks, and the effect of its absence."""
         return self.meant.get(element.tag, ("", Effect.UNKNOWN))
 
     def leave_out(self, element: Element, meant: Mapping[str, tuple[str, Effect]] | None = None) -> None:
-        """List an element that has no place in a model; what it means by the reader's table, or by another one."""
+        """List an element as left out; its remark is from `meant` or from the reader's own table."""
         what, effect = self.what_of(element) if meant is None else meant.get(element.tag, ("", Effect.UNKNOWN))
         self.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
 
@@ -190,7 +188,7 @@ class RobotReader(Values, ABC):
                 self.leave_out(child, meant)
 
     def type_of(self, element: Element, what: str, known: Collection[str], are: str = "are joints") -> str | None:
-        """The type in an element's attribute; None after a problem."""
+        """The type in an element's attribute; None after an error."""
         type_ = self.name(element, "type")
         if type_ is None or type_ in known:
             return type_
@@ -198,17 +196,17 @@ class RobotReader(Values, ABC):
         return None
 
     def primitive(self, shown: Element, frame: Placement, sizes: Mapping[str, Sizes], file: str) -> Solid | None:
-        """The solid in the <geometry> of a <visual> or <collision>; it is listed, as is what is none.
+        """The solid in the <geometry> of a <visual> or <collision>; other shapes are listed as left out.
 
         Parameters
         ----------
         shown : Element
         frame : Placement
-            Of its middle, in the link.
+            Pose of its centre in the link.
         sizes : dict of str to callable
-            What reads the sizes of each solid.
+            For each type of solid, the function that reads its sizes.
         file : str
-            The attribute, or the child, of <mesh> that names its file.
+            The attribute or child of <mesh> that names its file.
         """
         geometry, effect = self.one(shown, "geometry"), shown_effect(shown)
         for child in geometry.children if geometry is not None else ():
@@ -228,7 +226,7 @@ class RobotReader(Values, ABC):
         Raises
         ------
         ModelError
-            With every problem of the file, in its order.
+            If the file has errors; it lists all of them in their order.
         """
         self.read()
         if self.problems:
@@ -242,7 +240,7 @@ Sizes = Callable[[RobotReader, Element], tuple[float, ...]]
 
 
 def version_of(text: str) -> tuple[int, int]:
-    """Major and minor of a version, such as 1.11, which is after 1.5; (1, 0) for what is none."""
+    """Major and minor version: 1.11 is after 1.5; (1, 0) if the text is not a version."""
     parts = text.strip().split(".")
     if not all(part.isdigit() and len(part) < 7 for part in parts):
         return 1, 0
@@ -250,20 +248,20 @@ def version_of(text: str) -> tuple[int, int]:
 
 
 def is_version(text: str) -> bool:
-    """Whether a text is a version: two numbers with a point between them."""
+    """Whether a text is a version: two integers with a point between them."""
     return re.fullmatch(r"\d{1,6}\.\d{1,6}", text.strip()) is not None
 
 
 def is_true(text: str) -> bool:
-    """Whether a text says yes: 1 or true, however it is written."""
+    """Whether a text means yes: 1 or true, in any case."""
     return text.strip().lower() in ("1", "true")
 
 
 def shown_effect(element: Element) -> Effect:
-    """What the absence of a <visual> or a <collision> does."""
+    """Effect of leaving out a <visual> or a <collision>."""
     return Effect.STOPS if element.tag == "collision" else Effect.NONE
 
 
 def place_of(element: Element) -> Place:
-    """Where an element stands."""
+    """The place of an element."""
     return Place(element.file, element.line, element.column)

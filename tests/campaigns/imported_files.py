@@ -172,7 +172,7 @@ def models_of(path: Path, kind: str) -> list[str | None]:
     try:
         imported(path, kind)
     except codegen.ModelError as error:
-        if "--model" in str(error) and "that no joint holds together" in str(error):
+        if "--model" in str(error) and "no joint connects them" in str(error):
             root = codegen.importing.xml_reading.parse_xml(path.read_bytes(), str(path))
             worlds = list(root.all("world")) or [root]
             return [m.attributes["name"] for w in worlds for m in w.all("model")]

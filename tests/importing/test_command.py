@@ -39,7 +39,7 @@ def test_another_file_is_replaced_on_request_only(here, capsys):
     assert main(["import", "arm.urdf", "-o", "model.yaml"]) == 2
     assert (
         capsys.readouterr().err
-        == "import: model.yaml exists and is something else; choose another file with -o, or --force\n"
+        == "import: model.yaml exists and differs; choose another file with -o, or use --force\n"
     )
     assert Path("model.yaml").read_text() == "mine"
     assert main(["import", "arm.urdf", "-o", "model.yaml", "--force"]) == 0
@@ -67,7 +67,7 @@ def test_what_is_wrong_is_told_and_nothing_is_written(here, capsys):
     assert main(["import", "arm.urdf", "-o", "no/such/folder/model.yaml"]) == 2
     assert "import: no/such/folder: no such folder; make it first" in capsys.readouterr().err
     assert main(["import", "arm.urdf", "--parameterize", "forearm:weight"]) == 1
-    assert "'weight' is no number of a body" in capsys.readouterr().err
+    assert "'weight' is not a number of a body" in capsys.readouterr().err
     assert not list(here.rglob("*.yaml")) and not list(here.glob(".*"))
 
 

@@ -187,9 +187,12 @@ def test_joints_of_mjcf_that_follow_others_are_couplings(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("mimic", "message"),
     [
-        ('<mimic joint="k"/>', "joint 'r' follows 'k', which is no joint of this file"),
-        ('<mimic joint="r"/>', "joint 'r' follows 'r', which is the joint itself"),
-        ('<mimic joint="l" multiplier="0"/>', "with a multiplier of 0, so that it stands still; make it a fixed joint"),
+        ('<mimic joint="k"/>', "joint 'r' follows 'k', which is not a joint of this file"),
+        ('<mimic joint="r"/>', "joint 'r' follows 'r', which is the same joint"),
+        (
+            '<mimic joint="l" multiplier="0"/>',
+            "with a multiplier of 0, so that it does not move; make it a fixed joint",
+        ),
         ('<mimic joint="f"/>', "joint 'f' is fixed, and revolute, prismatic, screw joints can follow each other"),
     ],
 )

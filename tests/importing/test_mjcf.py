@@ -126,7 +126,7 @@ def test_a_body_of_several_joints_is_a_chain(tmp_path):
         "<actuator>",
         "<sensor>",
     }
-    assert any(what.startswith("<actuator> (line 28): --motors makes inputs") for what in found.left_out)
+    assert any(what.startswith("<actuator> (line 28): --motors adds inputs") for what in found.left_out)
     assert not found.differences
 
 
@@ -295,7 +295,7 @@ def test_what_mujoco_warns_of_is_told_and_no_file_is_left(tmp_path, monkeypatch)
 def test_the_base_of_mjcf_is_in_the_file(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(JOINTS)
-    with pytest.raises(codegen.ModelError, match="--base free is for URDF; an MJCF defines"):
+    with pytest.raises(codegen.ModelError, match="--base free is for URDF; an MJCF specifies"):
         codegen.import_model(path, base="free")
 
 
@@ -309,5 +309,5 @@ def test_an_object_gives_what_its_file_gives(tmp_path):
 
     assert without_comments(from_object.text) == without_comments(from_file.text)
     assert "<sensor>: no effect on the dynamics" in from_object.left_out
-    with pytest.raises(TypeError, match=r"takes a mujoco\.MjModel, not str"):
+    with pytest.raises(TypeError, match=r"takes a mujoco\.MjModel, such as .*, not str"):
         codegen.from_mujoco("robot.xml")

@@ -158,7 +158,7 @@ def test_rotors_that_the_format_has_no_words_for_are_told():
     model.rotorInertia = np.array([*np.zeros(model.nv - 1), 0.01])
     assert codegen.from_pinocchio(model).left_out == (
         "armature of a free joint: it moves without a motor; the dynamics differ",
-        "armature of a planar joint: along axes that turn with the body; the dynamics differ",
+        "armature of a planar joint: along axes that rotate with the body; the dynamics differ",
         "armature that differs along the freedoms of a spherical joint: the dynamics differ",
         "rotorInertia without armature: armature is rotorInertia*rotorGearRatio**2; no effect on the dynamics",
     )
@@ -180,7 +180,7 @@ def test_damping_is_that_of_each_speed():
     assert "value: [-j2_damping_1*u.j2.1, -j2_damping_2*u.j2.2]" in asked
     model.damping = np.array([*model.damping[:13], 0.7])
     assert codegen.from_pinocchio(model).differences == (
-        "damping that differs along the freedoms of a free joint: the dynamics differ",
+        "damping that differs between the degrees of freedom of a free joint: the dynamics differ",
     )
 
 

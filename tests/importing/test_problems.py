@@ -29,32 +29,32 @@ WRONG = [
     ("<robot>\n<link name='a'>\n</robot>", "robot.urdf:3:3: this is not XML: mismatched tag"),
     ("<robot name=x/>", "robot.urdf:1:13: this is not XML: not well-formed (invalid token)"),
     ("<!DOCTYPE r [\n<!ENTITY a 'b'>]>\n<robot/>", "robot.urdf:1:13: a document type (DOCTYPE)"),
-    ("<!DOCTYPE r SYSTEM 'http://x/y.dtd'>\n<robot/>", "a document type (DOCTYPE), with which entities"),
+    ("<!DOCTYPE r SYSTEM 'http://x/y.dtd'>\n<robot/>", "a document type (DOCTYPE) is not read, since it can bring entities"),
     ("<robot>&a;</robot>", "robot.urdf:1:8: this is not XML: undefined entity"),
     (b"\xff\xfe\x00", "this is not XML"),
     (b"<?xml version='1.0' encoding='klingon'?><robot/>", "robot.urdf:1:"),
     (b"<robot name='\xe9'/>", "this is not XML"),
-    ("<html/>", "robot.urdf:1:1: the root is <html>; <robot> (URDF), <mujoco> (MJCF), <sdf> (SDF) are read"),
+    ("<html/>", "robot.urdf:1:1: the root element is <html>; allowed are <robot> (URDF), <mujoco> (MJCF), <sdf> (SDF)"),
     ("<robot name='x'/>", "robot.urdf:1:1: no <link>; a robot has at least one"),
     ("<robot xmlns:xacro='x'>\n<xacro:include filename='x'/></robot>", "robot.urdf:2:1: <xacro:include>: the file is a xacro"),
-    (robot(BASE, BASE), "robot.urdf:3:1: link 'base' is there already in line 2; every link needs a name of its own"),
+    (robot(BASE, BASE), "robot.urdf:3:1: link 'base' is already used in line 2; every link needs a different name"),
     (robot("<link/>\n"), 'robot.urdf:2:1: <link> has no name; name="..." is needed'),
-    (robot(BASE, A, joint("j", "base", "a"), joint("j", "base", "a")), "robot.urdf:5:1: joint 'j' is there already in line 4"),
+    (robot(BASE, A, joint("j", "base", "a"), joint("j", "base", "a")), "robot.urdf:5:1: joint 'j' is already used in line 4"),
     (robot(BASE, A, joint("j", "bse", "a")), "link 'bse' is not in this file; known are base, a; did you mean 'base'?"),
     (robot(BASE, A, '<joint name="j" type="fixed"><child link="a"/></joint>'), "joint 'j' has no parent; <parent link="),
     (robot(BASE, A, joint("j", "base", "a", "hinge")), "joint 'j' is 'hinge'; revolute, continuous, prismatic, fixed,"),
     (robot(BASE, A), "robot.urdf:3:1: link 'a' is not the child of a joint, nor is 'base' in line 2; a robot has one root"),
-    (robot(A, B, joint("j", "a", "b"), joint("k", "b", "a")), "every link is carried by another one: 'b' -> 'a' -> 'b'"),
+    (robot(A, B, joint("j", "a", "b"), joint("k", "b", "a")), "every link is the child of a joint: 'b' -> 'a' -> 'b'"),
     (
         robot(BASE, A, B, joint("j", "a", "b"), joint("k", "b", "a")),
-        "links carry each other in a circle: 'a' -> 'b' -> 'a'; one of them must be the child",
+        "joints form a circle of links: 'a' -> 'b' -> 'a'; one of them must be the child",
     ),
     (
         robot(BASE, A, joint("j", "base", "a"), joint("k", "base", "a")),
         "robot.urdf:5:1: link 'a' is the child of joint 'k' and of 'j' in line 4; links of a URDF are a tree",
     ),
     (robot(BASE, link("a", -1), joint("j", "base", "a")), "robot.urdf:3:26: the mass is -1; at least 0 kg is needed"),
-    (robot(BASE, A, joint("j", "base", "a", axis="0 0 0")), "the axis is 0 0 0, which is no direction"),
+    (robot(BASE, A, joint("j", "base", "a", axis="0 0 0")), "the axis is 0 0 0, which has no direction"),
     (robot(BASE, A, joint("j", "base", "a", axis="0 1")), "xyz of <axis> is '0 1'; 3 numbers with blanks between them"),
     (robot(BASE, A, joint("j", "base", "a", at="0 nan 1")), "xyz of <origin> holds 'nan'; a finite number such as 0.5"),
     (robot(BASE, A, joint("j", "base", "a", at="0 1e999 1")), "xyz of <origin> holds '1e999'; a finite number"),
@@ -65,15 +65,15 @@ WRONG = [
     (robot(BASE, re.sub("<inertia .*?/>", "", A), joint("j", "base", "a")), "<inertial> has no inertia; <inertia ixx="),
     (robot(BASE, A.replace('iyy="0.1"', ""), joint("j", "base", "a")), '<inertia> has no iyy; iyy="..." is needed'),
     (robot(BASE, '<link name="a"/>\n', joint("j", "base", "a")), "robot.urdf:4:1: joint 'j' moves nothing: link 'a' and all"),
-    (robot(BASE, A, joint("j", "base", "a", "fixed")), "everything is fixed to the ground, nothing moves; give a link a joint"),
+    (robot(BASE, A, joint("j", "base", "a", "fixed")), "everything is fixed to the ground, so nothing moves; give a link"),
     (
         robot(BASE, A, B, joint("j", "base", "a"), joint("k", "a", "b", "fixed", at="1e200 0 0")),
-        "the numbers of link 'a' and what is fixed to it are not finite together, or above 1e+150",
+        "the combined numbers of link 'a' and of links fixed to it are not finite, or above 1e+150",
     ),
     (robot(BASE, link("a", 1, (0, 0, 0)), joint("j", "base", "a")), "no inertia about the axis|point mass in its centre"),
     (
         robot(BASE, A, joint("j", "base", "a", more='<mimic joint="k"/>')),
-        "robot.urdf:4:125: joint 'j' follows 'k', which is no joint of this file",
+        "robot.urdf:4:125: joint 'j' follows 'k', which is not a joint of this file",
     ),
 ]  # fmt: skip
 
@@ -185,7 +185,7 @@ def test_joints_that_move_nothing_are_fixed_on_request(tmp_path):
     assert len(said) == 2 and "--repair fixes the joint" in said[0]
     found = codegen.import_model(path, repair=True)
     assert [b.name for b in found.model.bodies] == ["a"] and len(found.warnings) == 2
-    assert "# Repaired:\n#   joint 'k' moves nothing: link 'finger' and all beyond" in found.text
+    assert "# Repaired:\n#   joint 'k' moves nothing: link 'finger' and all outboard links" in found.text
     assert found.bodies["tip"] == "a" and "tip: {body: a, at: [0, 0, 1]}" in found.text
 
 

@@ -211,7 +211,7 @@ def test_a_world_gives_its_gravity_and_its_one_model(tmp_path):
         "gravity: [0, 0, -9.8]\n"
         in imported(tmp_path, world.format(model).replace("<gravity>0 0 -1.62</gravity>", "")).text
     )
-    with pytest.raises(codegen.ModelError, match=r"2 models .* 'm', 'n'; one is read: choose it by --model m"):
+    with pytest.raises(codegen.ModelError, match=r"2 models .* 'm', 'n'; only one can be read: choose it by --model m"):
         imported(tmp_path, world.format(model + model.replace('"m"', '"n"')))
     folder = tmp_path / "arm"
     folder.mkdir()
@@ -225,20 +225,20 @@ def test_a_world_gives_its_gravity_and_its_one_model(tmp_path):
     ("parts", "message"),
     [
         ([], "robot.sdf:2:1: no <link>; a model has at least one"),
-        ([link("a"), link("a")], "name 'a' is there already in line 3; every name in a model stands once"),
+        ([link("a"), link("a")], "name 'a' is already used in line 3; names in a model must differ"),
         ([link("a"), joint("j", "a", "b")], "link or frame 'b' is not in this file; known are __model__, a"),
         ([link("a"), joint("j", "a", "a")], "joint 'j' joins link 'a' to itself"),
         ([link("a"), link("b"), joint("j", "a", "b", "hinge")], "joint 'j' is 'hinge'; revolute, continuous"),
         ([link("a"), link("b"), joint("j", "a", "b", axis="0 0 0")], "the axis is 0 0 0"),
-        ([link("a"), link("b"), joint("j", "a", "b").replace("axis>", "axe>")], "has not all its axes"),
+        ([link("a"), link("b"), joint("j", "a", "b").replace("axis>", "axe>")], "lacks an axis"),
         ([link("a"), link("b"), joint("j", "a", "b", how=' expressed_in="c"')], "frame 'c' is not in this file"),
         ([link("a").replace("<mass>1", "<mass>one")], "the text of <mass> holds 'one'; a finite number"),
         ([link("a").replace("<mass>1", "<mass>-1")], "the mass is -1"),
         ([link("a"), "<model/>"], 'robot.sdf:5:1: <model> has no name; name="..." is needed'),
-        ([link("a"), '<model name="a"/>'], "name 'a' is there already in line 3; every name in a model stands once"),
+        ([link("a"), '<model name="a"/>'], "name 'a' is already used in line 3; names in a model must differ"),
         (
             [link("a").replace("<pose>", '<pose relative_to="b">', 1), link("b").replace("<pose>", '<pose relative_to="a">', 1)],
-            "is relative to itself by way of others",
+            "depends on itself through others",
         ),
     ],
 )  # fmt: skip

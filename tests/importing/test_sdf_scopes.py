@@ -187,16 +187,15 @@ TWO = model(ARM, name="left") + model(ARM, name="right")
 def test_one_of_several_models_is_chosen(tmp_path, monkeypatch, capsys):
     text = sdf(world(TWO + model("<static>1</static>" + link("plane"), name="ground")))
     with pytest.raises(
-        codegen.ModelError, match=r"robot.sdf:\d+:\d+: 2 models that no joint holds together, 'left', 'right'; one"
+        codegen.ModelError,
+        match=r"robot.sdf:\d+:\d+: 2 models move and no joint connects them: 'left', 'right'; only one",
     ):
         imported(tmp_path, text)
     for name in ("left", "right"):
         found = imported(tmp_path, text, model=name)
         assert found.model.name == name and found.model.nu == 2
     assert any(line.startswith("another <model> (line") and "--model left reads it" in line for line in found.left_out)
-    with pytest.raises(
-        codegen.ModelError, match="--model lft: there is no model of that name; there are left, right, ground"
-    ):
+    with pytest.raises(codegen.ModelError, match="--model lft is not a model; models are left, right, ground"):
         imported(tmp_path, text, model="lft")
     monkeypatch.chdir(tmp_path)
     assert main(["import", "robot.sdf", "--model", "right", "-o", "-"]) == 0
@@ -241,7 +240,7 @@ def test_joints_that_mimic_follow(tmp_path):
     assert "{joint: b, follows: {a: 2}, offset: -0.5}" in found.text
     drakes = hinge("j2", "a", "b").replace("</joint>", '<drake:mimic joint="j1" multiplier="3" offset="1"/></joint>')
     assert "{joint: b, follows: {a: 3}, offset: 1}" in imported(tmp_path, sdf(model(text + drakes))).text
-    with pytest.raises(codegen.ModelError, match="joint 'j2' follows 'jx', which is no joint of this file"):
+    with pytest.raises(codegen.ModelError, match="joint 'j2' follows 'jx', which is not a joint of this file"):
         imported(tmp_path, sdf(model(text + hinge("j2", "a", "b", mimic.format("jx")))))
 
 
@@ -276,19 +275,19 @@ WRONG = [
     (model(AUTO.format("")), '<inertial auto="true"> of a link without <collision>; write <mass>'),
     (model(ARM, ' placement_frame="x"'), "frame 'x' is not in this file; known are __model__, a, b, j1, j2"),
     (model(ARM + CIRCLE + hinge("k", "f", "b")), "is attached to itself"),
-    (model(ARM + "<include><uri>robot.sdf</uri></include>"), "files that include each other in a circle"),
+    (model(ARM + "<include><uri>robot.sdf</uri></include>"), "files include each other in a circle"),
     (model(ARM + "<include><uri>nowhere</uri></include>"), "<include> of 'nowhere': file not found"),
     (model(ARM + "<include><uri>pipe.sdf</uri></include>"), "<include> of 'pipe.sdf': not read: it is a named pipe"),
     (model(ARM + "<include><uri>../elsewhere</uri></include>"), "outside the folder of the robot's file; --package-path"),
     (model(ARM + "<include><uri>file://{above}/elsewhere/model.sdf</uri></include>"), "outside the folder of the robot's file"),
     (model(ARM + "<include><uri>model://../elsewhere</uri></include>"), "outside the folder of the robot's file"),
     (model(ARM + "<include><uri>link.sdf</uri></include>"), "outside the folder of the robot's file"),
-    (model(ARM + "<include><uri>arm.urdf</uri></include>"), "whose root is <robot>; a file of SDF is needed"),
-    (model(ARM.replace("<pose>", '<pose rotation_format="euler">', 1)), "rotation_format 'euler'; euler_rpy or quat_xyzw"),
+    (model(ARM + "<include><uri>arm.urdf</uri></include>"), "its root element is <robot>; give an SDF file"),
+    (model(ARM.replace("<pose>", '<pose rotation_format="euler">', 1)), "rotation_format 'euler' is unknown; euler_rpy"),
     (model(ARM.replace("<pose>0", '<pose rotation_format="quat_xyzw">0', 1)), "the text of <pose> is '0 0 0 0 0 0'; 7 numbers"),
-    (model(link("world")), "name 'world' is reserved in SDF; choose another one, without :: and __"),
+    (model(link("world")), "name 'world' is reserved in SDF; choose one without :: and __"),
     (model(link("a::b")), "name 'a::b' is reserved in SDF"),
-    (model(ARM + model("", name="m2") + hinge("k", "m2", "a")), "model 'm2' has no link, of which its frame could be part"),
+    (model(ARM + model("", name="m2") + hinge("k", "m2", "a")), "model 'm2' has no link to which its frame could belong"),
     (world(model(ARM) + hinge("k", "m::x", "m::a")), "link or frame 'x' is not in this file; known are __model__, a, b"),
 ]  # fmt: skip
 
@@ -315,7 +314,7 @@ def test_includes_without_end_are_refused(tmp_path):
         inner = "".join(f"<include><uri>p{k + 1}.sdf</uri><name>n{i}</name></include>" for i in range(8))
         (tmp_path / f"p{k}.sdf").write_text(sdf(model(link("a") + inner)))
     (tmp_path / "p7.sdf").write_text(sdf(model()))
-    with pytest.raises(codegen.ModelError, match="more than 1000 models; worlds have fewer"):
+    with pytest.raises(codegen.ModelError, match="more than 1000 models; read a smaller part"):
         imported(tmp_path, sdf(model("<include><uri>p0.sdf</uri></include>")))
 
 
@@ -326,7 +325,7 @@ def test_long_chains_of_files_and_models_are_refused(tmp_path):
     deep = "".join(f'<model name="n{k}">' for k in range(60)) + link("a") + "</model>" * 60
     merged = "<include merge='true'><uri>c0.sdf</uri></include>"
     for text in (model("<include><uri>c0.sdf</uri></include>"), model(merged), model(deep)):
-        with pytest.raises(codegen.ModelError, match="more than 30 models within each other; use fewer"):
+        with pytest.raises(codegen.ModelError, match="more than 30 nested models; use fewer"):
             imported(tmp_path, sdf(text))
 
 
@@ -344,7 +343,7 @@ def test_a_model_within_a_model_is_chosen(tmp_path):
     assert numbers(found) == numbers(alone)
     assert any("the rest of a <model>" in line and "--model robot reads it whole" in line for line in found.left_out)
     assert any("another <model>" in line and "--model m reads it" in line for line in found.left_out)
-    with pytest.raises(codegen.ModelError, match="there are robot, m, robot::arm; did you mean robot::arm"):
+    with pytest.raises(codegen.ModelError, match="models are robot, m, robot::arm; did you mean robot::arm"):
         imported(tmp_path, text, model="arm")
 
 

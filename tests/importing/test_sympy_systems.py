@@ -300,31 +300,33 @@ def test_what_a_model_cannot_say_is_refused_by_name() -> None:
     q, u, w = dynamicsymbols("q u w")
     free = simple()
     free.add_bodies(RigidBody("lost"))
-    assert "bodies.lost: no joint carries this body; every body needs one of sympy's joints" in message(free)
+    assert "bodies.lost: no joint carries this body; every body needs one of these joints" in message(free)
     rolling = simple(coordinates=q, speeds=u)
     rolling.add_nonholonomic_constraints(u - w)
     assert "nonholonomic_constraints: velocity constraints are not read" in message(rolling)
     other = simple(coordinates=q, speeds=u)
     other.kdes = [u - 2 * q.diff()]
-    assert "the kinematical equation u(t) = Derivative(q(t), t) is not in kdes" in message(other)
+    assert "kdes lacks the kinematical equation u(t) = Derivative(q(t), t)" in message(other)
     more = simple(coordinates=q, speeds=u)
     more.add_coordinates(w)
     assert "q w(t): belongs to no joint" in message(more)
     driven = simple(coordinates=q, speeds=u)
     driven.add_holonomic_constraints(q**2 - w)
-    assert "holonomic_constraints[0]: q(t)**2 - w(t) depends on time or on what is no coordinate" in message(driven)
+    assert "holonomic_constraints[0]: q(t)**2 - w(t) depends on time or on other functions than coordinates" in message(
+        driven
+    )
     loose = simple(coordinates=q, speeds=u)
     moving = loose.bodies[0].masscenter.locatenew("moving", w * loose.x)
     loose.add_loads(Force(moving, loose.y))
-    assert "loads.moving: point moving is fixed in no body; forces act on points that are fixed in bodies" in message(
+    assert "loads.moving: point moving is not fixed in a body; forces need points that are fixed in bodies" in message(
         loose
     )
     gamma = simple(coordinates=q, speeds=u)
     gamma.add_loads(Torque(gamma.bodies[1], s.gamma(q) * gamma.z), Force(gamma.bodies[1], u.diff() * gamma.x))
     text = message(gamma)
     assert "gamma(q(t)): gamma is no function of a model; functions are sin" in text
-    assert "Derivative(u(t), t); time derivatives of the joints' coordinates are allowed" in text
-    assert "values[k]: no symbol of this system; symbols are" in message(simple(), values={"k": 1})
+    assert "Derivative(u(t), t): time derivatives of the joints' coordinates are allowed" in text
+    assert "values[k]: is not a symbol of this system; symbols are" in message(simple(), values={"k": 1})
     assert "'A b' cannot name a model" in message(simple(), name="A b")
 
 
@@ -360,7 +362,7 @@ def test_names_values_and_warnings() -> None:
     )
     assert {n: e.value for n, e in found.model.initial_q.items()} == {"long_rod": 0.3}
     assert next(p for p in found.model.parameters if p.name == "sin_").value == 0.7
-    assert [("1 is taken" in w, "0 is taken" in w) for w in found.warnings] == [(True, False), (False, True)]
+    assert [("1 is used" in w, "0 is used" in w) for w in found.warnings] == [(True, False), (False, True)]
     assert "potential_energy of bodies" in found.left_out[0] and found.differences == ()
 
 

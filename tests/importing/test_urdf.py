@@ -334,10 +334,10 @@ def test_a_side_file_adds_couplings(tmp_path):
 @pytest.mark.parametrize(
     ("side", "message"),
     [
-        ("points: {a: {body: crank}}", "side.yaml:1:1: no section loops, and no couplings"),
+        ("points: {a: {body: crank}}", "side.yaml:1:1: neither a section loops nor couplings"),
         ("loops:\n", None),
         ("loops: {a: {joint: {type: revolute}}}", "side.yaml:1:"),
-        ("lops: {}\nloops: {}\n", "side.yaml:1:1: 'lops' has no place here; points, loops"),
+        ("lops: {}\nloops: {}\n", "side.yaml:1:1: section 'lops' is not allowed here; points, loops"),
         ("loops: {a: {joint: {type: point}, from: crnk, to: ground}}", "unknown"),
         ("loops: }", "side.yaml:1:8: this is not YAML"),
     ],
@@ -384,11 +384,11 @@ def test_a_length_is_along_the_line_between_the_joints(tmp_path):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ("forearm", "--parameterize forearm: names no link or no word; LINK:WORD is needed, such as arm:length"),
-        ("forearm:weight", "'weight' is no number of a body; mass, com, inertia, at, length, damping, armature are"),
+        ("forearm", "--parameterize forearm: lacks a link or a word; write LINK:WORD, such as arm:length"),
+        ("forearm:weight", "'weight' is not a number of a body; mass, com, inertia, at, length, damping, armature are"),
         ("forearm:mas", "did you mean 'mass'?"),
-        ("forarm:mass", "'forarm' is no body; bodies are upper_arm, forearm; did you mean 'forearm'?"),
-        ("tool0:mass", "'tool0' is fixed to body 'forearm' and no body of its own"),
+        ("forarm:mass", "'forarm' is not a body; bodies are upper_arm, forearm; did you mean 'forearm'?"),
+        ("tool0:mass", "'tool0' is fixed to body 'forearm', so it is no body"),
         ("base:mass", "'base' is fixed to the ground"),
         ("forearm:length", "'forearm' carries no body"),
         ("forearm:damping", "has no damping in this file"),

@@ -93,8 +93,11 @@ def test_a_constraint_is_the_loop_of_a_side_file(tmp_path, type_, places, axes, 
         (with_constraint("universal"), "constraint 'pin', universal, has no <child_axis>; both axes are needed"),
         (with_constraint("fixed").replace('<child link="base"', '<child link="bse"'), "link 'bse' is not in this file"),
         (with_constraint("fixed").replace('<child link="base"/>', ""), "constraint 'pin' has no child"),
-        (with_constraint("prismatic", "", '<child_axis xyz="0 0 1"/>'), "has other axes in its links; turn the faces"),
-        (with_constraint("fixed").replace('"pin"', '"a"'), "constraint 'a' is there already in line 7"),
+        (
+            with_constraint("prismatic", "", '<child_axis xyz="0 0 1"/>'),
+            "has different axes in its links; rotate the faces",
+        ),
+        (with_constraint("fixed").replace('"pin"', '"a"'), "constraint 'a' is already used in line 7"),
         (with_constraint("fixed").replace('link="base"/></c', 'link="foot"/></c'), "joins link 'foot' to itself"),
         (with_constraint("revolute", "", '<parent_axis xyz="0 0 0"/>'), "the axis is 0 0 0"),
     ],
@@ -138,7 +141,7 @@ def test_a_joint_that_is_not_there_is_a_warning(tmp_path):
     found = imported(tmp_path, BARS)
     assert "axes: [z, y]" in found.text
     assert found.warnings[0].endswith(
-        "robot.yaml:1:14: warning: joint 'x' is not in the URDF, and stays as it is there"
+        "robot.yaml:1:14: warning: joint 'x' is not in the URDF, so its type is not changed"
     )
 
 
@@ -157,14 +160,14 @@ def test_without_types_loops_are_closed_wholly(tmp_path):
 @pytest.mark.parametrize(
     ("yaml", "message"),
     [
-        ("closed_loop: [[foot, bse]]\n", "robot.yaml:1:22: frame 'bse' is no link or joint of the URDF; did you mean 'base'?"),
+        ("closed_loop: [[foot, bse]]\n", "robot.yaml:1:22: frame 'bse' is not a link or joint of the URDF; did you mean 'base'?"),
         ("closed_loop: [[foot]]\n", "two frames of the URDF are needed, such as [foot_a, foot_b]"),
         ("closed_loop: 3\n", "a list of pairs of frames is needed"),
-        ("closed_loop: [[foot, base]]\ntype: [4D]\n", "robot.yaml:2:8: type '4D'; 3D or 6D is allowed"),
-        ("closed_loop: [[foot, base]]\ntype: [3D, 3D]\n", "type has 2 entries and closed_loop has 1; as many are needed"),
-        ("joint_name: [a]\njoint_type: [BALL]\n", "joint_type 'BALL'; SPHERICAL, FIXED, CARDAN, UJOINT_XY"),
-        ("joint_name: [a, a]\njoint_type: [SPHERICAL, FIXED]\n", "robot.yaml:1:17: joint 'a' is in the list already"),
-        ("joint_name: [a]\njoint_type: 3\n", "joint_type is no list of names"),
+        ("closed_loop: [[foot, base]]\ntype: [4D]\n", "robot.yaml:2:8: type '4D' is unknown; 3D or 6D is allowed"),
+        ("closed_loop: [[foot, base]]\ntype: [3D, 3D]\n", "type has 2 entries and closed_loop has 1; the numbers must agree"),
+        ("joint_name: [a]\njoint_type: [BALL]\n", "joint_type 'BALL' is not one of SPHERICAL, FIXED, CARDAN, UJOINT_XY"),
+        ("joint_name: [a, a]\njoint_type: [SPHERICAL, FIXED]\n", "robot.yaml:1:17: joint 'a' is listed twice"),
+        ("joint_name: [a]\njoint_type: 3\n", "joint_type is not a list of names"),
         ("joint_name: [a]\nname_mot: [a]\n", "joint_name has 1 entries, and there is no joint_type"),
     ],
 )  # fmt: skip
@@ -263,7 +266,7 @@ def test_pipes_are_refused_and_missing_folders_named(tmp_path, monkeypatch, caps
     )
     Path("bars.urdf").write_text(BARS)
     assert main(["import", "bars.urdf", "--loops", "pipe.urdf"]) == 1
-    assert "pipe.urdf:1:1: cannot be read: it is a named pipe; a YAML file" in capsys.readouterr().err
+    assert "pipe.urdf:1:1: cannot be read: it is a named pipe; give a YAML file" in capsys.readouterr().err
     assert main(["import", "bars.urdf", "-o", "no/where.yaml"]) == 2
     assert capsys.readouterr().err == "import: no: no such folder; make it first\n"
     for option in ("--model", "--key"):
@@ -271,7 +274,7 @@ def test_pipes_are_refused_and_missing_folders_named(tmp_path, monkeypatch, caps
         assert f"bars.urdf:1:1: {option} x is for " in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main(["import", "--help"])
-    assert "link, colon, word, and commas between" in " ".join(capsys.readouterr().out.split())
+    assert "comma-separated pairs LINK:WORD" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(
