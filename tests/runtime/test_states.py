@@ -324,10 +324,10 @@ def test_conditions_leave_the_partition_alone(two_partitions):
         thread.join()
     assert seen == {(0, solver.partitions[0])}
     for wrong in (0.5, "1", None, True, [0]):
-        with pytest.raises(ValueError, match=r"partition is .*, expected a whole number below 2"):
+        with pytest.raises(ValueError, match=r"partition is .*, expected an integer below 2"):
             solver.use_partition(wrong)
     for wrong in (2, -1):
-        with pytest.raises(ValueError, match=f"partition {wrong}: there are 2, counted from 0"):
+        with pytest.raises(ValueError, match=f"partition is {wrong}, expected 0 to 1"):
             solver.use_partition(wrong)
     udot = solver.accelerations(q, u)
     solver.use_partition(np.int64(1))

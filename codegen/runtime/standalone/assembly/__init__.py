@@ -1,1 +1,1 @@
-"""States that meet the conditions of closed loops: the search for them, their branches and dependents."""
+"""Assembly of closed loops: consistent states, branches, and the choice of dependent coordinates."""

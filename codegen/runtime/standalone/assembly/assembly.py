@@ -1,8 +1,8 @@
-"""Assembly: loops closed from guesses, on the branch that the guess belongs to.
+"""Assembly: closes the loops from a guess, on the branch of that guess.
 
-A guess beside a closed state is closed by Newton's method at once. Any other one is a closed state of which something has
-been changed: the independent coordinates, the parameters, or the time. That state is found and followed to what the guess
-asks for (`following`). Where there is none, the loops close along the Newton path, or from other guesses, with a warning.
+Newton's method closes a guess near a closed state directly. For any other guess, assembly first finds a closed state that
+differs from it in the independent coordinates, the parameters or the time. Continuation then leads from that state to the guess
+(`following`). If there is no such state, the loops are closed along the Newton path or from other guesses, with a warning.
 """
 
 from __future__ import annotations
@@ -22,39 +22,41 @@ from .newton import CLOSED, SURE, Newton, Parts
 from .starting import Starts
 
 STEPS_OFF = (0.02, -0.02, 0.1, -0.1, 0.5, -0.5)
-"""rad or m: how far dependent coordinates are moved off a guess at which a loop has lost rank, one after the other."""
+"""rad or m: offsets of the dependent coordinates, tried one after the other, from a guess at which a loop has lost rank."""
 
 GUESSES = 48
-"""Guesses for dependent coordinates that are tried where the given one leads to no closed state, further and further off."""
+"""Number of other guesses for the dependent coordinates if the given one leads to no closed state; their distance increases."""
 
 FURTHEST = 3.0
-"""rad or m: how far off the last of them is."""
+"""rad or m: distance of the last of these guesses."""
 
 SEVERAL = 200
-"""Dependent coordinates; with more of them no other guesses are tried, they would cost too much."""
+"""With more dependent coordinates than this, no other guesses are tried, because they would take too long."""
 
 ROUNDING = 1e-14
-"""A scaled residual that Newton's method would not mend: assembly leaves such a state as it is."""
+"""Scaled residual at rounding level: assembly leaves a state with a smaller residual unchanged."""
 
 ALIAS = 3.0
-"""rad, or characteristic lengths: independent coordinates that differ by more may be whole turns apart from a closed state."""
+"""rad, or characteristic lengths: with a larger difference in independent coordinates, a closed state may be whole turns
+away."""
 
 FAR = 1.6
-"""rad: dependent angles that assembly moves by more than about a quarter turn are reported."""
+"""rad: a warning reports dependent angles that assembly changes by more than this (about a quarter turn)."""
 
 HALF = 0.5
-"""Part of the way from one state of a path to the next that the first step takes at most."""
+"""Upper bound of the first step between two states of a path, as a fraction of their distance."""
 
 
 def allowed_gaps(opened: Opened) -> Array:
-    """By how much conditions that were dropped, since they follow from others nearly, may be open; zero for the others."""
+    """Tolerances for the residuals of conditions that were dropped as redundant within `loop_tolerance`; zero for the
+    others."""
     allowed = np.zeros(len(opened.manifest["closure_names"]))
     allowed[opened.manifest.get("dropped", [])] = ALLOWED * opened.manifest.get("loop_tolerance", 0.0)
     return allowed
 
 
 class Assembly:
-    """Closes the loops of a partition."""
+    """Closes the loops for one choice of dependent coordinates."""
 
     def __init__(self, opened: Opened):
         manifest = opened.manifest
@@ -64,7 +66,7 @@ class Assembly:
         self.kept = np.setdiff1d(np.arange(len(self.names)), manifest.get("dropped", []))
         self.newton = Newton(opened, self.kept)
         self.couplings = frozenset(manifest.get("couplings", ()))
-        self.loops = [self.names[k].rpartition(".")[0] for k in self.kept]  # of each condition that counts
+        self.loops = [self.names[k].rpartition(".")[0] for k in self.kept]  # the loop of each retained condition
         self.all_loops: list[str] = manifest["loops"]
         independent = set(manifest.get("independent_names", self.coordinates))
         self.dependent = np.array([i for i, n in enumerate(self.coordinates) if n not in independent], int)
@@ -74,7 +76,7 @@ class Assembly:
         self.timed = bool(manifest["prescribed_names"])
         self.starts = Starts(self.newton, self.follower, self.timed)
         self.whole = Parts(np.zeros(len(self.kept), int), np.zeros(len(self.coordinates), int))
-        # the model's initial state is closed at the default parameters, inputs of zero and t = 0
+        # the package's initial state is closed at the default parameters, inputs of zero and t = 0
         package = opened.package
         self._initial = np.array(package["initial"]["q"], float)
         rest = [0.0] * (len(package["input_names"]) + 1) if self.timed else []
@@ -88,7 +90,7 @@ class Assembly:
         self.placing = (*package["parameter_names"], *((*package["input_names"], "t") if self.timed else ()))
 
     def _followed_coordinates(self, opened: Opened, independent: set[str]) -> Indices:
-        """Independent coordinates but for those of joints that share them with dependent speeds."""
+        """The independent coordinates, without those of joints that also have dependent speeds."""
         speeds = opened.manifest["speed_names"]
         moved = {speeds[s] for c in opened.manifest.get("closures", ()) for s in c["dependent"]}
         shared = {name.rpartition(".")[0] for name in moved if name not in self.coordinates}
@@ -99,14 +101,15 @@ class Assembly:
     # -- states --------------------------------------------------------------------------------------------------------
 
     def _of_initial(self, q: Array) -> NDArray[np.bool_]:
-        """Which guesses (..., nq) have the dependent coordinates of the initial state."""
+        """Whether guesses (..., nq) have the dependent coordinates of the initial state."""
         others = self.follower.others
         return (q[..., others] == self._initial[others]).all(axis=-1)
 
     def is_turned(self, q: Array, x: Array) -> NDArray[np.bool_]:
-        """Which guesses (..., nq) are the initial state with independent coordinates, or a time, whole turns away perhaps.
+        """Whether guesses (..., nq) differ from the initial state only in independent coordinates (or the time), by possibly
+        whole turns.
 
-        Even if they close the loops, they need not be what the initial state leads to.
+        Such a guess may close the loops without being on the initial state's branch.
         """
         others = self.follower.others
         if q.ndim == 1 and len(others) and q[others[0]] != self._initial[others[0]]:
@@ -121,7 +124,7 @@ class Assembly:
         return found
 
     def may_be_turned(self, q: Array) -> bool:
-        """The same of one state (nq,), sooner; where motion is prescribed, the initial state is one of them at any time."""
+        """A faster test for one state (nq,), which may be true too often: with prescribed motion it ignores the time."""
         numbers = q.tolist()
         for i, initial in self._others:
             if numbers[i] != initial:
@@ -129,7 +132,7 @@ class Assembly:
         return self.timed or any(abs(numbers[i] - initial) > far for i, initial, far in self._independents)
 
     def close(self, q: Array, x: Array, called: Sequence[tuple[int, ...]]) -> Array:
-        """Coordinates (n, nq) of n guesses with their loops closed; `called` are the places of the states in their batch.
+        """Closes the loops of n guesses: coordinates (n, nq). `called` are the indices of the states in their batch.
 
         Raises
         ------
@@ -152,7 +155,8 @@ class Assembly:
         return self._checked(found, x, called)
 
     def continued(self, q: Array, x: Array, called: Sequence[Sequence[tuple[int, ...]]]) -> Array:
-        """Closed states (m, n, nq) along m paths: each is followed from the one before it, and the first from its guess."""
+        """Closed states (m, n, nq) along m paths: each state is continued from the one before it, the first is closed from its
+        guess."""
         found = np.empty_like(q)
         found[:, 0] = self.close(q[:, 0], x[:, 0], [row[0] for row in called])
         for k in range(1, q.shape[1]):
@@ -165,7 +169,7 @@ class Assembly:
         return found
 
     def follow(self, q: Array, x: Array) -> Array:
-        """The closed state (nq,) beside a guess, by Newton's method alone, on no other branch.
+        """The closed state (nq,) near a guess on the same branch, by Newton's method alone.
 
         Raises
         ------
@@ -179,7 +183,7 @@ class Assembly:
     # -- from afar -----------------------------------------------------------------------------------------------------
 
     def _from_afar(self, q: Array, x: Array, of_initial: NDArray[np.bool_], beside: Array, names: list[str]) -> Array:
-        """Guesses (n, nq), closed, that are beside no closed states, or rather far beside those given, else NaN."""
+        """Closes guesses (n, nq) that are not near a closed state. `beside` are closed states somewhat near them, or NaN."""
         found, left = q.copy(), np.ones(len(q), bool)
         n = np.flatnonzero(of_initial)
         if n.size:
@@ -199,12 +203,13 @@ class Assembly:
     def _from(
         self, start: tuple[Array, Array], q: Array, x: Array, names: list[str]
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Closed states followed to guesses (n, nq), and which of them have not arrived since they are singular or far away.
+        """Continues closed states to guesses (n, nq). Also returns which did not arrive, because of lost rank or too great a
+        distance.
 
         Raises
         ------
         AssemblyError
-            A branch ends on the way.
+            If a branch ends on the way.
         """
         line = self._line(*start, q, x)
         way = self._followed(start[0], line, q, names)
@@ -213,15 +218,15 @@ class Assembly:
         return way.q, way.s < 1.0
 
     def _line(self, q0: Array, x0: Array, q1: Array, x1: Array) -> Line:
-        """The lines from states to others."""
+        """Straight lines from closed states (q0, x0) to guesses (q1, x1)."""
         i = self.follower.independent
         last = q1.copy()
-        for k in self.newton.quaternions:  # the shorter way of two
+        for k in self.newton.quaternions:  # of e and -e, the nearer quaternion
             last[:, k : k + 4] *= np.where((q0 * q1)[:, k : k + 4].sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
         return Line(q0[:, i], last[:, i], x0, x1, last)
 
     def _followed(self, first: Array, line: Line, wanted: Array, names: Sequence[str], part: float = FIRST) -> Followed:
-        """Where closed states lead along lines to others; those that have arrived are closed to rounding."""
+        """Continues closed states along lines; those that reach the end are closed to rounding."""
         way = self.follower.follow(first, line, part)
         n, i = np.flatnonzero(way.s == 1.0), self.follower.independent
         if n.size:
@@ -233,12 +238,12 @@ class Assembly:
             more = f", and those of {len(crossed) - 1} more" if len(crossed) > 1 else ""
             warn(
                 f"loop {self.all_loops[way.crossed[n]]} loses rank on the way to the guess{names[n]}{more}: branches meet there, "
-                f"and it was followed straight on. To choose the branch, give dependent coordinates near to those behind it"
+                f"and assembly continued in the same direction. To choose the branch, give dependent coordinates beyond that pose"
             )
         return way
 
     def _along_newton_path(self, q: Array, x: Array, name: str) -> Array:
-        """A guess (nq,) closed along the Newton path, or from guesses beside it and further off.
+        """Closes a guess (nq,) along the Newton path, or from guesses increasingly far from it.
 
         Raises
         ------
@@ -260,27 +265,27 @@ class Assembly:
         if elsewhere is None:
             raise self._open(q, x, name)
         warn(
-            f"the guess{name} leads to no closed state; the loops were closed from other values of dependent coordinates, "
-            f"perhaps on another branch than the guess. Check the result, or begin nearer to a closed state"
+            f"the loops do not close from the guess{name}; they were closed from other values of dependent coordinates, "
+            f"perhaps on another branch than the guess. Check the result, or give a guess nearer to a closed state"
         )
         return elsewhere
 
     def _off(self) -> Array:
-        """A direction off a guess; no two of the numbers are the same, nor opposite: no symmetry of the guess is kept."""
+        """A direction in which to leave a guess: all entries differ in magnitude, so that no symmetry of the guess is kept."""
         direction = np.zeros(len(self.coordinates))
         others = self.follower.others
         direction[others] = np.sin(1.0 + np.arange(len(others)))
         return direction
 
     def _from_elsewhere(self, q: Array, x: Array, parts: Parts) -> Array | None:
-        """A closed state with the independent coordinates of a guess that leads to none; None where none is found.
+        """A closed state with the guess's independent coordinates, from random dependent ones; None if none is found.
 
-        Loops that share no dependent coordinates are closed apart: one that does not close holds up no other.
+        Loops that share no dependent coordinates are closed separately, so one that fails does not affect the others.
         """
         others = self.follower.others
         if len(others) > SEVERAL:
             return None
-        rng = np.random.default_rng(0)  # the same guess leads to the same state
+        rng = np.random.default_rng(0)  # fixed seed: the same guess leads to the same state
         trials = np.tile(q, (GUESSES + 1, 1))
         far = FURTHEST * np.arange(GUESSES + 1)[:, None] / GUESSES
         trials[:, others] += far * rng.uniform(-1.0, 1.0, (GUESSES + 1, len(others))) * self.newton.scale[others]
@@ -295,7 +300,7 @@ class Assembly:
         return None if flat[0] or parts.open_by(gaps).max() > CLOSED else np.asarray(closed_q[0])
 
     def parts(self, q: Array, x: Array) -> Parts:
-        """Loops in sets that share no coordinates that follow, by what each of these changes beside a state."""
+        """Groups of loops that share no dependent coordinates, found from changes of the residuals near a state."""
         if self._parts is None:
             self._parts = self._found_parts(q, x)
         return self._parts
@@ -304,16 +309,16 @@ class Assembly:
         others = self.follower.others
         n = len(others)
         moved = np.tile(q, (n + 1, 1))
-        moved[:, others] += 0.1 * np.sin(1.0 + np.arange(n))  # off guesses that are special
+        moved[:, others] += 0.1 * np.sin(1.0 + np.arange(n))  # leave special configurations, such as symmetric ones
         moved[1:, others] += 0.3 * np.eye(n)
         normalise(moved, self.newton.quaternions)
         gaps = self.newton.gaps(moved, np.tile(x, (n + 1, 1)))
         concerned = np.abs(gaps[1:] - gaps[0]) > 1e-9 * (1.0 + np.abs(gaps[0]))
-        sets: list[tuple[set[int], set[int]]] = []  # conditions, and places among the coordinates that follow
+        sets: list[tuple[set[int], set[int]]] = []  # conditions, and positions in `others`
         for name in dict.fromkeys(self.loops):
             rows = {k for k, loop in enumerate(self.loops) if loop == name}
             columns = {int(i) for i in np.flatnonzero(concerned[:, sorted(rows)].any(axis=1))}
-            for i in self.newton.quaternions:  # as a whole
+            for i in self.newton.quaternions:  # a quaternion belongs to one group
                 whole = {k for k, c in enumerate(others) if i <= c < i + 4}
                 columns |= whole if columns & whole else set()
             for other in [part for part in sets if columns & part[1]]:
@@ -326,10 +331,10 @@ class Assembly:
             of_coordinates[others[sorted(columns)]] = k
         return Parts(of_rows, of_coordinates)
 
-    # -- what is said --------------------------------------------------------------------------------------------------
+    # -- warnings and errors ---------------------------------------------------------------------------------------------
 
     def _checked(self, q: Array, x: Array, called: Sequence[tuple[int, ...]]) -> Array:
-        """Closed states (n, nq), where dropped conditions are looked at."""
+        """Returns the closed states (n, nq) and warns where dropped or redundant conditions remain open."""
         if len(self.kept) < len(self.names) or self.newton.slack is not None:
             gaps = np.abs(self.newton.all_gaps(q, x))
             self._warn_of_redundant(gaps[:, self.kept], called)
@@ -338,24 +343,24 @@ class Assembly:
                 warn(
                     f"condition {self.names[worst]}, which was dropped as redundant within the model's "
                     f"tolerance, is open by {gaps[n, worst]:.2g}{_named(called[int(n)])}; "
-                    f"the mechanism differs there from the one that was generated"
+                    f"there, the generated equations do not describe the mechanism"
                 )
         return q
 
     def _warn_of_moves(self, guess: Array, q: Array, name: str) -> None:
-        """Dependent coordinates that were moved so far from a rough guess that another branch may be meant."""
+        """Warns of dependent coordinates that have moved far from the guess, perhaps to another branch."""
         others = self.follower.others
         moved = np.where(self.newton.slides, 0.0, np.abs(q - guess) / self.newton.scale)[others]
         worst = int(np.argmax(moved)) if len(moved) else 0
         if moved.max(initial=0.0) > FAR:
             i = others[worst]
             warn(
-                f"closing the loops has moved {self.coordinates[i]} from {guess[i]:.4g} to {q[i]:.4g}{name}: the guess is "
-                f"far from a closed state, and another branch may be meant. Begin nearer to the state that is wanted"
+                f"closing the loops changed {self.coordinates[i]} from {guess[i]:.4g} to {q[i]:.4g}{name}: the guess is "
+                f"far from a closed state, and the result may be on another branch. Give a guess nearer to the desired state"
             )
 
     def _ended(self, n: int, way: Followed, line: Line, name: str) -> AssemblyError:
-        """The error for a branch that ends on the way to a guess: how far it came, and in which loop."""
+        """The error for a branch that ends on the way to a guess: the state reached, and the loop."""
         loop = self.all_loops[int(np.argmin(way.rank[n]))]
         first, last = (np.concatenate(ends) for ends in ((line.q0[n], line.x0[n]), (line.q1[n], line.x1[n])))
         names = [*(self.coordinates[i] for i in self.follower.independent), *self.placing]
@@ -368,17 +373,17 @@ class Assembly:
         q, x = self.follower.placed(way.q[n : n + 1], line.of(np.array([n])), np.ones(1))
         size = float(np.abs(self.newton.gaps(q, x)).max(initial=0.0))
         if not way.ended[n]:
-            why = f"{wanted} is too far away to be followed from {began}, or that is singular; give states in between"
+            why = f"{wanted} is too far from {began}, or that state is singular; give intermediate states"
             return AssemblyError(loop, size, name, loop in self.couplings, why)
         why = (
-            f"{size:.3g} is left of its conditions at {wanted}. Followed from the closed state at {began}, its branch ends at "
-            f"{came}, where it is at a dead point or at the end of its reach: stay before that pose, go another way, or give "
+            f"its residual is {size:.3g} at {wanted}. Followed from the closed state at {began}, its branch ends at "
+            f"{came}, at a dead point or at the end of its reach: stay before that pose, take another path, or give "
             f"dependent coordinates on another branch"
         )
         return AssemblyError(loop, size, name, loop in self.couplings, why)
 
     def _open(self, q: Array, x: Array, name: str) -> AssemblyError | SingularLoopError:
-        """The error for a guess (nq,) that leads to no closed state."""
+        """The error for a guess (nq,) from which the loops do not close."""
         _, gaps, flat = self.newton.path(q[None], x[None], self.whole)
         if flat[0]:
             opened = self.newton.opened
@@ -389,7 +394,7 @@ class Assembly:
         return self.open(int(np.argmax(np.abs(gaps[0]))), float(np.abs(gaps).max(initial=0.0)), name)
 
     def open(self, condition: int, size: float, where: str) -> AssemblyError:
-        """The error for what is left of a condition, by its number among those that count."""
+        """The error for the residual of a condition; `condition` is its index among the retained ones."""
         loop = self.loops[condition]
         tolerance = 0.0
         if self.newton.slack is not None and self.newton.slack[condition] > 0.0:
@@ -397,18 +402,19 @@ class Assembly:
         return AssemblyError(loop, size, where, loop in self.couplings, tolerance=tolerance)
 
     def _warn_of_redundant(self, gaps: Array, called: Sequence[tuple[int, ...]]) -> None:
-        """Conditions that count and stay open (n, m), since these parameters leave them to follow from others only nearly."""
+        """Warns of retained conditions (n, m) that stay open: at these parameters they are redundant only within
+        `loop_tolerance`."""
         if self.newton.slack is None:
             return
         for n in np.flatnonzero((gaps > CLOSED).any(axis=1)):
             worst = int(np.argmax(gaps[n]))
             warn(
                 f"redundant condition {self.names[self.kept[worst]]} stays open by {gaps[n, worst]:.2g}"
-                f"{_named(called[int(n)])}: with these parameters the conditions of the loop follow from each other only nearly, "
-                f"within loop_tolerance; results are those of the nearest closed loop. Generate with these parameters to drop it"
+                f"{_named(called[int(n)])}: with these parameters the loop's conditions are only nearly redundant, "
+                f"within loop_tolerance; results belong to the nearest closed loop. Generate with these parameters to drop it"
             )
 
 
 def _named(state: Sequence[int]) -> str:
-    """Which state of a batch, for messages."""
+    """Index of a state in a batch, for messages."""
     return f" (state {list(state)} of the batch)" if state else ""

@@ -1,8 +1,8 @@
-"""Continuation: closed states followed along lines of what they depend on, never over a pose where their branch ends.
+"""Continuation: closed states are continued along straight lines in the independent coordinates, parameters and time.
 
-A step predicts along the tangent of the closure and closes the loops by Newton's method from there. It is taken only if
-Newton's steps contract, and if the tangents at both of its ends agree with the way between them (the trapezoidal rule): past
-the end of a branch, or on another one, they do not. Where a branch ends, steps become ever shorter.
+A step predicts along the tangent and corrects with Newton's method. It is accepted only if Newton's steps contract and the
+tangents at both ends agree with the step (trapezoidal rule). Beyond the end of a branch, or on another branch, they do not
+agree. The steps shrink toward the end of a branch and never pass it.
 """
 
 from __future__ import annotations
@@ -16,53 +16,54 @@ from ..arrays import Array, Indices, normalise
 from .newton import CONTRACTION, LARGEST, Newton
 
 PART = 1e-2
-"""Part of a step by which a state is moved on for its tangent, which is Newton's step from there."""
+"""Fraction of a step by which the independent coordinates are shifted for a tangent; Newton's step from there gives the
+tangent."""
 
 START = 1e-9
-"""Part of a line for the first tangent."""
+"""The same for the first tangent, as a fraction of the line."""
 
 FIRST = 1.0 / 16
-"""Part of a line that the first step takes at most."""
+"""Upper bound of the first step, as a fraction of the line."""
 
 CORRECTIONS = 6
-"""Steps of Newton's method in a step along a line."""
+"""Newton iterations per step."""
 
 DONE, SETTLED = 1e-10, 1e-8
-"""rad, or characteristic lengths: a step of Newton's method that is not followed by another one; what is open then at most."""
+"""rad, or characteristic lengths: Newton's method stops at steps of this size; the scaled residual allowed then."""
 
 AGREES = 0.1
-"""By how much the way of a step may differ from what the tangents at its ends say, in parts of the longer one."""
+"""Relative difference allowed between a step and the mean of the tangents at its ends."""
 
 GROWTH, SHORTER = 2.0, 0.4
-"""How much longer the next step is at most after one that was taken, and how much shorter after one that was not."""
+"""Largest factor between step sizes after an accepted step, and the factor after a rejected one."""
 
 SHORTEST, FINEST = 1e-7, 1e-14
-"""rad, or characteristic lengths, and parts of a line: where shorter steps would be needed a branch ends."""
+"""Step sizes below which a branch ends: rad or characteristic lengths, and as a fraction of the line."""
 
 MOST = 3000
-"""Steps along a line, of a hundred turns or so."""
+"""Maximum number of steps along a line, enough for about a hundred turns."""
 
 MOVING = 0.05
-"""rad, or characteristic lengths: a tangent that moves coordinates by more than this says how long the first step is."""
+"""rad, or characteristic lengths: with a larger first tangent, that tangent alone limits the first step."""
 
 STEEPER = 2.0
-"""Times by which a reciprocal condition number may change faster within a step than it is seen to change."""
+"""Safety factor on the rate at which a reciprocal condition number may change within a step."""
 
 CROSSING = 1e-3
-"""rad, or characteristic lengths: steps that are no longer are taken over what may be a pose where branches meet."""
+"""rad, or characteristic lengths: only steps up to this size may pass a possible branch point."""
 
 
 class Line(NamedTuple):
-    """Straight lines that n states are followed along.
+    """Straight lines along which n states are continued.
 
     Attributes
     ----------
     q0, q1 : (n, k) array
         Independent coordinates at both ends.
     x0, x1 : (n, ...) array
-        Parameters, and where motion is prescribed inputs and the time.
+        Parameters; with prescribed motion also the inputs and the time.
     shared : (n, nq) array
-        At the ends, coordinates of joints that are independent in part.
+        Coordinates at the ends, for joints that are only partly independent.
     """
 
     q0: Array
@@ -72,32 +73,32 @@ class Line(NamedTuple):
     shared: Array
 
     def of(self, n: Indices) -> Line:
-        """Some of the lines."""
+        """A selection of the lines."""
         return Line(*(a[n] for a in self))
 
     def at(self, s: Array) -> tuple[Array, Array]:
-        """Independent coordinates and parameters at parts s (n,) of the lines."""
+        """Independent coordinates and parameters at fractions s (n,) of the lines."""
         part = s[:, None]
         q, x = self.q0 + part * (self.q1 - self.q0), self.x0 + part * (self.x1 - self.x0)
-        # the ends themselves, to the last digit
+        # at an end, its exact values
         return np.where(part == 1.0, self.q1, q), np.where(part == 1.0, self.x1, x)
 
 
 class Followed(NamedTuple):
-    """Where n states have been followed to.
+    """The result of a continuation of n states.
 
     Attributes
     ----------
     q : (n, nq) array
         The last closed states.
     s : (n,) array
-        The parts of the lines that were covered; 1 where a state has arrived.
+        Fractions of the lines that were covered; 1 at the end.
     rank : (n, loops) array
-        Reciprocal condition numbers of closure matrices there.
+        Reciprocal condition numbers of the closure matrices there.
     crossed : (n,) array of int
-        The last loop that has lost rank on the way, where branches meet; -1 if none has.
+        The last loop that lost rank on the way, at a branch point; -1 if none did.
     ended : (n,) array of bool
-        Whether a branch ends there; the others that have not arrived are too far away.
+        Whether the branch ends there. Other states with s < 1 are too far from the end of the line.
     """
 
     q: Array
@@ -108,7 +109,8 @@ class Followed(NamedTuple):
 
 
 class _Going(NamedTuple):
-    """States that are being followed: where they are, how they go on, and how reciprocal condition numbers change."""
+    """States during continuation: coordinates, covered fraction, next step, tangent, reciprocal condition numbers and their
+    rates."""
 
     q: Array
     s: Array
@@ -118,21 +120,21 @@ class _Going(NamedTuple):
     slope: Array
 
     def of(self, n: Indices) -> _Going:
-        """Some of them."""
+        """A selection of the states."""
         return _Going(*(a[n] for a in self))
 
 
 class Follower:
-    """Follows closed states.
+    """Continues closed states.
 
     Parameters
     ----------
     newton : Newton
     independent : (k,) array of int
-        The coordinates that lines prescribe; the others follow.
+        The coordinates that the line prescribes; all others are determined by closing the loops.
     shared : array of int
-        Those of the others that belong to joints that are independent in part. Lines aim them at their ends, and closing takes
-        away from that what is along dependent speeds.
+        Coordinates of joints that are only partly independent. The predictor aims them at the end of the line; closing the
+        loops removes the part of that motion along dependent speeds.
     """
 
     def __init__(self, newton: Newton, independent: Indices, shared: Indices):
@@ -140,7 +142,7 @@ class Follower:
         self.others = np.setdiff1d(np.arange(len(newton.scale)), independent)
 
     def placed(self, q: Array, line: Line, s: Array) -> tuple[Array, Array]:
-        """Coordinates (n, nq) with the independent ones of parts of lines; and the parameters there."""
+        """Coordinates (n, nq) with their independent entries, and parameters, at fractions s of the lines."""
         own, x = line.at(s)
         q = q.copy()
         q[:, self.independent] = own
@@ -148,9 +150,9 @@ class Follower:
         return q, x
 
     def follow(self, q: Array, line: Line, part: float = FIRST) -> Followed:
-        """Follow n closed states (n, nq) from the beginnings of lines as far as their branches go.
+        """Continues n closed states (n, nq) along the lines as far as their branches reach.
 
-        `part` is the part of a line that the first step takes at most, if nothing moves where it begins.
+        `part` limits the first step, as a fraction of the line, where the first tangent is small.
         """
         n = len(q)
         s, crossed = np.zeros(n), np.full(n, -1)
@@ -181,7 +183,8 @@ class Follower:
         return Followed(all_of.q, s, all_of.rank, crossed, stopped)
 
     def _step(self, at: _Going, h: Array, line: Line) -> tuple[_Going, Array, NDArray[np.bool_]]:
-        """Steps by parts h of lines: where they lead, their errors in parts of those allowed, which loops may lose rank."""
+        """Steps by fractions h of the lines: new states, errors relative to the tolerance, and which loops may have lost
+        rank."""
         s, aim = np.where(h >= 1.0 - at.s, 1.0, at.s + h), self._aim(at.q, at.s, line)
         q, closed = self._closed(at.q + h[:, None] * at.tangent, line, s)
         tangent, rank, error = np.full_like(q, np.nan), at.rank.copy(), np.full(len(q), np.inf)
@@ -198,7 +201,7 @@ class Follower:
         return _Going(q, s, h, tangent, rank, slope), error, lost & closed[:, None]
 
     def _closed(self, guess: Array, line: Line, s: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Newton's method from predicted states: coordinates, and where its steps contract to closure."""
+        """Corrects predicted states by Newton's method: coordinates, and whether the loops closed with contracting steps."""
         q, x = self.placed(guess, line, s)
         closed, before = np.zeros(len(q), bool), np.full(len(q), LARGEST / CONTRACTION)
         going: Indices = np.arange(len(q))
@@ -218,16 +221,16 @@ class Follower:
         return q, closed
 
     def _aim(self, q: Array, s: Array, line: Line) -> Array:
-        """By how much shared coordinates are to change along the rest of lines, for all of a line, (n, nq)."""
+        """Rates (n, nq), per line, that bring the shared coordinates to their values at the end of the line."""
         aim = np.zeros_like(q)
         aim[:, self.shared] = (line.shared - q)[:, self.shared] / (1.0 - s)[:, None]
-        for i in self.newton.quaternions:  # of length one all the way
+        for i in self.newton.quaternions:  # tangential to the unit sphere
             e = q[:, i : i + 4]
             aim[:, i : i + 4] -= e * (e * aim[:, i : i + 4]).sum(axis=1, keepdims=True)
         return aim
 
     def _tangents(self, q: Array, line: Line, s: Array, part: Array, aim: Array) -> tuple[Array, Array]:
-        """Derivatives of closed coordinates along lines, (n, nq), and reciprocal condition numbers, (n, loops)."""
+        """Tangents (n, nq) of closed states along the lines, and reciprocal condition numbers (n, loops)."""
         part = np.where(s + part > 1.0, -part, part)
         moved, x = self.placed(q + part[:, None] * aim, line, s + part)
         found = self.newton.probe(moved, x)
@@ -236,6 +239,6 @@ class Follower:
         return tangent, found.rank
 
     def _others(self, change: Array) -> Array:
-        """The largest of the changes of coordinates that follow, scaled, (n,)."""
+        """The largest scaled change (n,) of the coordinates that the line does not prescribe."""
         mine = np.abs(change[:, self.others] / self.newton.scale[self.others])
         return mine.max(axis=1, initial=0.0)

@@ -1,4 +1,4 @@
-"""Consistent states of models with loops: loops closed in position, dependent speeds and seeds from velocity closure."""
+"""Consistent states of models with loops: closes positions, and completes speeds and seeds with the dependent ones."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ POSITION = Wanted("closure", ["position"])
 
 
 class Loops(States):
-    """Consistent states of models that have loops."""
+    """Consistent states of models with loops."""
 
     _made: tuple[Opened, Assembly] | None = None
 
     @property
     def assembly(self) -> Assembly:
-        """What closes the loops with the partition in use."""
+        """Assembly for the partition in use."""
         opened, made = self._closing(), self._made
         if made is None or made[0] is not opened:
             self._made = made = opened, Assembly(opened)
         return made[1]
 
     def _closing(self) -> Opened:
-        """What computes while loops are closed."""
+        """The functions used to close loops."""
         return self._opened
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
@@ -48,7 +48,7 @@ class Loops(States):
         return None if found is None else (given[0].copy(), *found)
 
     def _is_closed(self, given: tuple[Any, ...]) -> bool:
-        """Whether that is one state in plain arrays whose coordinates assembly leaves as they are."""
+        """Whether `given` is one state in plain arrays that assembly would leave unchanged."""
         if self._arguments.quaternions:
             return False
         gaps = self.package._one_state(POSITION, given)
@@ -83,8 +83,8 @@ class Loops(States):
         return q_new
 
     def _path_axis(self, arrays: Mapping[str, Any], batch: Shape) -> int | None:
-        """The axis along which states are followed unless the caller says otherwise: that of the time, where a mechanism with
-        prescribed motion is given one guess for all times."""
+        """The batch axis along which states are continued by default: the time axis, if motion is prescribed and all times
+        share one guess."""
         t = np.asarray(arrays["t"])
         if not self.prescribed_names or t.ndim == 0:
             return None
@@ -92,7 +92,7 @@ class Loops(States):
         if not axes:
             return None
         q = arrays["q"][..., self.assembly.follower.others]
-        k = axes[-1] - len(batch) - 1  # counted from the end, for q may have fewer axes
+        k = axes[-1] - len(batch) - 1  # counted from the end, since q may have fewer axes
         same = q.ndim < -k or q.shape[k] == 1 or bool((q == np.take(q, [0], axis=k)).all())
         return axes[-1] if same else None
 
@@ -111,5 +111,5 @@ class Loops(States):
 
 
 def _place(number: int, batch: Shape) -> tuple[int, ...]:
-    """Where a state is in its batch."""
+    """Index of a state in its batch."""
     return tuple(int(i) for i in np.unravel_index(number, batch))

@@ -1,8 +1,8 @@
-"""Newton's method on the dependent coordinates of closed loops, for one state or for many at once.
+"""Newton's method on the dependent coordinates of closed loops, for one state or many at once.
 
-Its steps are judged by themselves, as affine invariance asks (Deuflhard's natural test), not by the size of the residuals:
-after a part of a step the next one must be nearly what is left of it. So the loops close along the Newton path, on which
-all residuals shrink in proportion, and no step goes over a pose where a loop loses rank.
+Steps are accepted by an affine invariant test (Deuflhard's natural monotonicity test), not by the size of the residuals: after
+a fraction of a step, the next full step must nearly equal the remainder. The loops therefore close along the Newton path, on
+which all residuals shrink in proportion. No step passes a pose where a loop loses rank.
 """
 
 from __future__ import annotations
@@ -25,42 +25,42 @@ LARGEST = 0.3
 """rad, or characteristic lengths: the longest step of a dependent coordinate."""
 
 SURE = 0.05
-"""The same of a first step that leads to no other branch than that of the guess; after a longer one it is looked for."""
+"""rad, or characteristic lengths: after a first step up to this size, the branch of the guess needs no further test."""
 
 CONTRACTION = 0.25
-"""Part of the first full step that the second one may have: below it Newton's method converges to the closed state that
-continuation leads to (Kantorovich's condition, with a margin)."""
+"""Largest ratio of the second full step to the first one. Below it, Newton's method converges to the same closed state as
+continuation (Kantorovich's condition, with a margin)."""
 
 BENT = 0.3
-"""By how much a step may differ from what is left of the one before it, in parts of that."""
+"""Largest relative difference between a step and the remainder of the step before it."""
 
 LEAST = 1e-4
-"""The smallest part of a step that is taken: where less would be needed the Newton path ends."""
+"""Smallest fraction of a step; the Newton path ends where an even smaller one would be needed."""
 
 CLOSED = 1e-10
-"""The largest scaled residual of a closed loop; Newton's method goes on below it as long as it gets better."""
+"""Scaled residual up to which a loop is closed; Newton's method continues below it while the residual decreases."""
 
 NEAREST = 1e-10
-"""The largest step of a state that meets its conditions as well as it can, where they follow from each other only nearly."""
+"""Step size below which nearly redundant conditions are met as well as possible."""
 
 BETTER = 0.64
-"""Part of the squares of such residuals that must be left at most for a step to be worth taking."""
+"""Below `CLOSED`, another step is taken only if the last one reduced the sum of squares at least by this factor."""
 
 QUICK, STEPS = 12, 200
-"""Steps at most: of full ones, and of others."""
+"""Maximum number of iterations: of full steps, and along the Newton path."""
 
 
 class Probe(NamedTuple):
-    """What is known of n states.
+    """Newton steps, residuals and ranks of n states.
 
     Attributes
     ----------
     step : (n, nq) array
-        Newton's steps; NaN where a loop has lost rank.
+        Newton steps; NaN where a loop has lost rank.
     gaps : (n, m) array
-        Scaled residuals of the conditions that count.
+        Scaled residuals of the retained conditions.
     rank : (n, loops) array
-        Reciprocal condition numbers of closure matrices; 0 where rank is lost.
+        Reciprocal condition numbers of the closure matrices; 0 where rank is lost.
     flat : (n,) array of bool
         Whether a loop has lost rank.
     """
@@ -72,14 +72,14 @@ class Probe(NamedTuple):
 
 
 class Parts:
-    """Loops in sets that share dependent coordinates with no others.
+    """Groups of loops without common dependent coordinates.
 
     Parameters
     ----------
     rows : (m,) array of int
-        The part of each condition that counts.
+        The group of each retained condition.
     coordinates : (nq,) array of int
-        The part of each coordinate; that of an independent one does not matter.
+        The group of each dependent coordinate; entries of independent ones have no effect.
     """
 
     def __init__(self, rows: Indices, coordinates: Indices):
@@ -89,23 +89,23 @@ class Parts:
         self._of_coordinates = np.arange(self.count)[:, None] == coordinates
 
     def sizes(self, steps: Array) -> Array:
-        """The largest entry of steps (n, nq) in each part, (n, parts)."""
+        """The largest entry of steps (n, nq) per group, (n, groups)."""
         return self._largest(steps, self._of_coordinates)
 
     def open_by(self, gaps: Array) -> Array:
-        """The largest residual (n, m) in each part, (n, parts)."""
+        """The largest residual (n, m) per group, (n, groups)."""
         return self._largest(gaps, self._of_rows)
 
     def squares(self, gaps: Array) -> Array:
-        """Sums of squares of residuals (n, m), (n, parts)."""
+        """Sums of squares of residuals (n, m) per group, (n, groups)."""
         return (gaps * gaps) @ self._of_rows.T
 
     def spread(self, values: Any) -> Array:
-        """Values of parts (n, parts) for each coordinate, (n, nq)."""
+        """Expands values of groups (n, groups) to coordinates, (n, nq)."""
         return values[:, self.coordinates]
 
     def over_rows(self, values: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """The same for each condition, (n, m)."""
+        """Expands values of groups (n, groups) to conditions, (n, m)."""
         return values[:, self.rows]
 
     def _largest(self, of: Array, members: NDArray[np.bool_]) -> Array:
@@ -121,14 +121,14 @@ class Newton:
     ----------
     opened : Opened
     kept : array of int
-        The conditions that count.
+        The retained conditions.
 
     Attributes
     ----------
     slack : (m,) array or None
-        Residuals that conditions which others imply may keep: parameters may open them by that.
+        Residuals allowed for redundant conditions, which changed parameters may open.
     scale : (nq,) array
-        Changes of coordinates that count as one: a radian, two of a quaternion's components, a characteristic length.
+        Unit of change of each coordinate: 1 rad, 0.5 of a quaternion component, or a characteristic length.
     """
 
     def __init__(self, opened: Opened, kept: Indices):
@@ -145,23 +145,23 @@ class Newton:
         self.slack = slack[kept] if slack.any() else None
 
     def named(self, q: Array, x: Array) -> dict[str, Any]:
-        """Arguments by name; x are parameters, and behind them, where motion is prescribed, inputs and the time."""
+        """Arguments by name; x contains the parameters and, with prescribed motion, the inputs and the time."""
         return placed(q, x, self.np)
 
     def all_gaps(self, q: Array, x: Array) -> Array:
-        """Scaled position residuals of all conditions, (..., of them); x has the axes of q, or none."""
+        """Scaled position residuals of all conditions (..., conditions); x has the batch axes of q, or none."""
         given = self.named(q, x) | {"u": self.still}
         return self.opened.target.compute(self.opened.functions["closure"], given, q.shape[:-1])[0]
 
     def gaps(self, q: Array, x: Array) -> Array:
-        """Those of the conditions that count."""
+        """Scaled position residuals of the retained conditions."""
         return self._counting(self.all_gaps(q, x))
 
     def _counting(self, gaps: Array) -> Array:
         return gaps if len(self.kept) == gaps.shape[-1] else gaps[..., self.kept]
 
     def probe(self, q: Array, x: Array) -> Probe:
-        """Steps and residuals of n states: q is (n, nq), x (n, ...)."""
+        """Newton steps and residuals of n states: q is (n, nq), x (n, ...)."""
         n = len(q)
         batch, given = ((n,), self.named(q, x)) if n != 1 else ((), self.named(q[0], x[0]))
         failed: dict[int, SingularJointError] = {}
@@ -182,7 +182,8 @@ class Newton:
         return Probe(step, self._counting(position), rank, flat)
 
     def _left(self, step: Array, position: Array) -> Array:
-        """Residuals (n, all conditions) without what stays of those that others imply, where no step makes it smaller."""
+        """Sets residuals of redundant conditions to zero where they are within `slack` and Newton's step no longer reduces
+        them."""
         if self.slack is None:
             return position
         position = position.copy()
@@ -194,7 +195,7 @@ class Newton:
     def _called(
         self, given: Mapping[str, Any], batch: tuple[int, ...], failed: dict[int, SingularJointError] | None
     ) -> Sequence[Array]:
-        """Step, residuals of position, condition numbers."""
+        """Newton steps, position residuals and condition numbers."""
         values, functions = self.opened.target.compute, self.opened.functions
         if self.together:
             return values(functions["closing_step"], given, batch, failed=failed)
@@ -204,11 +205,11 @@ class Newton:
         return step, position, condition
 
     def sizes(self, steps: Array) -> Array:
-        """The largest of the changes of coordinates (n, nq), scaled, (n,)."""
+        """The largest scaled change of a coordinate (n,), from steps (n, nq)."""
         return np.abs(steps / self.scale).max(axis=1, initial=0.0)
 
     def paces(self, q: Array, x: Array) -> Array:
-        """The largest dependent speeds of n states by prescribed motion alone, (n,), 1/s; infinite where rank is lost."""
+        """The largest dependent speeds (n,), 1/s, that prescribed motion alone causes; infinite where rank is lost."""
         found = np.full(len(q), np.inf)
         for n in range(len(q)):
             given = self.named(q[n], x[n]) | {"u": self.still}
@@ -218,7 +219,7 @@ class Newton:
         return found
 
     def single(self, q: Array, x: Array) -> tuple[Array | None, float]:
-        """`quick` for one guess (nq,), with less around it; None where it is not that near."""
+        """`quick` for one guess (nq,), with less overhead; None if the guess is not near a closed state."""
         if self.slack is not None:
             closed, near, step = self.quick(q[None], x[None])
             return closed[0] if near[0] else None, float(step[0])
@@ -248,7 +249,8 @@ class Newton:
         return best, first
 
     def quick(self, q: Array, x: Array) -> tuple[Array, NDArray[np.bool_], Array]:
-        """What full steps make of n guesses beside closed states, (n, nq); which were that near, and first steps, (n,)."""
+        """Takes full Newton steps from n guesses: coordinates (n, nq), whether they converged, and the size of the first step
+        (n,)."""
         q, best, near = q.copy(), q.copy(), np.zeros(len(q), bool)
         going: Indices = np.arange(len(q))
         size, square = np.full(len(q), LARGEST / CONTRACTION), np.full(len(q), np.inf)
@@ -273,20 +275,20 @@ class Newton:
         return best, near, first
 
     def path(self, q: Array, x: Array, parts: Parts, goal: float = 0.0) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Follow the Newton paths of n guesses (n, nq), each part of the loops at its own pace.
+        """Follows the Newton paths of n guesses (n, nq), with separate step sizes for each group of loops.
 
         Parameters
         ----------
         goal : float
-            A part whose largest residual is at most this is left alone.
+            A group is finished when its largest residual is at most this.
 
         Returns
         -------
         q : (n, nq) array
         gaps : (n, m) array
-            Scaled residuals of the conditions that count.
+            Scaled residuals of the retained conditions.
         flat : (n,) array of bool
-            Whether a loop has lost rank at the guess, so that there is no step.
+            Whether a loop has lost rank at the guess, where no step exists.
         """
         q = q.copy()
         step, gaps, _, flat = self.probe(q, x)
@@ -311,9 +313,10 @@ class Newton:
         parts: Parts,
         goal: float,
     ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-        """One step of all parts that go on: coordinates, steps, residuals, fractions of steps, and which go on then."""
+        """One step of all unfinished groups: coordinates, steps, residuals, fractions of steps, and which groups remain
+        unfinished."""
         q, x = at
-        # loops that are open by many characteristic lengths have other parameters than those that these are of
+        # very open loops (changed parameters) need larger units of length than the characteristic ones
         lengths = np.maximum(1.0, np.abs(gaps).max(axis=1, initial=0.0))[:, None]
         scale = self.scale * np.where(self.slides, lengths, 1.0)
         with np.errstate(all="ignore"):
@@ -330,7 +333,7 @@ class Newton:
         q, step, gaps = np.where(over, trial, q), np.where(over, there.step, step), np.where(rows, there.gaps, gaps)
         on = np.where(near, good & (now <= BETTER * square), good | (fraction > LEAST))
         going = going & on & (parts.open_by(gaps) > goal)
-        # a step may be longer by what the last one shows of how steps turn, shorter where it was not taken
+        # lengthen the next step by how little the last one curved; shorten it after a rejected one
         with np.errstate(all="ignore"):
             longer = np.minimum(1.0, fraction * np.clip(0.5 * BENT / off, 1.0, 4.0))
         return q, step, gaps, np.where(good, longer, np.where(going, 0.4 * fraction, fraction)), going

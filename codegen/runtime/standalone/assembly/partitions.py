@@ -1,4 +1,4 @@
-"""Which coordinates are independent: the choices that a package holds, and how good they are in a state."""
+"""The partitions into independent and dependent coordinates that a package contains, and their conditioning in a state."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def use_partition(package: Package, partition: int) -> None:
     """See `Solver.use_partition`."""
     count = len(partitions_of(package._manifest))
     if isinstance(partition, bool) or not isinstance(partition, (int, np.integer)):
-        raise ValueError(f"partition is {partition!r}, expected a whole number below {count}")
+        raise ValueError(f"partition is {partition!r}, expected an integer below {count}")
     if not 0 <= partition < count:
-        raise ValueError(f"partition {partition}: there are {count}, counted from 0")
+        raise ValueError(f"partition is {partition}, expected 0 to {count - 1}")
     package._use(package._open(int(partition)))
 
 
@@ -51,7 +51,7 @@ def conditions(package: Package, q: Numbers, p: Numbers, inputs: Numbers, t: Tim
 
 
 def scale_of(manifest: Mapping[str, Any]) -> Array:
-    """Changes of coordinates (nq,) that count as one: a radian, two of a quaternion's components, a characteristic length."""
+    """Unit of change of each coordinate (nq,): 1 rad, 0.5 of a quaternion component, or a characteristic length."""
     length = max((float(c["length"]) for c in manifest.get("closures", ())), default=1.0) or 1.0
     scale = np.array([length if unit == "m" else 1.0 for unit in manifest["coordinate_units"]])
     for i in manifest["quaternions"]:

@@ -1,4 +1,4 @@
-"""Redundant conditions: parameters that open some of them, along which there is no derivative."""
+"""Warnings about redundant loop conditions that parameters open, and about directions without a derivative."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from ..warning import warn
 from .assembly import allowed_gaps
 
 OPEN_SEED = 1e-7
-"""A direction of parameters that opens a loop by more than this, per unit, does not keep its redundant conditions."""
+"""Residual per unit of a direction of parameters above which the direction opens a redundant condition."""
 
 
 CLOSING = frozenset({
     "closure", "conditions", "newton_step", "closing_step", "completion", "completion_sensitivities", "closure_sensitivities",
 })  # fmt: skip
-"""Functions that measure loops or close them: `closure` gives the residuals, and assembly issues a warning of its own."""
+"""Functions without this warning: they report the residuals themselves, or belong to assembly, which issues its own."""
 
 
 class WatchedCalls(dict[Any, Call]):
-    """Calls that warn first where dropped conditions are open."""
+    """Calls that first warn about open dropped conditions."""
 
     def __init__(self, redundancy: Redundancy, calls: Mapping[Any, Call]):
         super().__init__()
@@ -45,15 +45,15 @@ class WatchedCalls(dict[Any, Call]):
 
 
 class Redundancy(Room):
-    """Warns of directions that open redundant conditions, and of states where dropped conditions are open."""
+    """Warns of directions that open redundant conditions, and of states in which dropped conditions are open."""
 
     def watch_calls(self) -> None:
-        """Look at states that go straight to the C, where conditions were dropped."""
+        """Also tests states that are passed directly to C, if the package has dropped conditions."""
         if self._opened.manifest.get("dropped"):
             self.package._calls = WatchedCalls(self, self.package._calls)
 
     def _look_at_state(self, name: str, given: tuple[Any, ...]) -> None:
-        """Warn where conditions that were dropped are open by more than they may be."""
+        """Warns if dropped conditions are open by more than their tolerance."""
         opened = self._opened
         f = opened.functions.get(name)
         if f is None or name in CLOSING:
@@ -69,13 +69,13 @@ class Redundancy(Room):
             worst = np.unravel_index(int(np.nanargmax(excess)), excess.shape)
             place = f" (state {[int(i) for i in worst[:-1]]} of the batch)" if batch else ""
             warn(
-                f"condition {self.closure_names[int(worst[-1])]} is open by {abs(gaps[worst]):.2g}{place}, beyond "
-                f"{allowed.max():g}: it was dropped as redundant within loop_tolerance when the package was "
-                f"generated, and {name} is of a mechanism without it"
+                f"condition {self.closure_names[int(worst[-1])]} is open by {abs(gaps[worst]):.2g}{place}, more than the "
+                f"allowed {allowed.max():g}: it was dropped as redundant within loop_tolerance when the package was "
+                f"generated, so {name} ignores it"
             )
 
     def look_at_directions(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None) -> None:
-        """Warn of directions that have no derivative."""
+        """Warns of directions along which no derivative exists."""
         opened, name = self._opened, wanted if isinstance(wanted, str) else wanted.name
         by_all = name in WEIGHTED or (name == "jacobians" and "J_p" in getattr(wanted, "returned", ("J_p",)))
         dp = np.eye(self.np) if by_all else None if seeds is None else seeds[STATE.index("p")]
@@ -85,7 +85,7 @@ class Redundancy(Room):
                 self._warn_of_opening(opened, opened.manifest["opening"], known, dp)
 
     def _warn_of_opening(self, opened: Opened, opening: list[int], given: Mapping[str, Any], dp: Numbers) -> None:
-        """Parameters that open redundant conditions, where a direction changes them."""
+        """Warns of parameters that open redundant conditions and that a direction changes."""
         known = {name: given[name] for name in ("q", "u", "p") if name in given}
         arrays, batch = self._arguments.take(known, self._left_out)
         (directions, _), _ = Seeds.take(self._arguments, {"dp": dp}, arrays, batch)
@@ -108,6 +108,6 @@ class Redundancy(Room):
                 condition = int(np.argmax(row))
                 warn(
                     f"parameter {self.parameter_names[j]} opens the redundant condition {self.closure_names[condition]} by "
-                    f"{row[condition]:.2g} per unit: the loop does not stay closed when it changes alone, and derivatives along "
-                    f"it are those of the nearest motion, which keeps what the dependent joints can keep"
+                    f"{row[condition]:.2g} per unit: the loop cannot stay closed when it alone changes; derivatives along "
+                    f"it belong to the nearest motion, with the conditions met that the dependent joints can meet"
                 )

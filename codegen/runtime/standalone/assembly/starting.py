@@ -1,4 +1,4 @@
-"""Closed states that guesses belong to: those from which a mechanism is followed to where its guess asks for it."""
+"""Finds closed states from which continuation can start, for guesses that are not near a closed state."""
 
 from __future__ import annotations
 
@@ -10,50 +10,51 @@ from .following import Follower
 from .newton import CLOSED, Newton, Parts
 
 MOVED = 1e-7
-"""rad, characteristic lengths, or seconds: how far a guess is moved to see how it opens and closes loops."""
+"""rad, characteristic lengths, or seconds: increment for the difference quotients of the residuals in a fit."""
 
 FITTED = 1e-9
-"""The largest scaled residual at coordinates that fit."""
+"""Scaled residual at which a fit has converged."""
 
 CONSISTENT = 1e-6
-"""The same where the dependent coordinates count as those of a closed state: a guess has this many digits at least."""
+"""Scaled residual up to which a fit succeeds: a guess is assumed to have at least this many correct digits."""
 
 LARGEST = 0.5
 """rad, or characteristic lengths: the longest step of a fit."""
 
 BETTER = 0.9999
-"""Part of the squares of residuals that a step may leave."""
+"""Largest factor on the sum of squared residuals for a step to be accepted."""
 
 AGAIN = (1.5, -1.5)
-"""rad, or characteristic lengths: how far from the guess fits begin that have not succeeded from there."""
+"""rad, or characteristic lengths: offsets of further starting points, if the fit from the guess fails."""
 
 FITS, HALVINGS = 40, 5
-"""Steps of a fit; how often each is halved."""
+"""Maximum number of steps of a fit, and of halvings of each step."""
 
 
 class Starts:
-    """Finds closed states beside guesses, of which dependent coordinates are kept and independent ones, or the time, are moved.
+    """Finds closed states with the dependent coordinates of guesses, by varying the independent coordinates or the time.
 
     Parameters
     ----------
     newton : Newton
     follower : Follower
     timed : bool
-        Whether motion is prescribed, so that the state depends on the time, the last of the parameters.
+        Whether motion is prescribed; the state then depends on the time, the last entry of x.
     """
 
     def __init__(self, newton: Newton, follower: Follower, timed: bool):
         self.newton, self.follower, self.timed = newton, follower, timed
 
     def find(self, q: Array, x: Array, parts: Parts) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Closed states (n, nq) with the dependent coordinates of guesses, their parameters and times; and which were found."""
+        """Closed states (n, nq) with the dependent coordinates of guesses, their parameters and times, and whether each was
+        found."""
         guess, x_guess = q, x
         q, x, fits = self._fitted(q, x)
         for turned in AGAIN if self._unknowns else ():
             n = np.flatnonzero(~fits)
             if not n.size:
                 break
-            # no two of the numbers are the same, nor opposite: no symmetry of the guess is kept
+            # all entries differ in magnitude, so that no symmetry of the guess is kept
             offset = np.tile(turned * np.cos(0.3 * np.arange(self._unknowns)), (n.size, 1))
             if self.timed:
                 offset[:, -1] = turned / self.newton.paces(guess[n], x_guess[n])
@@ -63,7 +64,7 @@ class Starts:
         return q, x, fits & ~flat & (parts.open_by(gaps).max(axis=1) <= CLOSED)
 
     def _fitted(self, q: Array, x: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Independent coordinates, and times, that leave loops open the least (Gauss and Newton); and where they close them."""
+        """Fits independent coordinates and times to close the loops (Gauss-Newton), and returns where this succeeds."""
         q, x = q.copy(), x.copy()
         gaps = self.newton.gaps(q, x)
         going: Indices = np.flatnonzero(np.isfinite(gaps).all(axis=1))
@@ -84,13 +85,13 @@ class Starts:
         return len(self.follower.independent) + self.timed
 
     def _moved(self, slopes: Array, change: Array) -> Array:
-        """How far changes of unknowns (n, unknowns) move independent coordinates, and open loops, (n,)."""
+        """The largest change (n,) of independent coordinates or residuals caused by changes of unknowns (n, unknowns)."""
         opened = np.abs(np.einsum("nmk,nk->nm", slopes, change)).max(axis=1, initial=0.0)
         turned = np.abs(change[:, : len(self.follower.independent)]).max(axis=1, initial=0.0)
         return np.maximum(opened, turned)
 
     def _shorter(self, q: Array, x: Array, gaps: Array, going: Indices, change: Array) -> Indices:
-        """Take as much of changes as closes loops further; for which states some does."""
+        """Halves the changes until they reduce the residuals, applies them, and returns the states for which this succeeds."""
         done: list[Indices] = []
         for _ in range(HALVINGS):
             if not going.size:
@@ -105,14 +106,14 @@ class Starts:
         return np.sort(np.concatenate(done)) if done else going[:0]
 
     def _slopes(self, q: Array, x: Array, gaps: Array) -> Array:
-        """What each unknown does to the residuals, (n, m, unknowns)."""
+        """Derivatives of the residuals with respect to the unknowns, by difference quotients, (n, m, unknowns)."""
         n, k = len(q), self._unknowns
         units = np.tile(MOVED * np.eye(k), (n, 1))
         found = self.newton.gaps(*self._changed(np.repeat(q, k, axis=0), np.repeat(x, k, axis=0), units))
         return ((found.reshape(n, k, -1) - gaps[:, None]) / MOVED).transpose(0, 2, 1)
 
     def _changed(self, q: Array, x: Array, change: Array) -> tuple[Array, Array]:
-        """States with their unknowns changed (n, unknowns): independent coordinates, scaled, and the time."""
+        """States with changed unknowns: scaled independent coordinates, and the time; change is (n, unknowns)."""
         q, x = q.copy(), x.copy()
         independent = self.follower.independent
         q[:, independent] += change[:, : len(independent)] * self.newton.scale[independent]

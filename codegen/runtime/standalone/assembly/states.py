@@ -1,4 +1,4 @@
-"""Consistent states: what a guess becomes, the model's initial state, and their derivatives; `Loops` adds what closes loops."""
+"""Consistent states: assembly of guesses, the model's initial state, and their derivatives. `Loops` adds closed loops."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class States(Room):
     ----------
     package : Package
     equilibrium : callable
-        `Solver.equilibrium`, for models that begin at rest.
+        `Solver.equilibrium`, for models with an initial equilibrium.
     """
 
     def __init__(self, package: Package, equilibrium: Callable[..., Any]):
@@ -84,7 +84,7 @@ class States(Room):
 
     @property
     def initial_is_fixed(self) -> bool:
-        """Whether the initial state is a matter of numbers alone: nothing in it follows from parameters."""
+        """Whether the initial state consists of constants, independent of the parameters."""
         return not (
             self.closure_names
             or self.prescribed_names
@@ -93,7 +93,7 @@ class States(Room):
         )
 
     def _at_rest(self, p: Numbers, dp: Numbers) -> tuple[Array, Array, Array, Array]:
-        """The equilibrium that the initial values lead to, and its derivatives along dp: q, u, dq (k, nq), du (k, nu)."""
+        """The initial equilibrium and its derivatives along dp: q, u, dq (k, nq), du (k, nu)."""
         at: Array = self._arguments.take({"p": p}, self._left_out)[0]["p"]
         if at.ndim != 1:
             raise ValueError(
@@ -106,10 +106,10 @@ class States(Room):
         return found.q, np.zeros(self.nu), along[:, moving] @ found.dq, np.zeros((len(along), self.nu))
 
     def initial_values(self, p: Numbers) -> tuple[Array, Array]:
-        """The initial values at some parameters, as a guess for assembly.
+        """The initial values at parameters p, as a guess for assembly.
 
-        Where the model's values do not close its loops, the package has assembled ones at the default parameters; they move
-        with the parameters as the model's do.
+        If the model's values do not close the loops, the package contains assembled ones for the default parameters. Changes of
+        the model's values with the parameters are added to them.
         """
         if p is None or "initial" not in self._functions:
             return self._initial
@@ -121,25 +121,25 @@ class States(Room):
         return q, u
 
     def first_values(self, p: Numbers) -> tuple[Array, Array]:
-        """Where a motion begins that is given other coordinates or speeds: the initial values, or the state of rest."""
+        """Default coordinates and speeds of a motion: the initial values, or the initial equilibrium."""
         return self.initial_state(p) if "initial_at_rest" in self._manifest else self.initial_values(p)
 
     def left_out(
         self, given: Mapping[str, Any], initial_state: Callable[[Numbers], tuple[Array, Array]]
     ) -> tuple[Array, Array]:
-        """What a mapping of coordinates or speeds leaves out: the initial state at the given parameters."""
+        """Values for entries that a mapping of coordinates or speeds leaves out: the initial state at the given parameters."""
         if "initial_at_rest" in self._manifest:
             return initial_state(given.get("p"))
         p = given.get("p")
         if p is not None and self.closure_names:
-            # what the mapping says may close where the initial independent coordinates do not
+            # the loops may close with the given values even if the initial independent coordinates do not permit it
             with contextlib.suppress(SingularLoopError, AssemblyError):
                 return initial_state(p)
         return self.initial_values(p)
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
-        """A copy of q and u where they are one state in plain arrays, consistent as it is; None of anything else."""
-        # the C says whether they are plain
+        """Copies of q and u if they are one consistent state in plain arrays, else None."""
+        # the C code decides whether the arrays are plain
         if self._arguments.quaternions or self.package._one_state("coordinate_rates", given) is None:
             return None
         return given[0].copy(), given[1].copy()
@@ -147,7 +147,7 @@ class States(Room):
     def consistent_along(
         self, given: tuple[Any, ...], seeds: tuple[Any, ...]
     ) -> tuple[Array, Array, Array, Array] | None:
-        """The same with its derivatives along seeds."""
+        """Copies of q and u and of their derivatives along seeds, for one consistent state in plain arrays; else None."""
         q, u, dq, du = *given[:2], *seeds[:2]
         if self._arguments.quaternions or not {type(dq), type(du)} <= {np.ndarray, type(None)}:
             return None
@@ -166,17 +166,17 @@ class States(Room):
         return q_new
 
     def moved(self, q: Array, arrays: Mapping[str, Any]) -> Array:
-        """Coordinates (nq,) of one state that was moved by little, assembled: by Newton's method alone."""
+        """Assembles the coordinates (nq,) of one slightly changed state, by Newton's method alone."""
         q_new = q.copy()
         normalise(q_new, self._arguments.quaternions)
         return q_new
 
     def completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
-        """Speeds that belong to assembled coordinates, (*batch, nu)."""
+        """Speeds (*batch, nu) consistent with assembled coordinates."""
         return filled((*batch, self.nu), arrays["u"], arrays["u"].dtype)
 
     def _completed_along(
         self, at: Mapping[str, Any], batch: Shape, seeds: tuple[Any, ...]
     ) -> tuple[Array, Array, Array]:
-        """The speeds that belong to assembled coordinates, and derivatives of both, (k, *batch, nq) and (k, *batch, nu)."""
+        """Speeds consistent with assembled coordinates, and derivatives of both, (k, *batch, nq) and (k, *batch, nu)."""
         return self.completed(at["q"], at, batch), seeds[0], seeds[1]
