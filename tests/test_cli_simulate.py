@@ -63,7 +63,7 @@ class StandIn:
         q, u = solver.assemble(q, u, p)
         for name in sensitivities:
             if name not in solver.parameter_names:
-                raise ValueError(f"sensitivities: {name!r} is not known; expected is any of {solver.parameter_names}")
+                raise ValueError(f"sensitivities: {name!r} is not known; expected one of {solver.parameter_names}")
         dp = np.array([[float(n == name) for n in solver.parameter_names] for name in sensitivities])
         k, nq, nu = len(sensitivities), solver.nq, solver.nu
         sizes = np.cumsum([nq, nu, k * nq])

@@ -210,7 +210,7 @@ def test_what_is_wrong_with_a_coupling_is_told_of_a_coupling(made) -> None:
     assert "closure of loop pin and coupling gear" in str(both.diagnose(*both.initial))
     with pytest.raises(OpenError, match="loop pin cannot be closed"):
         both.assemble(both.initial[0], p={"d": 9.0})
-    assert "coupling g cannot be met: 0.5 is left of its condition" in str(OpenError("g", 0.5, coupled=True))
+    assert "coupling g cannot be satisfied: its residual is 0.5" in str(OpenError("g", 0.5, coupled=True))
 
 
 # ---- against something known -----------------------------------------------------------------------------------------

@@ -117,7 +117,7 @@ def test_functions_by_pieces() -> None:
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"d": 1.0}, "inputs: 'd' is not known; expected is any of a, b, c"),
+        ({"d": 1.0}, "inputs: 'd' is not known; expected one of a, b, c"),
         ([1.0, 2.0], r"inputs have shape \(2,\), expected \(3,\)"),
         ({"a": [1.0, 2.0]}, r"inputs\['a'\] has shape \(2,\), expected \(\)"), ({"a": (T, X)}, r"expected \(6, 1\)"),
         ({"a": (T[::-1], X[:, 0])}, r"times of inputs\['a'\]: they must rise"), ({"a": "x"}, r"inputs\['a'\]"),
@@ -177,7 +177,7 @@ def test_derivatives_by_values_of_signals_of_different_kinds(pushed) -> None:
             assert abs(forward.gradients[0, k] - (ends[0] - ends[1]) / (2 * h)) < 1e-8
     with pytest.raises(ValueError, match="the input has 3 values, counted from 0"):
         pushed.simulate(1.0, inputs={"b": (t[1:], x[1:])}, sensitivities=["inputs.b[3]"])
-    with pytest.raises(ValueError, match="function of time and has no values with numbers"):
+    with pytest.raises(ValueError, match="function of time without single values"):
         pushed.simulate(1.0, inputs={"a": np.sin}, sensitivities=["inputs.a[0]"])
 
 

@@ -376,7 +376,7 @@ def test_more_digits(solver: codegen.Solver) -> None:
     ("member", "asked", "said"),
     [
         ("frames", {"bodies": "rng"}, "bodies: 'rng' is not known.*did you mean 'ring'"),
-        ("frames", {"bodies": ["arm", 3]}, "bodies: 3 is not known; expected is any of stand, arm"),
+        ("frames", {"bodies": ["arm", 3]}, "bodies: 3 is not known; expected one of stand, arm"),
         ("points", {"points": "tp"}, "points: 'tp' is not known.*did you mean 'tip'"),
         ("points", {"points": [("rnig", PLACE)]}, "points: 'rnig' is not known.*did you mean 'ring'"),
         ("points", {"points": ("ring", [1, 2])}, r"place in 'ring' has shape \(2,\), expected \(3,\)"),

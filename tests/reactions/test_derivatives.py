@@ -333,7 +333,7 @@ def test_what_is_not_chosen_leaves_no_trace(tmp_path: Path) -> None:
     assert {"reactions", "reaction_sensitivities"} <= both.keys()
     codegen.generate(model, tmp_path / "bars", target="numpy", functions=("reactions",))
     with pytest.raises(
-        AttributeError, match=r"without reaction_sensitivities: .*--reactions, or name it among --functions"
+        AttributeError, match=r"without reaction_sensitivities: .*--reactions, or add it to --functions"
     ):
         codegen.load(tmp_path / "bars").reaction_sensitivities([0.0], [0.0])
 

@@ -26,12 +26,12 @@ def test_names_stand_for_entries(name: str, entry: Entry) -> None:
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        (("mass", "mass"), "sensitivities name something twice: mass, mass"),
-        ((4,), "sensitivities hold 4; names are needed, such as 'length' or 'q0.crank'"),
-        (("q0.b",), "sensitivities: q0.b is dependent, it follows from a; name one of these"),
-        (("u0.b",), "sensitivities: u0.b is dependent, it follows from a, c; name one of these"),
+        (("mass", "mass"), "sensitivities contain a name twice: mass, mass"),
+        ((4,), "sensitivities contain 4, expected names such as 'length' or 'q0.crank'"),
+        (("q0.b",), "sensitivities: q0.b is dependent; name an independent one: a"),
+        (("u0.b",), "sensitivities: u0.b is dependent; name an independent one: a, c"),
         (("inputs.motor[3]",), "sensitivities: inputs.motor[3]: the input has 3 values, counted from 0"),
-        (("lenght",), "expected is any of mass, length, q0.a, u0.a, u0.c, inputs.motor, inputs.brake; did you mean 'length'?"),
+        (("lenght",), "expected one of mass, length, q0.a, u0.a, u0.c, inputs.motor, inputs.brake; did you mean 'length'?"),
     ],
 )  # fmt: skip
 def test_others_are_refused(asked: tuple[Any, ...], message: str) -> None:
@@ -45,7 +45,7 @@ def test_a_state_of_rest_has_whole_inputs_only() -> None:
     assert along.inputs.tolist() == [[0.0, 1.0], [0.0, 0.0]]
     for name in ("inputs.brake[0]", "q0.a"):
         with pytest.raises(
-            ValueError, match=re.escape(f"{name!r} is not known; expected is any of mass, length, inputs.motor")
+            ValueError, match=re.escape(f"{name!r} is not known; expected one of mass, length, inputs.motor")
         ):
             seeds_by_name(name, NAMES.parameters, NAMES.inputs)
 
@@ -60,5 +60,5 @@ def test_a_vector_stands_for_its_entries() -> None:
     expected = ("mass", *vector, "q0.ball.e1", "u0.ball.wx", "u0.ball.wy", *asked[4:])
     assert apart(names, asked) == expected  # what stands for nothing stays, to be refused by its own name
     assert seeds_by_name("pin", names.parameters, names.inputs).names == vector
-    with pytest.raises(ValueError, match=re.escape("sensitivities name something twice")):
+    with pytest.raises(ValueError, match=re.escape("sensitivities contain a name twice")):
         look_up_all(names, apart(names, ("pin.x", "pin")), (3,))

@@ -50,7 +50,9 @@ def test_what_members_need_is_compiled_once(fresh):
 
 
 def test_unknown_members_are_refused(fresh):
-    with pytest.raises(ValueError, match=r"prepare: 'simulat' is none of accelerations, "):
+    with pytest.raises(
+        ValueError, match=r"prepare: 'simulat' is not a method that is compiled; expected one of accelerations, "
+    ):
         fresh[0].prepare("simulat")
     with pytest.raises(AttributeError, match="has no prescribed motion"):
         fresh[0].prepare("driving_forces")
@@ -84,15 +86,15 @@ def test_members_that_can_be_prepared_are_those_that_can_be_called(tmp_path):
     codegen.generate(model, tmp_path / "few", check=False, compile=False, functions=("accelerations", "energies"))
     for folder in ("all", "few"):
         solver = codegen.load(tmp_path / folder, "numpy")
-        with pytest.raises(ValueError, match="prepare: 'nothing' is none of ") as error:
+        with pytest.raises(ValueError, match="prepare: 'nothing' is not a method ") as error:
             solver.prepare("nothing")
-        names = str(error.value).partition("none of ")[2].split(", ")
+        names = str(error.value).partition("expected one of ")[2].split(", ")
         assert names[-1] == "batches" and all(callable(getattr(solver, n)) for n in names[:-1])
         solver.prepare(*names)
         assert {"assemble", "initial_state"} <= {*names}  # without closing_step too, which motions alone need
         assert {"points", "mass_matrix", "gradients"} <= {*names} or folder == "few"
         assert {"points", "mass_matrix", "gradients", "equilibrium"}.isdisjoint(names) or folder == "all"
-    with pytest.raises(ValueError, match="'closing_step' is none of"):
+    with pytest.raises(ValueError, match="'closing_step' is not a method"):
         solver.prepare("closing_step")
     for lacking in ("points", "jacobians", "equilibrium"):
         with pytest.raises(AttributeError, match="generate it with"):

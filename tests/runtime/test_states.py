@@ -85,7 +85,7 @@ def test_a_mapping_leaves_the_others_at_their_initial_values(four_bar):
     np.testing.assert_array_equal(several[1], q)
     with pytest.raises(ValueError, match=r"q: 'cranck' is not known; .*did you mean 'crank'"):
         four_bar.assemble({"cranck": 1.0})
-    with pytest.raises(ValueError, match=r"u: 'c' is not known; expected is any of crank, coupler, rocker"):
+    with pytest.raises(ValueError, match=r"u: 'c' is not known; expected one of crank, coupler, rocker"):
         four_bar.accelerations(q, {"c": 1.0})
 
 

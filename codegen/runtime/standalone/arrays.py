@@ -1,4 +1,4 @@
-"""Arrays: their names in signatures, whether their numbers are finite, and what of them belongs to one state of a batch."""
+"""Arrays of the run time: types, tests for finite numbers, states of a batch, and quaternions."""
 
 from __future__ import annotations
 
@@ -11,43 +11,43 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 SCALARS = {"float64": "double", "float32": "float"}
-"""What C calls the types of numbers, by those of arrays."""
+"""C type of each NumPy scalar type."""
 
 Indices = NDArray[np.intp]
 Shape = tuple[int, ...]
 Numbers = ArrayLike | Mapping[str, ArrayLike] | None
-"""What a caller may give: an array, or some of its entries by name; None for what is left out."""
+"""Numbers as a user may give them: an array, some entries by name, or None for the default."""
 Times = ArrayLike
-"""The same for the time, of which there is one."""
+"""The time, or an array of times."""
 
 
 def dtype_of(manifest: Mapping[str, Any]) -> Any:
-    """The type of the numbers of a package."""
+    """The scalar type of a package."""
     return np.dtype(manifest.get("scalar", "float64"))
 
 
 FEW = 32
-"""So many numbers are looked at one by one in less time than NumPy takes to begin."""
+"""Up to this length, a Python loop over the entries is faster than a NumPy call."""
 
 
 def is_finite(x: Array) -> bool:
-    """Whether all numbers of a row are finite, without arithmetic that could overflow."""
+    """Whether all entries of a one-dimensional array are finite; no intermediate result can overflow."""
     return all(map(math.isfinite, x.tolist())) if len(x) <= FEW else bool(np.isfinite(x).all())
 
 
 def largest(x: Array) -> float:
-    """The largest size of an entry; 0 where there is none."""
+    """The largest magnitude of an entry; 0 for an empty array."""
     flat = x.reshape(-1)
     return max(map(abs, flat.tolist()), default=0.0) if len(flat) <= FEW else float(np.abs(flat).max())
 
 
 LONG = 4096
-"""Numbers up to which a product tells sooner. Longer ones go to the threads of BLAS, and whoever asked spins until they have had
-a core: 4 ms each time where others want it too, for what takes 20 us."""
+"""Up to this length a dot product is the faster check. For longer arrays BLAS starts threads, which may cost 4 ms on a busy
+machine for work of 20 us."""
 
 
 def all_finite(x: Array) -> bool:
-    """The same for any number of axes, and for numbers that are objects."""
+    """Whether all entries are finite, for any number of axes, and for objects as entries."""
     flat = x.reshape(-1)
     if x.dtype == object:
         return all(e - e == 0 for e in flat)
@@ -61,14 +61,14 @@ def all_finite(x: Array) -> bool:
 
 
 def once(x: Array) -> Array:
-    """An array without the repetitions that broadcasting has made."""
+    """An array without the repetitions of broadcasting: those axes have length 1."""
     if 0 not in x.strides:
         return x
     return x[tuple(slice(None) if step else slice(0, 1) for step in x.strides)]
 
 
 def of_state(x: Array, batch: Shape, at: tuple[int, ...], rows: int) -> Array:
-    """What belongs to a state of a batch, after so many axes in front."""
+    """The entries of one state of a batch; `rows` axes come before those of the batch."""
     missing = len(batch) + rows + 1 - x.ndim
     x = x.reshape(*x.shape[:rows], *(1,) * missing, *x.shape[rows:])
     whole = np.broadcast_to(x, (*x.shape[:rows], *batch, x.shape[-1]))
@@ -76,14 +76,14 @@ def of_state(x: Array, batch: Shape, at: tuple[int, ...], rows: int) -> Array:
 
 
 def filled(shape: Shape, x: Any, dtype: Any = np.float64) -> Array:
-    """A new array of that shape, x repeated in it as broadcasting does; in a fifth of the time of `numpy.broadcast_to`."""
+    """A new array with x broadcast to `shape`; five times as fast as `numpy.broadcast_to`."""
     found: Array = np.empty(shape, dtype)
     found[...] = x
     return found
 
 
 def lengths(e: Array) -> Array:
-    """Lengths of quaternions (..., 4), as (..., 1); their squares may be beyond floating-point numbers."""
+    """Norms of quaternions (..., 4), as (..., 1), without overflow or underflow."""
     largest = np.abs(e).max(axis=-1, keepdims=True)
     with np.errstate(all="ignore"):
         e = e / largest
@@ -91,7 +91,7 @@ def lengths(e: Array) -> Array:
 
 
 def normalise(q: Array, quaternions: tuple[int, ...]) -> None:
-    """Give the quaternions that begin at these entries of q (..., nq) length one."""
+    """Normalises, in place, the quaternions that begin at these entries of q (..., nq)."""
     for i in quaternions:
         e = q[..., i : i + 4]
         e /= np.abs(e).max(axis=-1, keepdims=True)

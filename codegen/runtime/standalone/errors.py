@@ -1,4 +1,4 @@
-"""What can go wrong, as classes: compiling, damaged packages, singular joints and loops, loops that do not close."""
+"""Errors: compilation, damaged packages, singular joints and loops, loops that do not close, motions that cannot continue."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 
 
 class CompileError(RuntimeError):
-    """The C compiler refused the generated source; the message says where source and log are kept."""
+    """The C compiler rejected the generated source; the message gives the paths of the source and the log."""
 
 
 class PackageError(ValueError):
-    """A folder holds no package, or one that is not as generate wrote it: cut short, edited, with a file gone."""
+    """A folder contains no package, or one that has been changed since `generate` wrote it."""
 
 
 class FlagsError(CompileError, ValueError):
-    """A variable of the environment, such as ``ORDERNM_CFLAGS``, cannot be used."""
+    """An environment variable, such as ``ORDERNM_CFLAGS``, has an invalid value."""
 
 
 class NoCompilerError(RuntimeError):
-    """There is nothing to compile C with, or nothing to call it through."""
+    """No C compiler, or no way to call C, is available."""
 
 
 class _Remembering(Exception):
-    """An error with attributes beside its message, which a pool of processes returns as it was raised."""
+    """An error with attributes beside its message that survives pickling, as in a pool of processes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (type(self), str(self)), self.__dict__
@@ -36,24 +36,24 @@ def _again(kind: type[Exception], message: str) -> Exception:
 
 
 class SingularJointError(_Remembering, np.linalg.LinAlgError):
-    """Nothing outboard of a joint has inertia about it, so its acceleration is not determined.
+    """A joint's acceleration is not determined, because nothing outboard of the joint has inertia about it.
 
     Attributes
     ----------
     link : str
-        The link whose joint it is.
+        The link that this joint moves.
     """
 
     def __init__(self, link: str, where: str = "", message: str = "") -> None:
         joint, _, axis = link.rpartition(".")
         turned = (
-            f"; or this pose alone is to blame (gimbal lock: joint {joint} has turned what it carries into line with this axis), "
-            f"which a spherical joint passes"
+            f"; or only this pose is singular (gimbal lock: joint {joint} has aligned the inertia outboard with this axis); "
+            f"a spherical joint avoids this"
         )
         super().__init__(
             message
             or f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; "
-            f"give its body, or one that it carries, mass or inertia{turned if joint and axis == '1' else ''}"
+            f"give its body, or one outboard of it, mass or inertia{turned if joint and axis == '1' else ''}"
         )
         self.link = link
 
@@ -64,24 +64,24 @@ class SingularLoopError(SingularJointError):
     Attributes
     ----------
     link : str
-        The loop, or the coupling.
+        The loop or the coupling.
     """
 
     def __init__(self, loop: str, where: str = "", coupled: bool = False) -> None:
-        said = (
+        message = (
             f"coupling {loop} has lost rank{where}: its dependent coordinate is multiplied by zero there, or the loops "
-            f"that share it leave it no way, so its speed is not determined; change the ratio, step off this configuration, "
+            f"that share it block it, so its speed is not determined; change the ratio, step off this configuration, "
             f"or choose other independent coordinates"
             if coupled
-            else f"loop {loop} has lost rank{where}: its dependent joints move nothing of their own there (a dead point, a "
+            else f"loop {loop} has lost rank{where}: its dependent joints do not move it independently (a dead point or a "
             f"flattened linkage), so their speeds are not determined; step off this configuration, or choose other independent "
             f"coordinates"
         )
-        super().__init__(loop, where, said)
+        super().__init__(loop, where, message)
 
 
 class SingularForceError(SingularJointError):
-    """A force element has no direction, since its ends coincide or the like.
+    """The direction of a force element is not defined, for example because its attachment points coincide.
 
     Attributes
     ----------
@@ -94,10 +94,10 @@ class SingularForceError(SingularJointError):
 
 
 def singular_forces(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The force elements of a package, and what is said of each where it has no direction."""
-    said = manifest.get("singular_elements", {})
+    """The force elements of a package, and the reason for the error if the direction of each is not defined."""
+    reasons = manifest.get("singular_elements", {})
     named = zip(manifest.get("elements", ()), manifest.get("element_types", ()), strict=True)
-    return [(name, f"{type_} {name}: {said.get(type_, 'it has no direction')}") for name, type_ in named]
+    return [(name, f"{type_} {name}: {reasons.get(type_, 'it has no direction')}") for name, type_ in named]
 
 
 class SingularOutputError(SingularJointError):
@@ -119,58 +119,56 @@ class SingularOutputError(SingularJointError):
 
 
 class AssemblyError(_Remembering, ValueError):
-    """A loop cannot be closed, or a coupling not be met.
+    """A loop cannot be closed, or a coupling cannot be satisfied.
 
     Attributes
     ----------
     loop : str
-        The loop, or the coupling.
+        The loop or the coupling.
     residual : float
-        What is left of its largest condition, in parts of the loop's characteristic length, or radians.
+        Largest residual of its conditions, in radians or in units of the loop's characteristic length.
     """
 
     def __init__(
         self, loop: str, residual: float, where: str = "", coupled: bool = False, why: str = "", tolerance: float = 0.0
     ) -> None:
         if why:
-            message = (
-                f"{'coupling' if coupled else 'loop'} {loop} cannot be {'met' if coupled else 'closed'}{where}: {why}"
-            )
+            message = f"{'coupling' if coupled else 'loop'} {loop} cannot be {'satisfied' if coupled else 'closed'}{where}: {why}"
         elif coupled:
             message = (
-                f"coupling {loop} cannot be met{where}: {residual:.3g} is left of its condition with the independent coordinates "
-                f"kept and the loops closed that share coordinates with it; check its ratios and offset, or begin nearer "
-                f"to a state that meets it"
+                f"coupling {loop} cannot be satisfied{where}: its residual is {residual:.3g}, with the independent coordinates "
+                f"unchanged and all loops closed that share coordinates with it; check its ratios and offset, or give a guess "
+                f"nearer to a state that satisfies it"
             )
         else:
             message = (
-                f"loop {loop} cannot be closed{where}: {residual:.3g} is left of its conditions (in parts of its characteristic "
-                f"length, or radians) with the independent coordinates kept; check lengths, or begin nearer to a closed state"
+                f"loop {loop} cannot be closed{where}: its residual is {residual:.3g} (rad, or characteristic lengths), "
+                f"with the independent coordinates unchanged; check lengths, or give a guess nearer to a closed state"
             )
         if tolerance:
-            message += f"; conditions that follow from others may stay open by {tolerance:g}, ten times loop_tolerance"
+            message += f"; redundant conditions may stay open by {tolerance:g}, ten times loop_tolerance"
         super().__init__(message)
         self.loop = loop
         self.residual = residual
 
 
 class EquilibriumError(_Remembering, ValueError):
-    """No state of rest was found.
+    """No equilibrium was found.
 
     Attributes
     ----------
     residual : float
-        The largest acceleration that is left at the best state, rad/s^2 or m/s^2.
+        The largest remaining acceleration at the best state found, rad/s^2 or m/s^2.
     coordinate : str
-        The independent speed that has it.
+        The independent speed with this acceleration.
     q : (nq,) array
-        That state.
+        The best state found.
     """
 
     def __init__(self, residual: float, coordinate: str, q: Any) -> None:
         super().__init__(
             f"no equilibrium was found: at the best state {coordinate} still accelerates by {residual:.3g} (rad/s^2 or m/s^2); "
-            f"begin nearer to one, or see whether something holds {coordinate} at all (the state is in the error's q)"
+            f"give a guess nearer to one, or check that some force holds {coordinate} (the error's attribute q is the state)"
         )
         self.residual = residual
         self.coordinate = coordinate
@@ -178,16 +176,16 @@ class EquilibriumError(_Remembering, ValueError):
 
 
 class TargetsDifferError(ArithmeticError):
-    """The compiled C and the NumPy module of one package compute different numbers."""
+    """The compiled C and the NumPy module of a package return different numbers."""
 
 
 class SimulationError(_Remembering, ArithmeticError):
-    """A motion cannot go on; the message says when and why.
+    """A motion cannot be continued; the message gives the time and the reason.
 
     Attributes
     ----------
     trajectory : Trajectory
-        Everything before it.
+        The motion before the error.
     """
 
     def __init__(self, message: str, trajectory: Any) -> None:

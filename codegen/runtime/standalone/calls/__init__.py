@@ -1,1 +1,1 @@
-"""From Python's arguments to the compiled function, or the NumPy one, and back: one state, a few, or a batch."""
+"""Calls of the generated functions, in C or NumPy: checks and conversion of arguments and results, for states and batches."""

@@ -1,4 +1,4 @@
-"""What a caller gives, checked and broadcast: numbers that are finite, of the right shape, by name or in order, in batches."""
+"""Checks and broadcasts a user's arguments: finite numbers of the right shape, in order or by name, with batch axes."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ..arrays import Array, Shape, dtype_of, is_finite, once
 from .functions import names_of
 
 SMALLEST_QUATERNION = 1e-6
-"""A quaternion shorter than this has no direction worth a rotation."""
+"""The smallest norm of a quaternion that is accepted."""
 
 MOST_AXES = 29
-"""Of batches: NumPy's functions take 32, and results have up to three more."""
+"""Maximum number of batch axes: NumPy allows 32, and results have up to three more."""
 
 LARGE = 1024
-"""Numbers; the C looks at those of larger arrays while it reads them."""
+"""Larger arrays are tested for finite numbers by the C code, while it reads them."""
 
 LeftOut = Callable[[str, Mapping[str, Any]], Array | float]
-"""What a mapping leaves out of an argument, from its name and all arguments."""
+"""Returns the values of entries that a mapping leaves out, given the argument's name and all arguments."""
 
 
 class Arguments:
@@ -33,22 +33,22 @@ class Arguments:
     Attributes
     ----------
     names : dict of str to tuple of str
-        Of the entries of each argument.
+        Names of the entries of each argument.
     shapes : dict of str to tuple of int
         See `functions.shapes_of`.
     defaults : dict of str to array
-        Of arguments that may be left out: parameters (np,) and inputs (ninputs,).
+        Default values: parameters (np,) and inputs (ninputs,).
     quaternions : tuple of int
-        Where they begin in the coordinates.
+        Index of the first component of each quaternion in q.
     """
 
     dtype: Any = np.dtype(np.float64)
     kind: Callable[[Any], Any] = float
-    """What numbers are in arrays, and alone."""
+    """The scalar type, of arrays and of single numbers."""
     _largest = float(np.finfo(float).max)
     is_finite: Callable[[Any], bool] = staticmethod(is_finite)
     finite: Callable[[Any], Any] = staticmethod(np.isfinite)
-    """Of a row, and of each number."""
+    """Tests a one-dimensional array as a whole; tests each entry."""
 
     def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
         self.names = names_of(manifest)
@@ -60,7 +60,7 @@ class Arguments:
         self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
 
     def lenient(self) -> Arguments:
-        """The same without checks of numbers: of what is finite, and of lengths of quaternions."""
+        """The same checks, except of finite numbers and of quaternion norms."""
         found = copy.copy(self)
         found.is_finite, found.finite, found.quaternions = lambda x: True, lambda x: np.ones((), bool), ()
         return found
@@ -68,9 +68,9 @@ class Arguments:
     def take(
         self, given: Mapping[str, Any], left_out: LeftOut, unseen: list[Unseen] | None = None
     ) -> tuple[dict[str, Any], Shape]:
-        """Checked arguments, and the shape of the batch they make together.
+        """Checks arguments, and returns them with their common batch shape.
 
-        Large ones go to `unseen`, if it is there, without a look at their numbers.
+        Large arrays are appended to `unseen`, if it is given, and their numbers are not tested here.
         """
         arrays: dict[str, Any] = {}
         batch: Shape = ()
@@ -98,14 +98,14 @@ class Arguments:
     def array(
         self, name: str, value: Any, of: str, rest: Array | float = 0.0, unseen: list[Unseen] | None = None
     ) -> Array:
-        """An array of finite numbers whose last axis is that of the names of `of`; anything else is an error.
+        """An array of finite numbers whose last axis has the names of argument `of`; raises ValueError otherwise.
 
-        `rest` is what a mapping leaves out. See `take` about `unseen`.
+        `rest` are the values of entries that a mapping leaves out. For `unseen` see `take`.
         """
         n = self.shapes[of]
         if type(value) is not np.ndarray or value.dtype != self.dtype:
             value = self._named(name, value, of, rest) if isinstance(value, Mapping) else self._numbers(name, value)
-        if not value.flags.aligned:  # the C reads doubles where doubles may be
+        if not value.flags.aligned:  # the C code needs aligned arrays
             value = value.copy()
         if value.ndim > MOST_AXES + (1 if name == of else 2):
             raise ValueError(
@@ -130,7 +130,7 @@ class Arguments:
         return value
 
     def look(self, name: str, value: Array, of: str) -> None:
-        """Refuse numbers that are not finite."""
+        """Raises ValueError if a number is not finite."""
         finite = self.finite(once(value))
         if not finite.all():
             place = tuple(int(i) for i in np.argwhere(~np.broadcast_to(finite, value.shape))[0])
@@ -139,7 +139,7 @@ class Arguments:
             raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
 
     def _named(self, name: str, given: Mapping[str, Any], of: str, rest: Array | float) -> Array:
-        """An array from some of its entries; the others are those of `rest`."""
+        """An array from a mapping of some of its entries; the others have the values `rest`."""
         if of not in self.names:
             raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
         names = self.names[of]
@@ -160,7 +160,7 @@ class Arguments:
         return result
 
     def _single(self, name: str, given: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-        """The entries with those apart that are given together: of a joint of several freedoms, or of a vector."""
+        """Splits values given for a joint of several degrees of freedom, or for a vector, into their entries."""
         result: dict[str, Any] = {}
         for n, x in given.items():
             group = [] if n in names else [m for m in names if m.startswith(f"{n}.")]
@@ -176,13 +176,13 @@ class Arguments:
         return result
 
     def _numbers(self, name: str, value: Any) -> Array:
-        """An array of floats; text, complex numbers and ragged lists are errors."""
-        if np.ma.is_masked(value):  # asarray would take what the mask hides
+        """Converts to an array of floats; raises ValueError for text, complex numbers and ragged lists."""
+        if np.ma.is_masked(value):  # asarray would take the values under the mask
             raise ValueError(f"{name} has masked entries, expected real numbers; fill them first, such as by filled()")
         try:
             array = np.asarray(value)
             if array.dtype.kind in "biufO":
-                with np.errstate(over="ignore"):  # what becomes infinite is refused where it is read
+                with np.errstate(over="ignore"):  # infinite numbers are rejected later
                     return array.astype(self.dtype)
         except (TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
@@ -192,7 +192,7 @@ class Arguments:
         q = once(q)
         for i in self.quaternions:
             e = q[..., i : i + 4]
-            with np.errstate(all="ignore"):  # of entries beyond 1e154
+            with np.errstate(all="ignore"):  # entries beyond 1e154 overflow
                 square = e.dot(e) if e.ndim == 1 else np.einsum("...i,...i", e, e).min(initial=math.inf)
             if square < SMALLEST_QUATERNION**2:
                 names = ", ".join(self.names["q"][i : i + 4])
@@ -203,16 +203,16 @@ class Arguments:
 
 
 class Unseen(NamedTuple):
-    """An argument or seed whose numbers have not been checked.
+    """An argument or seed whose numbers have not been tested yet.
 
     Attributes
     ----------
     arguments : Arguments
     name : str
-        For messages.
+        Its name in messages.
     value : array
     of : str
-        The argument, or the one that a seed belongs to.
+        The argument, or the argument to which a seed belongs.
     """
 
     arguments: Arguments
@@ -221,19 +221,19 @@ class Unseen(NamedTuple):
     of: str
 
     def look(self) -> None:
-        """Refuse numbers that are not finite."""
+        """Raises ValueError if a number is not finite."""
         self.arguments.look(self.name, self.value, self.of)
 
 
 class Seeds(NamedTuple):
-    """Directions of derivatives.
+    """Seeds: directions of differentiation.
 
     Attributes
     ----------
     of : mapping of str to array (k, ..., n)
-        By name, such as ``dq``; ``dt`` is (k, ..., 1). Those that are missing are zero.
+        Seeds by name, such as ``dq``; ``dt`` is (k, ..., 1). Missing ones are zero.
     k : int
-        How many directions there are.
+        Number of directions.
     """
 
     of: Mapping[str, Array]
@@ -249,18 +249,18 @@ class Seeds(NamedTuple):
         called: Mapping[str, str] = MappingProxyType({}),
         unseen: list[Unseen] | None = None,
     ) -> tuple[Seeds, Shape]:
-        """Checked seeds with as many batch axes as the batch, and the batch with theirs.
+        """Checks seeds, and returns them with all batch axes, together with the common batch shape.
 
         Parameters
         ----------
         given : mapping
-            As they were passed; None for those that are left out.
+            Seeds as the user passed them, or None.
         arrays : mapping
-            The checked arguments.
+            The arguments, already checked.
         batch : tuple of int
-            The shape that these make.
+            Their batch shape.
         called : mapping of str to str
-            Names of seeds that callers know by others.
+            Names of seeds in messages, where users know them by other names.
         unseen : list of Unseen, optional
             See `Arguments.take`.
         """
@@ -301,7 +301,7 @@ NO_SEEDS = Seeds(MappingProxyType({}), 0)
 
 
 def broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
-    """The shape of batches together; `arrays` are named where they do not broadcast."""
+    """The common shape of two batches; the error message lists the shapes of `arrays`."""
     try:
         return np.broadcast_shapes(batch, lead)
     except ValueError:
@@ -313,8 +313,7 @@ def broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
 
 
 def placing(arrays: Mapping[str, Any], batch: Shape, manifest: Mapping[str, Any]) -> Array:
-    """What places of bodies depend on beside coordinates, (*batch, n): parameters, and behind them, where motion is prescribed,
-    inputs and time."""
+    """Everything on which positions depend besides q: parameters and, with prescribed motion, inputs and time, (*batch, n)."""
     p = np.broadcast_to(arrays["p"], (*batch, len(manifest["parameter_names"])))
     if not manifest["prescribed_names"]:
         return p
@@ -324,7 +323,7 @@ def placing(arrays: Mapping[str, Any], batch: Shape, manifest: Mapping[str, Any]
 
 
 def placed(q: Array, p: Array, count: int) -> dict[str, Any]:
-    """Arguments by name of coordinates and of what `placing` gives; count is how many parameters there are."""
+    """Arguments by name from q and the result of `placing`; count is the number of parameters."""
     if p.shape[-1] == count:
         return {"q": q, "p": p}
     t = np.ascontiguousarray(p[..., -1])
@@ -333,14 +332,14 @@ def placed(q: Array, p: Array, count: int) -> dict[str, Any]:
 
 
 def unknown(what: str, name: Any, known: Sequence[str]) -> ValueError:
-    """The error that says which names there are, and which one is nearest."""
+    """The error for an unknown name, with the known names and the most similar one."""
     near = difflib.get_close_matches(str(name), known, 1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    return ValueError(f"{what}: {name!r} is not known; expected is any of {some(known)}{hint}")
+    return ValueError(f"{what}: {name!r} is not known; expected one of {some(known)}{hint}")
 
 
 def some(names: Sequence[str]) -> str:
-    """Names for a message, not too many."""
+    """A list of names for a message, shortened if long."""
     if not names:
-        return "(none: the model has none)"
+        return "(the model has none)"
     return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")

@@ -1,4 +1,4 @@
-"""How a solver works on batches: on how many threads, and what becomes of states that cannot be computed."""
+"""Batches with states that cannot be computed, when the results of these states are to be NaN."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .arguments import SMALLEST_QUATERNION, Arguments, LeftOut
 
 BAD_STATES = ("error", "nan")
 
-MOST_TOLD = 5
-"""So many bad states are told of one by one."""
+MOST_NAMED = 5
+"""A warning names at most this many bad states."""
 
 
 def without_bad(
     strict: Arguments, initial: Array, given: Mapping[str, Any], left_out: LeftOut
 ) -> tuple[dict[str, Any], Shape, dict[int, str]]:
-    """Arguments with ordinary numbers where states are bad, the shape of the batch, and what is bad by number of state.
+    """Arguments with valid numbers in place of bad ones, the batch shape, and the reason for each bad state by its number.
 
-    What all states share is checked as always; `initial` are coordinates that serve where q is bad.
+    Arguments that all states share are checked as usual. `initial` are the coordinates used where q is bad.
     """
     arrays, batch = strict.lenient().take(given, left_out)
     bad: dict[int, str] = {}
@@ -54,24 +54,24 @@ def _bad_rows(strict: Arguments, name: str, rows: Array) -> Any:
 
 
 def _what(strict: Arguments, name: str, row: Array) -> str:
-    """What is bad about a row."""
+    """Describes the first bad number of an argument of one state."""
     for i in np.flatnonzero(~strict.finite(row)):
         return f"{name} is {row[i]}" if name == "t" else f"{name}[{i}] ({strict.names[name][i]}) is {row[i]}"
     return "a quaternion of q is too short for a rotation"
 
 
-def tell_bad(model: str, bad: Mapping[int, str], batch: Shape) -> None:
-    """Warn of states of a batch that cannot be computed."""
-    told = []
-    for number, what in list(bad.items())[:MOST_TOLD]:
+def warn_of_bad(model: str, bad: Mapping[int, str], batch: Shape) -> None:
+    """Warns of states of a batch that cannot be computed."""
+    named = []
+    for number, what in list(bad.items())[:MOST_NAMED]:
         at = ", ".join(str(int(i)) for i in np.unravel_index(number, batch))
-        told.append(f"state [{at}]: {what}")
-    more = f"; and {len(bad) - MOST_TOLD} more" if len(bad) > MOST_TOLD else ""
-    warn(f"{model}: {len(bad)} of {int(np.prod(batch))} states are NaN: {'; '.join(told)}{more}")
+        named.append(f"state [{at}]: {what}")
+    more = f"; and {len(bad) - MOST_NAMED} more" if len(bad) > MOST_NAMED else ""
+    warn(f"{model}: {len(bad)} of {int(np.prod(batch))} states are NaN: {'; '.join(named)}{more}")
 
 
 def spread(bad: Mapping[int, str], of: Shape, batch: Shape) -> dict[int, str]:
-    """The bad states of a batch that has been broadcast to a larger one."""
+    """Bad states by their numbers in a larger batch, to which theirs was broadcast."""
     if not bad:
         return {}
     numbers = np.full(math.prod(of), -1)
@@ -80,4 +80,4 @@ def spread(bad: Mapping[int, str], of: Shape, batch: Shape) -> dict[int, str]:
     return {int(i): bad[int(whole[i])] for i in np.flatnonzero(whole >= 0)}
 
 
-__all__ = ["BAD_STATES", "spread", "tell_bad", "without_bad"]
+__all__ = ["BAD_STATES", "spread", "warn_of_bad", "without_bad"]

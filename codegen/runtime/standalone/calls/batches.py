@@ -1,4 +1,4 @@
-"""Batches in C: states one after the other, or several at once in the lanes of vectors; on several threads, where it pays."""
+"""Batches in C: one state after another or several at once in SIMD lanes, on several threads if this is faster."""
 
 from __future__ import annotations
 
@@ -24,46 +24,45 @@ STRIDED = """
 typedef struct {{ {0} *at; long state, direction, entry; }} strided;
 typedef struct {{ long count, directions, failed; int code, infinite, *codes; strided {1}; {0} *work; }} states;
 """
-"""The struct that functions over several states at once work on."""
+"""The C structs of functions that compute several states at once."""
 
 WORTH_COMPILING = 2048
-"""So many states of batches, those along directions too, and the functions over several at once are compiled."""
+"""After this many states of batches, times directions, the functions for several states at once are compiled."""
 
 LEAST_STATES = 64
-"""A thread gets at least as many."""
+"""Smallest number of states per thread."""
 
 IN_LANES, ALONE, PER_STATE = 0.05, 0.1, 50
-"""Nanoseconds, about: of an addition with several states in the lanes of vectors, of one with states one after the other, and of
-the call of each of these states besides."""
+"""Estimated nanoseconds: of an addition in SIMD lanes, of one in a single state, and of the call of each single state."""
 
 MATRICES = ("J_q", "J_u", "J_p", "J_inputs", "J_t", "M", "inverse_M")
-"""Results that are computed as directions, one for each column."""
+"""Results whose columns are computed as directions."""
 
 WEIGHTS = {"additions": 1, "multiplications": 1, "divisions": 4, "functions": 30}
-"""In additions."""
+"""Cost of an operation, in additions."""
 
 EVEN = 8
-"""Parts of a batch are multiples of as many states as vectors hold at most."""
+"""Parts of a batch are multiples of this, the largest number of SIMD lanes."""
 
 MOST_SWEPT = 48_000
-"""Doubles that sweeps along directions go over for one state, up to which several states at once are faster: with more they
-are beyond the caches of a core, where those of one state still are within."""
+"""Doubles that the sweeps over directions use for one state. With more, several states at once exceed the cache of a core and are
+slower than one after another."""
 
 MOST_IN_LANES = 8_000_000
-"""Doubles of memory of several states at once; with more they gain nothing over one after the other."""
+"""Doubles of workspace for several states at once; with more, they are no faster than one after another."""
 
 MOST_KEPT = 1_000_000
-"""Numbers of memory that is kept from one batch to the next."""
+"""Largest workspace, in numbers, that is kept between batches."""
 
 Failed = dict[int, int]
-"""Numbers of states of a batch, and what was singular there, as the C says it."""
+"""Numbers of the states of a batch that failed, and their error codes from C."""
 
 _pools: dict[int, ThreadPoolExecutor] = {}
 _pooling = threading.Lock()
 
 
 def pool(threads: int) -> ThreadPoolExecutor:
-    """A pool of that many threads, which is kept."""
+    """A pool of this many threads; created once."""
     with _pooling:
         if threads not in _pools:
             _pools[threads] = ThreadPoolExecutor(threads, "ordernm-batch")
@@ -71,7 +70,7 @@ def pool(threads: int) -> ThreadPoolExecutor:
 
 
 def _begin_anew() -> None:
-    """A process that was forked has none of the threads, and the lock may have been held."""
+    """After a fork: the child process has none of the threads, and the lock may be held."""
     global _pooling
     _pooling = threading.Lock()
     _pools.clear()
@@ -88,7 +87,7 @@ class Batches:
     ----------
     target : CTarget
     folder : Path
-        The package.
+        The folder of the package.
     manifest : dict
     """
 
@@ -98,20 +97,20 @@ class Batches:
         self._model: str = manifest["name"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
         self._functions, self._operations = manifest["functions"], manifest["operations"]
-        self._quaternions: bool = bool(manifest["quaternions"])  # whose lengths are checked in Python
+        self._quaternions: bool = bool(manifest["quaternions"])  # their norms are checked in Python
         self._costs: dict[str, tuple[int, int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._libraries: dict[str, Any] = {}
         self._errors: dict[str, Exception] = {}
         self._seen = 0
         self._work: list[Array] = []
-        """Workspaces of several states at once that no call uses."""
+        """Workspaces for several states at once that no call uses at present."""
         self._lock = threading.RLock()
 
     # -- parts of a batch ----------------------------------------------------------------------------------------------
 
     def threads(self, f: Function, count: int, k: int, in_lanes: bool) -> int:
-        """How many threads share a batch of a function, along k directions."""
+        """Number of threads for a batch of `count` states of a function, along k directions."""
         wanted = self._target.threads
         if wanted is None:
             once, along = self._cost(f)
@@ -120,7 +119,7 @@ class Batches:
         return max(1, min(wanted, count // LEAST_STATES))
 
     def _cost(self, f: Function) -> tuple[int, int]:
-        """Operations of one state, and of each direction, in additions. The columns of matrices are directions."""
+        """Operations per state, and per direction, in units of additions. Columns of matrices are directions."""
         found = self._costs.get(f.name)
         if found is None:
             sweeps = self._functions[BESIDE.get(f.name, f.name)].get("sweeps", ())
@@ -133,15 +132,15 @@ class Batches:
         return found
 
     def run(self, part: Callable[[int, int], Failed], count: int, threads: int) -> Failed:
-        """Work on all parts, one for each thread; what has failed, in the order of the states."""
+        """Computes all parts of a batch, one per thread, and returns the failed states in order."""
         size = max(-(-count // (threads * EVEN)), 1) * EVEN
         parts = [(start, min(start + size, count)) for start in range(0, count, size)]
-        if len(parts) < 2:  # none for no states
+        if len(parts) < 2:  # an empty batch has no parts
             return part(0, count)
         others = [pool(len(parts) - 1).submit(part, start, end) for start, end in parts[1:]]
         try:
             found = part(*parts[0])
-        finally:  # their memory is to be there until all have ended
+        finally:  # wait for all threads, since they use the memory of this call
             rest = [f.result() for f in others]
         for of_part in rest:
             found |= of_part
@@ -150,7 +149,7 @@ class Batches:
     # -- several at once -----------------------------------------------------------------------------------------------
 
     def takes(self, f: Function, count: int, k: int = 0) -> bool:
-        """Whether to work on several states of so many at once; what that needs is compiled when it has become worth it."""
+        """Whether to compute several states at once; compiles the code once enough states have been computed."""
         if f.name not in self._over_states.get("functions", ()) or count < EVEN:
             return False
         if self._swept_far(f):
@@ -161,8 +160,8 @@ class Batches:
     def together(
         self, f: Function
     ) -> tuple[Callable[[int, int], tuple[int, int, int] | None] | None, Sequence[str], int]:
-        """What a call of ``direct_call.c`` does with large batches of a function: None, or what it asks for their numbers of
-        threads and addresses of C functions; the arrays of several states at once; and their workspace."""
+        """How ``direct_call.c`` computes a large batch of a function: a function that returns the number of threads and addresses
+        of C functions; the names of the arrays; and the size of the workspace. None: it does not."""
         over = self._over_states
         if f.name not in over.get("functions", ()) or self._swept_far(f) or self._quaternions:
             return None, (), 0
@@ -186,32 +185,32 @@ class Batches:
         return f"{self._model}_{f.name}_states"
 
     def _swept_far(self, f: Function) -> bool:
-        """Whether several states at once take more memory than they gain time."""
+        """Whether several states at once need too much memory to be faster."""
         over = self._over_states
         return bool(over["workspace"] > MOST_IN_LANES or (f.seeds and over["swept"] > MOST_SWEPT))
 
     def prepare(self) -> None:
-        """Compile the functions over several states at once, and what shares them among threads, where there are any."""
+        """Compiles the functions for several states at once, and the sharing among threads."""
         threads = self._target.threads or processors()
         if self._over_states and self._opened() is not False and threads > 1:
             self._shared()
 
     def _opened(self) -> Any:
-        """The library of ``NAME_states.c``; False where it cannot be had."""
+        """The library of ``NAME_states.c``; False if it is not available."""
         declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
-        return self._apart("states", declared, "states of batches are worked on one after the other")
+        return self._apart("states", declared, "the states of a batch are computed one after another")
 
     def _shared(self) -> Any:
-        """The C function that shares a batch over states among threads; False where it cannot be had."""
+        """The C function that distributes the states of a batch over threads; False if it is not available."""
         symbol = f"{self._model}_on_threads"
         declared = f"int {symbol}(int (*)(states *), states *, int);"
-        # never unloaded: its threads outlive whoever has opened it
-        instead = "" if self._target.threads is None else "batches are worked on by one thread"
+        # never unloaded: its threads may outlive the solver
+        instead = "" if self._target.threads is None else "batches are computed on one thread"
         library = self._apart("threads", declared, instead, self._ffi.RTLD_NODELETE)
         return library and getattr(library, symbol)
 
     def _apart(self, part: str, declared: str, instead: str, flags: int = 0) -> Any:
-        """The library of ``NAME_<part>.c``; False where it cannot be had. A warning says once what happens instead."""
+        """The library of ``NAME_<part>.c``; False if it is not available. Then a warning describes the substitute, once."""
         with self._lock:
             if part not in self._libraries:
                 try:
@@ -233,15 +232,15 @@ class Batches:
         k: int,
         all_codes: bool,
     ) -> tuple[Failed, bool]:
-        """Run a function for several states at once; given are pointers and their steps from state to state and from direction
-        to direction. Results are NaN where something was singular.
+        """Runs a function for several states at once; `given` are pointers, with strides between states and between directions.
+        Results are NaN where something was singular.
 
         Returns
         -------
         failed : dict of int to int
-            All states that fail, or only the first of them.
+            All states that fail, or only the first one.
         finite : bool
-            Whether all numbers were, those given and results.
+            Whether all arguments, seeds and results are finite.
         """
         ffi, target = self._ffi, self._target
         symbol = self._symbol(f)

@@ -1,4 +1,4 @@
-"""The compiled functions of a package, called through cffi."""
+"""Calls the compiled functions of a package through cffi."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from .single_calls import SLOT, Calls
 from .task import Target, Task
 
 CHECKED = 1 << SLOT["default_p"]
-"""Tells the functions of ``NAME_calls.c`` to look at no numbers: arguments have been checked, results will be."""
+"""Bit for the functions of ``NAME_calls.c``: numbers are not tested, because Python tests arguments and results."""
 
 OVER = """
 int {0}(int (*)({1} *const *, long, double, long), {1} **, long (*)[2], long, long, const double *, long, long *, long);
 """
-"""Goes over states: a call, its pointers, their steps from state to state, what is given, times, directions, first and last."""
+"""C signature of the loop over states: function, pointers, their strides, mask, times, directions, first and last state."""
 
 
 MOST_RESULTS = 16
-"""Of a function; ``direct_call.h`` has the same."""
+"""Maximum number of results of a function; the same as in ``direct_call.h``."""
 
 
 @dataclass(slots=True)
 class Table:
-    """A table of pointers that calls of one thread use, and the memory that it points to."""
+    """A table of pointers for the calls of one thread, and the memory that it points to."""
 
     x: Any
     work: Any
@@ -55,19 +55,19 @@ class Table:
 
 
 class CTarget(Target):
-    """The compiled functions of a package, called through cffi, which releases the GIL.
+    """Calls the compiled functions of a package through cffi, which releases the GIL.
 
     Parameters
     ----------
     folder : Path
     manifest : mapping
-        Of the partition.
+        The manifest of the partition.
     functions : mapping of str to Function
     shapes : mapping of str to Shape
     sealed : str
         The seal of the package's manifest.
     first : bool
-        Of a package with several partitions this is the first. The libraries of others are compiled when they are called.
+        Whether this is the first partition. Libraries of other partitions are compiled at the first call.
 
     Raises
     ------
@@ -101,17 +101,18 @@ class CTarget(Target):
         self.shapes = shapes
         self.names = names_of(manifest)
         self.real = SCALARS[self.dtype.name]
-        """What numbers of the C are called."""
+        """C type of the numbers."""
         self.defaults = np.array(manifest["parameters"], self.dtype), self.zeros(len(manifest["input_names"]))
         self.builds = builds(folder, manifest, sealed)
         parts = manifest.get("libraries", {})
         self._part_of = {f: part for part, x in parts.items() for f in x["functions"]}
-        if not first:  # motions alone may ask for other partitions, and what they call is compiled once
+        if not first:  # only motions need other partitions, so their functions are compiled as one library
             self._part_of |= {f: part for part, x in parts.items() for f in x.get("too", ())}
         self._over_few: Mapping[str, Sequence[int]] = parts.get("few", {}).get("over_few", {})
         self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
         self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
-        """What ``x[FEW]`` of ``NAME_calls.c`` points to: whether functions over few directions cannot be had, and these."""
+        """Target of ``x[FEW]`` in ``NAME_calls.c``: whether functions for few directions are unavailable, then their
+        addresses."""
         self.few_pointer = self.ffi.cast(f"{self.real} *", self._few)
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
@@ -121,7 +122,7 @@ class CTarget(Target):
         if first or not self._part_of:
             self._library(next(iter(parts)) if self._part_of else "")
         elif not any(build.found() for build in self.builds.values()):
-            find_compiler()  # none is told now, where NumPy can serve instead
+            find_compiler()  # raises now, while NumPy can still be used instead
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
         self._numbers, self._doubles, self._longs = map(self.ffi.typeof, (f"{self.real}[]", "double[]", "long[]"))
@@ -136,7 +137,7 @@ class CTarget(Target):
         self.calls = Calls(weakref.proxy(self), caller)
 
     def _library(self, part: str) -> Any:
-        """A library of the package; compiled when first asked for."""
+        """A library of the package, compiled at the first use."""
         library = self._libraries.get(part)
         if library is None:
             with self._opening:
@@ -146,13 +147,13 @@ class CTarget(Target):
         return library
 
     def library_of(self, function: str, width: int = 0) -> Any:
-        """The library that has a function; of one over directions, for so many at once."""
+        """The library of a function; `width` is the number of directions at once."""
         if width in self._over_few.get(function, ()):
             return self._library("few")
         return self._library(self._part_of.get(function, ""))
 
     def give_few(self) -> None:
-        """Open the library of functions over few directions, for the first one to call them; say so where it cannot be had."""
+        """Opens the library of functions for few directions, at their first call; warns if it is not available."""
         try:
             few = self._library("few")
         except (CompileError, NoCompilerError) as error:
@@ -160,12 +161,14 @@ class CTarget(Target):
             self._few[0] = self._few
             return
         with self._lock:
-            for i, symbol in reversed([*enumerate(self._of_few, 1)]):  # the C looks for the first one only
+            for i, symbol in reversed(
+                [*enumerate(self._of_few, 1)]
+            ):  # the first one last, because the C code tests only that
                 self.ffi.cdef(f"int {symbol}(void);", override=True)
                 self._few[i] = self.ffi.cast("void *", getattr(few, symbol))
 
     def prepare(self, f: Function) -> None:
-        """Compile what calls of a function need, unless it is compiled."""
+        """Compiles everything that calls of a function need."""
         self.function(f)
         if f.name in self._over_few and not self._few[0] and not self._few[1]:
             self.give_few()
@@ -174,7 +177,7 @@ class CTarget(Target):
         path = build.library()
         try:
             return self._opened(path)
-        except OSError:  # damaged, or of another machine
+        except OSError:  # damaged, or from another machine
             path = build.library(rebuild=True)
         try:
             return self._opened(path)
@@ -184,7 +187,7 @@ class CTarget(Target):
     def _opened(self, path: Path) -> Any:
         try:
             return self.ffi.dlopen(str(path))
-        except UnicodeEncodeError:  # a name that is no text in the user's locale: cffi takes texts only
+        except UnicodeEncodeError:  # a path that the user's locale cannot encode; cffi accepts text only
             import ctypes
 
             self._kept.append(ctypes.CDLL(str(path)))
@@ -194,15 +197,15 @@ class CTarget(Target):
         return np.zeros(shape, self.dtype)
 
     def plain(self, x: Any) -> Array:
-        """An array as the C reads it."""
+        """A contiguous array of the C type."""
         return np.ascontiguousarray(x, self.dtype)
 
     def pointer(self, x: Array | None) -> Any:
-        """Where an array begins; keeps it alive. Nowhere, for a result that is not asked for."""
+        """Pointer to an array, which it keeps alive; NULL for a result that is not requested."""
         return self.ffi.NULL if x is None else self.ffi.from_buffer(self._numbers, x)
 
     def motion_system(self) -> int:
-        """The address of what integrators are told of the model, an ``ordernm_system``."""
+        """The address of the model's ``ordernm_system``, which describes the model to the integrators."""
         symbol = f"{self.model}_motion"
         if symbol in self._addresses:
             return self._addresses[symbol]
@@ -214,7 +217,7 @@ class CTarget(Target):
             return self._addresses[symbol]
 
     def run_backwards(self, system: Any) -> None:
-        """Give an ``ordernm_system`` the functions that run motions backwards, where they are a library of their own."""
+        """Adds the functions for adjoint integration to an ``ordernm_system``, if they are in a separate library."""
         if "sensitivities_transposed" not in self._part_of:
             return
         symbol = f"{self.model}_backwards"
@@ -227,7 +230,7 @@ class CTarget(Target):
         give(self.ffi.cast("void *", system))
 
     def function(self, f: Function) -> Any:
-        """The C function with the one signature of all; declared when first called, which keeps loading quick."""
+        """The C function, with the signature common to all; declared at its first call, so that loading is fast."""
         call = self._calls.get(f.name)
         if call is None:
             symbol = f"{self.model}_call_{f.name}"
@@ -238,11 +241,11 @@ class CTarget(Target):
         return call
 
     def library_of_call(self, f: Function) -> Any:
-        """The library that has the call of a function."""
+        """The library that contains the call of a function."""
         return self.library_of(BESIDE.get(f.name, f.name))
 
     def pointers(self, given: Mapping[int, Any], work: Any, lanes: Any, results: Sequence[Any]) -> Any:
-        """The table of pointers of a call; `given` are those of arguments and seeds, by slot."""
+        """The table of pointers of a call; `given` are pointers of arguments and seeds, by slot."""
         x = self.ffi.new(
             f"{self.real} *[]",
             [
@@ -286,9 +289,9 @@ class CTarget(Target):
         return finite
 
     def _one_by_one(self, task: Task, given: Mapping[str, tuple[Any, int, int]]) -> Failed:
-        """Compute the results of state after state, up to the first that fails or beyond it; what has failed.
+        """Computes one state after another, up to the first failure or all of them; returns the failures.
 
-        `given` are pointers to arguments and seeds, and their steps from state to state and from direction to direction.
+        `given` are pointers to arguments and seeds, with strides between states and between directions.
         """
         f, k, count, first = task.f, task.seeds.k, task.states, SLOT["results"]
         if k % max(f.widths, default=1) in self._over_few.get(f.name, ()):
@@ -325,7 +328,7 @@ class CTarget(Target):
         return self.batches.run(part, count, self.batches.threads(f, count, k, False))
 
     def _table(self, f: Function) -> Table:
-        """A table of pointers with memory for a function, which no other call uses meanwhile."""
+        """A table of pointers with memory for a function, not in use by any other call."""
         try:
             table = self._tables.pop()
         except IndexError:
@@ -337,7 +340,7 @@ class CTarget(Target):
         return table
 
     def _over(self, f: Function) -> Any:
-        """The C function that goes over states by the call of a function."""
+        """The C loop over states for a function."""
         over = self._calls.get(f"over {f.name}")
         if over is None:
             symbol, library = f"{self.model}_over", self.library_of_call(f)
@@ -347,7 +350,7 @@ class CTarget(Target):
         return over
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
-        """The error for what a compiled function has returned."""
+        """The error for the status that a compiled function returned."""
         links, loops, forces = len(self.links), len(self.loops), len(self.singular_forces)
         if status > links + loops + forces:
             return SingularOutputError(self.outputs[status - 1 - links - loops - forces], where)
@@ -359,17 +362,17 @@ class CTarget(Target):
         return SingularJointError(self.links[status - 1], where)
 
     def _whole(self, x: Array, shape: Shape) -> Any:
-        """Where an array begins that has that shape, or is broadcast to it."""
+        """Pointer to an array, broadcast to `shape` if necessary."""
         return self.pointer(self.plain(x if x.shape == shape else np.broadcast_to(x, shape)))
 
     def _row(self, x: Array, batch: Shape) -> tuple[Any, int, int]:
-        """Where an argument begins, its step from state to state, and none from direction to direction."""
+        """Pointer to an argument, its stride between states, and 0 between directions."""
         n = x.shape[-1]
         return (self._whole(x, x.shape), 0, 0) if x.ndim == 1 else (self._whole(x, (*batch, n)), n, 0)
 
     def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
-        """Where a seed begins, and its steps from state to state and from direction to direction."""
+        """Pointer to a seed, and its strides between states and between directions."""
         n = seed.shape[-1]
-        if seed.size == len(seed) * n:  # the same for all states
+        if seed.size == len(seed) * n:  # shared by all states
             return self.pointer(self.plain(seed)), 0, n if len(seed) == k else 0
         return self._whole(seed, (k, *batch, n)), n, count * n

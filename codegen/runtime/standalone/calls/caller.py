@@ -1,4 +1,4 @@
-"""The compiled part of calls, ``direct_call.c``: compiled once for a user's Python and NumPy, where their headers are at hand."""
+"""Builds ``direct_call.c``, the compiled part of calls, once per Python and NumPy version if their headers are available."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ SOURCES = [Path(__file__).with_name(name) for name in ("direct_call.h", "direct_
 
 
 class CallerBuild(Build):
-    """How ``direct_call.c`` is compiled, whatever the model is.
+    """Compiles ``direct_call.c``, which is the same for all models.
 
     Raises
     ------
     CompileError
-        There are no headers of Python.
+        If the headers of Python are missing.
     """
 
     def __init__(self, folder: Path, wanted: bool):
@@ -45,7 +45,7 @@ class CallerBuild(Build):
         return f"{self.name}-{python}-{machine if self.compiler else '*'}"
 
     def _compile(self, output: Path, log_file: Path) -> None:
-        # without it calls take longer; so it leaves no log, unless ORDERNM_CFFI asks for it
+        # this module is optional, so a failure leaves a log only if ORDERNM_CFFI requests it
         super()._compile(output, log_file if self.wanted else output.with_name(log_file.name))
 
 
@@ -56,7 +56,7 @@ def _source() -> str:
 
 @functools.cache
 def _load_caller(path: str) -> Any:
-    """The module of a compiled caller."""
+    """The module of the compiled caller."""
     loader = importlib.machinery.ExtensionFileLoader("ordernm_call", path)
     spec = importlib.util.spec_from_file_location("ordernm_call", path, loader=loader)
     assert spec is not None
@@ -66,13 +66,13 @@ def _load_caller(path: str) -> Any:
 
 
 _refused: set[str] = set()
-"""Keys of callers that could not be compiled, which are not tried again."""
+"""Keys of callers that failed to compile; they are not tried again."""
 
 
 def find_caller(folder: Path) -> Any:
-    """The module that is made of ``direct_call.c``; None where calls go through cffi's ABI mode.
+    """The module compiled from ``direct_call.c``; None if calls use cffi's ABI mode.
 
-    ``ORDERNM_CFFI`` of the environment asks for one of them: ``api`` or ``abi``.
+    The environment variable ``ORDERNM_CFFI`` selects one of them: ``api`` or ``abi``.
 
     Raises
     ------
@@ -80,7 +80,9 @@ def find_caller(folder: Path) -> Any:
     """
     mode = os.environ.get("ORDERNM_CFFI", "")
     if mode not in ("", "abi", "api"):
-        raise FlagsError(f"ORDERNM_CFFI is {mode!r}; allowed are 'api' and 'abi', or nothing for the first that works")
+        raise FlagsError(
+            f"ORDERNM_CFFI is {mode!r}; allowed are 'api' and 'abi'; leave it empty for the first that works"
+        )
     if mode == "abi":
         return None
     try:
@@ -95,7 +97,5 @@ def find_caller(folder: Path) -> Any:
             raise
     except (CompileError, NoCompilerError, ImportError, OSError) as error:
         if mode == "api":
-            raise CompileError(
-                f"ORDERNM_CFFI=api: the module that calls the C cannot be compiled or opened: {error}"
-            ) from None
+            raise CompileError(f"ORDERNM_CFFI=api: the calling module cannot be compiled or opened: {error}") from None
         return None

@@ -1,4 +1,4 @@
-"""The compiled C and the NumPy module of a package compared: they hold the same statements."""
+"""Compares the compiled C with the NumPy module of a package; both contain the same statements."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TARGET_TOLERANCE = 1e-9
 """Relative difference allowed between the C and the NumPy module, per direction, in double precision."""
 
 ROUNDED = 1e-3
-"""The same where the C computes in single precision."""
+"""The same if the C code computes in single precision."""
 
 STATES = 3
 DIRECTIONS = 3
@@ -30,14 +30,14 @@ def compare(
     compiled: Any,
     plain: Any,
 ) -> None:
-    """Compare two targets, all functions and directions, at random states.
+    """Compares two targets at random states, for all functions and directions.
 
     Raises
     ------
     TargetsDifferError
     """
     rng = np.random.default_rng(0)
-    # loops stay closed enough for both targets to be on the same side of every singularity
+    # with loops, small deviations: both targets must take the same branch at every decision
     spread = 0.03 if manifest["closure_names"] else 0.3
     q, p = (np.array(x, float) for x in (manifest["initial"]["q"], manifest["parameters"]))
     for _, f in itertools.product(range(STATES), functions.values()):
@@ -53,8 +53,8 @@ def compare(
                 )
             continue
         if f.name == "jacobians" and not (np.isfinite(ours[0]).all() or np.isfinite(theirs[0]).all()):
-            continue  # accelerations without a value have no derivatives; C, which asks for less of them, may find some zero
-        # what is left open by seeds that were completed is rounding, grown with the condition of the closure matrices
+            continue  # derivatives of undefined accelerations differ, since C requests fewer directions
+        # completed seeds leave a rounding residual that grows with the condition of the closure matrices
         floor = 1e-9 if f.name == "closure_sensitivities" else 1e-12
         tolerance = TARGET_TOLERANCE
         if compiled.dtype != np.float64:
@@ -62,7 +62,7 @@ def compare(
         for name, derived, a, b in zip(f.results, f.derived, ours, theirs, strict=True):
             rows = (DIRECTIONS if derived else 1, -1)
             for x, y in zip(a.reshape(rows), b.reshape(rows), strict=True):
-                # a force of the model may have no value at such a state: then in both
+                # a force of the model may be undefined at such a state, in both targets
                 finite = np.isfinite(x) | np.isfinite(y)
                 x, y = x[finite], y[finite]
                 error = float(np.max(np.abs(x - y), initial=0.0))
@@ -74,7 +74,7 @@ def compare(
 
 
 def _outcome(target: Any, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array]) -> list[Array] | str:
-    """Results of a function, or the singular joint."""
+    """The results of a function, or the name of the singular joint."""
     try:
         found: list[Array] = target.compute(f, arrays, (), Seeds(seeds, DIRECTIONS) if f.seeds else NO_SEEDS)
     except SingularJointError as error:

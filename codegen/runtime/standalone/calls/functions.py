@@ -1,4 +1,4 @@
-"""The generated functions of a package, as its manifest describes them: arguments, seeds, results and their shapes."""
+"""The generated functions of a package, as the manifest describes them: arguments, seeds, results and their shapes."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ..arrays import Array, Shape
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
-"""Arguments and seeds in the order of their pointers in ``NAME_calls.c``; `t` is passed as a number."""
+"""Arguments and seeds, in the order of their pointers in ``NAME_calls.c``; `t` is passed by value."""
 
 STATE = ("q", "u", "p", "inputs", "t")
-"""What the members of a solver that take a state take, in order."""
+"""Arguments of solver methods that take a state, in order."""
 
 ALONG = ("dq", "du", "dp", "dinputs", "dt")
-"""Their seeds, in order."""
+"""Seeds of these arguments, in order."""
 
 TAKES = {
     "mass_matrix": ("q", "p", "inputs", "t"),
@@ -29,7 +29,7 @@ TAKES = {
     "newton_step": ("q", "p", "inputs", "t"),
     "condition": ("q", "p", "inputs", "t"),
 }
-"""What functions take that do not take a state; those along seeds take the same."""
+"""Arguments of functions that do not take a whole state; their derivatives along seeds take the same."""
 
 WEIGHTED = {
     "sensitivities_transposed": ("dudot",),
@@ -38,22 +38,22 @@ WEIGHTED = {
     "coordinate_rate_sensitivities_transposed": ("dqdot",),
     "completion_sensitivities_transposed": ("dfull_q", "dfull_u"),
 }
-"""The seeds of transposed functions: weights of sums of results."""
+"""Seeds of transposed functions: weights of sums of results."""
 
 WEIGHTS = {
     "dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
     "dfull_u": "weights_u",
 }  # fmt: skip
-"""What the members of a solver call these."""
+"""Names of these seeds in solver methods."""
 
 BESIDE = {
     "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
     "point_acceleration_sensitivities": "frame_sensitivities",
 }  # fmt: skip
-"""Functions over chosen points, and those in whose library they are."""
+"""Functions of selected points, and the functions whose libraries contain them."""
 
 SELECTIVE = ("jacobians",)
-"""Functions that leave out results with no place to go, but for the first."""
+"""Functions that skip results which are not requested, except the first one."""
 
 MEMBERS = {
     "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
@@ -61,7 +61,7 @@ MEMBERS = {
     "coordinate_rate_sensitivities_transposed": "coordinate_rate_gradients", "bias_force": "inverse_dynamics",
     "bias_force_sensitivities": "inverse_dynamics_sensitivities", "completion_sensitivities": "assemble_sensitivities",
 }  # fmt: skip
-"""What generated functions, and members that are made of others, are called where functions are chosen."""
+"""Solver methods that use a generated function of another name; `--functions` and messages name the method."""
 
 WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
     "accelerations": {"results": ("udot",)},
@@ -75,18 +75,17 @@ WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
     "closure": {"results": ("position", "velocity")},
     "closure_sensitivities": {"seeds": ALONG, "results": ("position", "dposition")},
 }
-"""Functions that are not generated where their results have no entries, in models without outputs, without loops, or without
-anything that is free to move."""
+"""Functions that are not generated if their results are empty: in models without outputs, loops or degrees of freedom."""
 
 CLOSING = ("closure", "closing_step", "newton_step", "completion")
 """Functions that close loops."""
 
 COMPOSED = ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities")
 OF_COMPOSED = ("energy_sensitivities", "accelerations", "sensitivities")
-"""Functions that mass matrix and inverse dynamics of mechanisms with loops are made of."""
+"""Mass matrix and inverse dynamics, and the functions from which they are composed in mechanisms with loops."""
 
 TREES = ("assemble_gradients",)
-"""Members of `SOMETIMES` that call no function of their own in models without loops."""
+"""Methods of `SOMETIMES` that need no generated function in models without loops."""
 
 MADE_OF = {
     **dict.fromkeys(("equilibrium", "linearize"), (
@@ -99,7 +98,7 @@ MADE_OF = {
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
     "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
 }  # fmt: skip
-"""Members that are made of functions of other names, and what these are called."""
+"""Methods that call generated functions of other names, and these functions."""
 
 SOMETIMES = (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
@@ -110,7 +109,7 @@ SOMETIMES = (
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
 )  # fmt: skip
-"""Members that packages may lack."""
+"""Methods that a package may lack."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,20 +121,20 @@ class Function:
     arguments, results : tuple of str
         In the order of the generated code.
     seeds : dict of str to int
-        With the number of entries, in that order as well.
+        Seeds with their numbers of entries, in the order of the generated code.
     takes : frozenset of str
-        The arguments of the member of a solver: those too that the function does not depend on.
+        Arguments of the solver method, including those on which the function does not depend.
     order : tuple of str
-        Of arguments where they are passed on: those of `STATE`, and accelerations or forces behind them where the function takes
-        any. None stands for what is not taken.
+        Order of arguments in calls: those of `STATE`, then accelerations or forces if the function takes any. None is passed for
+        arguments that it does not take.
     directions : tuple of str
         Seeds in the same order.
     shapes : tuple of tuple of int
-        Of the results, after batch axes.
+        Shapes of the results, after batch axes.
     derived : tuple of bool
         Whether a result is a derivative along the seeds.
     widths : tuple of int
-        Numbers of directions that the C takes at once; empty for a function without directions.
+        Numbers of directions that the C code computes at once; empty for a function without seeds.
     """
 
     name: str
@@ -150,35 +149,35 @@ class Function:
     directions: tuple[str, ...]
 
     def named(self, given: Sequence[Any]) -> dict[str, Any]:
-        """Arguments by name, from those in order."""
+        """Arguments by name, from arguments in order."""
         return {n: x for n, x in zip(self.order, given, strict=True) if n in self.takes}
 
     def whole_shapes(self, batch: Shape, k: int = 0) -> list[Shape]:
-        """Shapes of the results of a call with k directions: (*batch, ...), of derivatives (k, *batch, ...)."""
+        """Shapes of the results of a call with k directions: (*batch, ...), or (k, *batch, ...) for derivatives."""
         return [((k,) if d else ()) + batch + s for s, d in zip(self.shapes, self.derived, strict=True)]
 
     @property
     def per_direction(self) -> int:
-        """Entries of seeds and derivatives along one direction."""
+        """Number of entries of seeds and derivatives per direction."""
         return sum(self.seeds.values()) + sum(math.prod(s) for s, d in zip(self.shapes, self.derived, strict=True) if d)
 
     def has_entries(self) -> bool:
-        """Whether there is anything to compute."""
+        """Whether any result has entries."""
         return any(map(math.prod, self.shapes))
 
 
 class Wanted:
-    """Some of the results of a function, those too that it does not compute: they are zero. A mere name stands for all results.
+    """A selection of the results of a function; results that it does not compute are zero. A plain name selects all results.
 
     Parameters
     ----------
     name : str
-        Of the function.
+        Name of the function.
     returned : sequence of str
     function : Function, optional
-        One that no manifest lists; see `over_points`.
+        A function that the manifest does not list; see `over_points`.
     table : array, optional
-        The numbers that say which points these are.
+        Bodies and places of selected points, as the C code reads them.
     """
 
     __slots__ = ("function", "name", "returned", "table")
@@ -190,8 +189,7 @@ class Wanted:
 
 
 def over_points(f: Function, accelerations: Function | None, places: Shape, shape: Shape) -> Function:
-    """The call of ``NAME_calls.c`` that gives the motion of points of that shape, from the functions that give frames, and their
-    accelerations if these are wanted."""
+    """The call of ``NAME_calls.c`` for the motion of points, derived from the functions for frames and their accelerations."""
     names: tuple[str, ...] = ("frames", "point_places", "position", "velocity")
     shapes: tuple[Shape, ...] = (f.shapes[0], places, shape, shape)
     name = "points" if accelerations is None else "point_accelerations"
@@ -207,7 +205,7 @@ def over_points(f: Function, accelerations: Function | None, places: Shape, shap
 
 
 def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
-    """Shapes of everything that functions take and return, after batch axes."""
+    """Shapes of all arguments and results, after batch axes."""
     nq, nu, n_p, ninputs, noutputs, nclosure = (
         len(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input", "output", "closure")
     )
@@ -225,7 +223,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
 
 
 def names_of(manifest: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Names of the entries of what may be given by name."""
+    """Names of the entries of arguments and results that may be given by name."""
     q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
     return {
         "q": q, "u": u, "udot": u, "b": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
@@ -234,7 +232,7 @@ def names_of(manifest: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
 
 
 def functions_of(manifest: Mapping[str, Any], shapes: Mapping[str, Shape]) -> dict[str, Function]:
-    """The functions that were generated, by name."""
+    """The generated functions of a package, by name."""
     return {name: function(name, entry, shapes) for name, entry in manifest["functions"].items()}
 
 
@@ -255,16 +253,16 @@ def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -
 
 
 def made_of(manifest: Mapping[str, Any], member: str) -> set[str]:
-    """A member, and functions and members that it is made of."""
+    """A method, and the functions and methods that it uses."""
     names = {member, *MADE_OF.get(member, ())}
     return names | {*OF_COMPOSED} if manifest["closure_names"] and not names.isdisjoint(COMPOSED) else names
 
 
 def lacks(manifest: Mapping[str, Any], member: str) -> bool:
-    """Whether a member of a solver cannot be called."""
+    """Whether a solver method is not available in this package."""
     names = made_of(manifest, member)
     left_out, functions = manifest.get("left_out", ()), manifest["functions"]
-    # assembly takes what there is of the functions that close loops
+    # assembly works with the closing functions that exist
     if member in left_out or any(MEMBERS.get(n, n) in left_out for n in names.difference(functions, CLOSING)):
         return True
     nothing = {

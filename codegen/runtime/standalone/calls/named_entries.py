@@ -1,4 +1,4 @@
-"""What derivatives are with respect to, by name: a parameter, an initial value, an input or one of its values."""
+"""Variables of differentiation by name: parameters, initial values, inputs, and single values of inputs."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from .arguments import some, unknown
 
 
 class Entry(NamedTuple):
-    """What a name stands for.
+    """The variable that a name denotes.
 
     Attributes
     ----------
     of : {"p", "q", "u", "inputs"}
-        Parameters, initial coordinates and speeds, inputs.
+        Parameters, initial coordinates or speeds, or inputs.
     at : int
-        Its place there.
+        Its index there.
     row : int or None
-        Which of an input's values; None for all of them, and for what is no input.
+        Index among an input's values; None for all of them, and for variables other than inputs.
     """
 
     of: str
@@ -31,7 +31,7 @@ class Entry(NamedTuple):
 
 
 class Names(NamedTuple):
-    """What there are names of; without coordinates and speeds there are no initial values to name."""
+    """The names of a model; without coordinates and speeds, initial values have no names."""
 
     parameters: Sequence[str]
     inputs: Sequence[str]
@@ -42,7 +42,7 @@ class Names(NamedTuple):
 
 
 def names_of(solver: Any) -> Names:
-    """What sensitivities of a motion may be with respect to."""
+    """The variables with respect to which a motion can be differentiated."""
     return Names(
         solver.parameter_names, solver.signal_names, solver.coordinate_names, solver.speed_names,
         solver.independent_names, solver.independent_speed_names,
@@ -50,9 +50,9 @@ def names_of(solver: Any) -> Names:
 
 
 def apart(names: Names, asked: Sequence[Any]) -> tuple[Any, ...]:
-    """Names, and in place of one that stands for several, a vector or a joint of several freedoms, those of its entries.
+    """Replaces the name of a vector, or of a joint of several degrees of freedom, by the names of its entries.
 
-    ``hard_point`` becomes ``hard_point.x``, ``hard_point.y``, ``hard_point.z``; ``q0.JOINT`` what is independent of the joint.
+    ``hard_point`` becomes ``hard_point.x``, ``hard_point.y``, ``hard_point.z``; ``q0.JOINT`` its independent coordinates.
     """
     found: list[Any] = []
     parameters = set(names.parameters)
@@ -63,7 +63,7 @@ def apart(names: Names, asked: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def _entries(names: Names, name: str) -> tuple[str, ...]:
-    """The names that begin with this one and a dot, if it is not one itself."""
+    """The names that consist of `name`, a dot and more, unless `name` is itself a variable."""
     kind, _, of = name.partition(".")
     initial = {"q0": names.independent, "u0": names.independent_speeds}
     if kind not in initial:
@@ -73,14 +73,14 @@ def _entries(names: Names, name: str) -> tuple[str, ...]:
 
 
 def look_up(names: Names, asked: Any, values: Sequence[int] | None = None) -> Entry:
-    """What a name stands for: a parameter's, ``q0.NAME``, ``u0.NAME``, ``inputs.NAME``, ``inputs.NAME[i]``.
+    """The variable with this name: a parameter, ``q0.NAME``, ``u0.NAME``, ``inputs.NAME``, ``inputs.NAME[i]``.
 
-    `values` is how many values each input has, None where they have no names.
+    `values` are the numbers of values of the inputs, or None if single values have no names.
 
     Raises
     ------
     ValueError
-        It stands for nothing; tells the nearest one.
+        If the name is not known; the message names the most similar one.
     """
     if asked in names.parameters:
         return Entry("p", names.parameters.index(asked))
@@ -102,9 +102,7 @@ def _initial_or_input(names: Names, asked: str, values: Sequence[int] | None) ->
     ):
         if kind == word and of in among:
             if of not in independent:
-                raise ValueError(
-                    f"sensitivities: {asked} is dependent, it follows from {some(independent)}; name one of these"
-                )
+                raise ValueError(f"sensitivities: {asked} is dependent; name an independent one: {some(independent)}")
             return Entry(place, among.index(of))
     entry = re.fullmatch(r"inputs\.(.+?)(?:\[(\d+)\])?", asked)
     if not entry or entry[1] not in names.inputs or (entry[2] is not None and values is None):
@@ -114,25 +112,25 @@ def _initial_or_input(names: Names, asked: str, values: Sequence[int] | None) ->
         raise ValueError(
             f"sensitivities: {asked}: the input has {values[at]} value{'s' * (values[at] > 1)}, counted from 0"
             if values[at]
-            else f"sensitivities: {asked}: the input is a function of time and has no values with numbers; give (times, values)"
+            else f"sensitivities: {asked}: the input is a function of time without single values; give (times, values)"
         )
     return Entry("inputs", at, None if entry[2] is None else int(entry[2]))
 
 
 def look_up_all(names: Names, asked: Sequence[Any], values: Sequence[int]) -> list[Entry]:
-    """The same of names that must differ.
+    """Looks up several different names.
 
     Raises
     ------
     ValueError
     """
     if len(set(asked)) < len(asked):
-        raise ValueError(f"sensitivities name something twice: {some(asked)}")
+        raise ValueError(f"sensitivities contain a name twice: {some(asked)}")
     places = {name: i for i, name in enumerate(names.parameters)}
     found = []
     for name in asked:
         if not isinstance(name, str):
-            raise ValueError(f"sensitivities hold {name!r}; names are needed, such as 'length' or 'q0.crank'")
+            raise ValueError(f"sensitivities contain {name!r}, expected names such as 'length' or 'q0.crank'")
         found.append(Entry("p", places[name]) if name in places else look_up(names, name, values))
     return found
 
@@ -151,7 +149,7 @@ def seeds_by_name(asked: str | Sequence[str], parameters: Sequence[str], inputs:
     Raises
     ------
     ValueError
-        A name is not known; tells the nearest one.
+        If a name is not known; the message names the most similar one.
     """
     known = Names(parameters, inputs)
     names = apart(known, (asked,) if isinstance(asked, str) else tuple(asked))

@@ -1,4 +1,4 @@
-"""Results that are not finite, reported with what made them so: the force, force element, body or output, and by what."""
+"""Warnings about results that are not finite: the force, force element, body or output that causes them."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from .targets import Opened
 from .task import Task
 
 QUIET = ("closure", "conditions", "newton_step")
-"""What these return may be infinite; who calls them looks at it."""
+"""Functions whose results may be infinite; their callers test them."""
 
 
-def tell_infinite(opened: Opened, task: Task) -> None:
-    """Warn of results that are not finite, with what made them so."""
+def warn_of_infinite(opened: Opened, task: Task) -> None:
+    """Warns of results that are not finite, with the cause."""
     f, batch = task.f, task.batch
     if f.name in QUIET:
         return
     weights = task.seeds.of.get("doutputs")
-    asked = (
+    weighted = (
         [] if weights is None else np.flatnonzero(np.any(weights != 0.0, axis=tuple(range(weights.ndim - 1)))).tolist()
     )
     for name, x, derived in zip(f.results, task.out, f.derived, strict=True):
-        if x is None or all_finite(x) or (name == "outputs" and weights is not None and all_finite(x[..., asked])):
+        if x is None or all_finite(x) or (name == "outputs" and weights is not None and all_finite(x[..., weighted])):
             continue
         bad = np.argwhere(~np.isfinite(x.astype(float)))
         at = tuple(int(i) for i in bad[0][derived : derived + len(batch)])
@@ -40,7 +40,7 @@ def tell_infinite(opened: Opened, task: Task) -> None:
         if "outputs" in (name, name[1:]):
             reason = outputs_without(opened, alone, sorted({int(i) for i in bad[:, -1]}), along=derived)
         elif weights is not None:
-            reason = outputs_without(opened, alone, asked, along=True)
+            reason = outputs_without(opened, alone, weighted, along=True)
         elif {"q", "u"} <= set(alone):
             reason = culprit(opened, alone, along, moved=not f.name.startswith("energ"))
         where = f" in state {list(at)} of the batch" if batch else ""
@@ -49,13 +49,13 @@ def tell_infinite(opened: Opened, task: Task) -> None:
 
 
 def variables(package: Mapping[str, Any]) -> list[str]:
-    """The names of everything that derivatives are by, in the order of `units`."""
+    """Names of all variables of differentiation, in the order of `units`."""
     names = [f"{x}.{n}" for x, key in (("q", "coordinate_names"), ("u", "speed_names")) for n in package[key]]
     return [*names, *package["parameter_names"], *package["input_names"], "t"]
 
 
 def units(f: Function, package: Mapping[str, Any]) -> dict[str, Array]:
-    """A direction for each of `variables`, as seeds of a function."""
+    """Seeds of a function: one unit direction for each of `variables`."""
     counts = [len(package[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input")]
     every, start, found = np.eye(sum(counts) + 1), 0, {}
     for n, count in zip(STATE, (*counts, 1), strict=True):
@@ -68,7 +68,8 @@ def units(f: Function, package: Mapping[str, Any]) -> dict[str, Array]:
 def outputs_without(
     opened: Opened, arrays: Mapping[str, Any], among: Collection[int], along: bool, certain: bool = False
 ) -> str:
-    """Outputs without a finite value, or derivative, at one state, and by what; empty where there are none, if `certain`."""
+    """Outputs without a finite value or derivative in one state, with the variables; empty if there are none and `certain` is
+    set."""
     package = opened.package
     names = package["output_names"]
     f = opened.functions.get("output_sensitivities")
@@ -91,28 +92,28 @@ def outputs_without(
 
 
 def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool = True, elements: bool = True) -> str:
-    """What makes the results of one state infinite: the NumPy module does the forward dynamics again, sweep by sweep.
+    """The cause of infinite results in one state, found by repeating the forward dynamics in NumPy, sweep by sweep.
 
     Parameters
     ----------
     arrays : mapping
         q, u, p, inputs and t, without batch axes.
     along : bool
-        Whether derivatives are asked for as well.
+        Whether derivatives are requested as well.
     moved : bool
-        Whether joint forces matter.
+        Whether joint forces affect the results.
     elements : bool
-        Whether what force elements make of their coefficients matters, and what follows from it.
+        Whether to test force elements and the resulting motion as well.
 
     Returns
     -------
     str
-        Empty where everything is finite.
+        Empty if everything is finite.
     """
     names = ("sensitivities", "state_rate_sensitivities") if along else ("accelerations", "state_rates")
     f = next((opened.functions[n] for n in names if n in opened.functions), None)
     if f is None:
-        return ""  # a package of chosen functions without dynamics
+        return ""  # without dynamics in a package of selected functions
     call = Call(opened, f, arrays)
     return _first_infinite(opened.package, call, moved, elements) or (
         _first_infinite_along(opened.package, call.a) if along else ""
@@ -120,14 +121,14 @@ def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool 
 
 
 class Call:
-    """A function of the NumPy module, run at one state, along all directions if it has any.
+    """Runs a function of the NumPy module in one state, along all directions if it has seeds.
 
     Attributes
     ----------
     a : Any
-        What the module's function worked on.
+        The call object of the module's function, with all intermediate results.
     moved_wrongly : list of int
-        Links whose motion was not finite.
+        Links with motions that are not finite.
     """
 
     def __init__(self, opened: Opened, f: Function, arrays: Mapping[str, Any]):
@@ -146,14 +147,14 @@ class Call:
             self.moved_wrongly = _bad([_sum_of_sizes(r.values()) for r in a.records[:links]])
 
         module.Call, module.kinematics = kept, watched
-        module.check_pivot = lambda *given: None  # pivots are no concern here
+        module.check_pivot = lambda *given: None  # zero pivots are irrelevant here
         given = {n: arrays[n] for n in f.arguments} | (units(f, opened.package) if f.seeds else {})
         with np.errstate(all="ignore"):
             getattr(module, f.name)(*given.values())
 
 
 def _first_infinite(package: Mapping[str, Any], call: Call, moved: bool, elements: bool) -> str:
-    """The first force, force element or body whose numbers are not finite, in words."""
+    """Names the first force, force element or body with numbers that are not finite."""
     links, speeds, a = package["links"], package["speed_names"], call.a
     for i in _bad(getattr(a, "prescribed", ())):
         name = package["prescribed_names"][i // 3]
@@ -179,7 +180,7 @@ def _first_infinite(package: Mapping[str, Any], call: Call, moved: bool, element
 
 
 def _first_infinite_along(package: Mapping[str, Any], a: Any) -> str:
-    """The first force or force element with derivatives that are not finite, and by what."""
+    """Names the first force or force element with derivatives that are not finite, and the variables."""
     speeds, of = package["speed_names"], variables(package)
 
     def by(values: Iterable[Any]) -> str:
@@ -207,7 +208,7 @@ def _bad(values: Any) -> list[int]:
 
 
 def _forces(package: Mapping[str, Any]) -> list[str]:
-    """The model's forces and force elements, as they are described."""
+    """The descriptions of the model's forces and force elements."""
     types = zip(package.get("element_types", ()), package.get("elements", ()), strict=True)
     starts = ("force ", *(f"{type_} {name}:" for type_, name in types))
     return [line.strip() for line in package.get("description", ()) if line.strip().startswith(starts)]
@@ -219,14 +220,14 @@ def _force_on(package: Mapping[str, Any], speed: str) -> str:
 
 
 def _element(package: Mapping[str, Any], array: str, i: int) -> str:
-    """The force element that a coefficient is of."""
+    """The force element to which a coefficient belongs."""
     ends = np.cumsum(package["element_coefficients"][array])
     k = int(np.searchsorted(ends, i, side="right"))
     return f"{package['element_types'][k]} {package['elements'][k]}"
 
 
 def _elements_on(package: Mapping[str, Any], link: int) -> str:
-    """The force elements that name the body of a link."""
+    """The force elements whose descriptions contain the body of a link."""
     body = package["links"][link].partition(".")[0]
     naming = [
         line for line in _forces(package) if re.search(rf"\b{re.escape(body)}\b", line) and "on joint" not in line

@@ -1,4 +1,4 @@
-"""The NumPy module of a package, called like its C."""
+"""Calls the NumPy module of a package, like its C code."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class NumpyTarget(Target):
         return False
 
     def _one_by_one(self, task: Task, failed: dict[int, SingularJointError]) -> None:
-        """Each state of a batch alone: some of them cannot be computed."""
+        """Computes each state of a batch separately, because some of them fail."""
         for number, at in enumerate(np.ndindex(*task.batch)):
             along = Seeds({s: of_state(a, task.batch, at, 1) for s, a in task.seeds.of.items()}, task.seeds.k)
             try:
@@ -71,9 +71,9 @@ class NumpyTarget(Target):
         return [np.asarray(r, self.dtype) for r in self._results(f, arguments)]
 
     def _results(self, f: Function, arguments: list[Any]) -> Any:
-        """What a function of the module returns."""
+        """The results of a function of the module."""
         try:
-            with np.errstate(all="ignore"):  # what is not finite is told by the solver, for both targets alike
+            with np.errstate(all="ignore"):  # for both targets alike, the solver warns of results that are not finite
                 return getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
             name = type(error).__name__
@@ -86,5 +86,5 @@ class NumpyTarget(Target):
 
 
 def in_rows(x: Array, shape: Shape, axes: int) -> Array:
-    """The numbers with `axes` axes, of which `shape` are the last; the module returns those of all bodies in one row."""
+    """Reshapes a result to `axes` axes, the last ones as in `shape`; the module returns the numbers of all bodies in one row."""
     return x if len(shape) < 2 or x.ndim == axes else x.reshape(*x.shape[:-1], *shape)

@@ -9,7 +9,7 @@ COLUMNS = ("additions", "multiplications", "divisions", "functions")
 
 
 class OperationCounts(dict[str, Any]):
-    """By function and sweep, what `Solver.operations` has; printed, the sums of each function."""
+    """Operations by function and sweep, as `Solver.operations` returns them; printed as sums per function."""
 
     def __repr__(self) -> str:
         parts = {

@@ -1,6 +1,6 @@
-"""A package that is open: what it says of its model, and calls of its functions with whatever a user gives.
+"""An open package: properties of its model, and calls of its functions with a user's arguments.
 
-`Solver` is derived from it, and has a method for each function.
+`Solver` is derived from it and has a method for each function.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..arrays import Array, Shape
 from ..errors import SingularJointError
 from ..files.manifest import read_manifest, refuse_another
 from .arguments import NO_SEEDS, Arguments, Seeds, Unseen
-from .bad_states import BAD_STATES, spread, tell_bad, without_bad
+from .bad_states import BAD_STATES, spread, warn_of_bad, without_bad
 from .c_target import CTarget
 from .functions import (
     MADE_OF,
@@ -35,21 +35,21 @@ from .functions import (
     made_of,
     shapes_of,
 )
-from .non_finite import tell_infinite
+from .non_finite import warn_of_infinite
 from .operation_counts import OperationCounts
 from .results import empty, overlap, places, put
 from .targets import Opened, c_target, open_partition
 from .task import Target, Task
 
 Composed = Callable[[tuple[Any, ...], Any, Any], Sequence[Array]]
-"""Results from arguments, seeds and places for results; see `Package._call`."""
+"""Computes results from arguments, seeds and `out`; see `Package._call`."""
 
 
 class Package:
-    """A generated package that is open. `Solver` documents its parameters."""
+    """An open generated package. `Solver` documents its parameters."""
 
     _watch: Callable[[str | Wanted, tuple[Any, ...], tuple[Any, ...] | None], None] | None = None
-    """What warns of directions that have no derivative."""
+    """Warns of directions without a derivative."""
     _threads: int | None = None
     _bad_states = "error"
 
@@ -81,7 +81,7 @@ class Package:
         return read_manifest(self.folder)
 
     def _open(self, partition: int) -> Opened:
-        """A partition, opened when first asked for."""
+        """A partition, opened at its first use."""
         with self._making:
             if partition not in self._made:
                 opened = open_partition(self.folder, self._manifest, partition, self._wanted, self._shapes)
@@ -90,7 +90,7 @@ class Package:
             return self._made[partition]
 
     def _in_c(self, opened: Opened) -> CTarget:
-        """The compiled code of a partition, also where it computes with NumPy.
+        """The compiled code of a partition, even if the partition computes with NumPy.
 
         Raises
         ------
@@ -105,17 +105,17 @@ class Package:
             return self._compiled[opened.number]
 
     def _use(self, opened: Opened) -> None:
-        """Compute with a partition from now on."""
+        """Makes this the partition in use."""
         self._opened = opened
         self._calls = opened.target.calls
         self._watched = bool(opened.manifest.get("opening"))
         self._is_used()
 
     def _is_used(self) -> None:
-        """Changes how a solver calls the partition that is in use from now on."""
+        """Called when the partition in use has changed."""
 
     def __getstate__(self) -> tuple[str, str, int, int | None, str, str]:
-        # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
+        # a pool of processes pickles solvers; each process opens the package again
         sealed = self._manifest.get("seal", "")
         return str(self.folder), self.target, self._opened.number, self._threads, self._bad_states, sealed
 
@@ -134,10 +134,10 @@ class Package:
         )
 
     def __getattr__(self, name: str) -> Any:
-        """Says why a package lacks a member that others have; Python calls it for what there is not."""
+        """Explains why a package lacks a method; Python calls this for missing attributes only."""
         member: Any = getattr(type(self), name, None)
         if hasattr(member, "__get__"):
-            return member.__get__(self)  # a property whose own AttributeError Python has put aside
+            return member.__get__(self)  # a property raised AttributeError itself: raise it again
         if name in SOMETIMES:
             raise AttributeError(self._why_not(name))
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -218,7 +218,7 @@ class Package:
 
     @property
     def _composed(self) -> Mapping[str, Composed]:
-        """Functions that are made of generated ones, by the names of those that other models have in their place."""
+        """Functions composed from generated ones, by the names that these functions have in other models."""
         return {}
 
     @property
@@ -262,15 +262,17 @@ class Package:
         compiled = [*(n for n in methods if self._needed(n) and not lacks(self._manifest, n)), "batches"]
         for member in members or compiled:
             if member in SOMETIMES:
-                getattr(self, member)  # says why a package lacks it
+                getattr(self, member)  # raises with the reason if the package lacks it
             if member not in methods and member != "batches":
-                raise ValueError(f"prepare: {member!r} is none of {', '.join(compiled)}")
+                raise ValueError(
+                    f"prepare: {member!r} is not a method that is compiled; expected one of {', '.join(compiled)}"
+                )
             if lacks(self._manifest, member):
                 raise AttributeError(self._why_not(member))
             self._prepare(member)
 
     def _needed(self, member: str) -> list[Function]:
-        """The functions that a member calls."""
+        """The generated functions that a method calls."""
         names = made_of(self._manifest, member)
         return [f for name, f in self._functions.items() if name in names or MEMBERS.get(name) in names]
 
@@ -288,10 +290,10 @@ class Package:
     def _call(
         self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None
     ) -> Any:
-        """Results of a function, in `out` if there is one.
+        """Computes a function with a user's arguments; writes the results to `out` if it is given.
 
-        `given` are the arguments that it takes, and `seeds` those of a function over directions, as a user gives them, in the
-        order of `Function.order` and `Function.directions`. One state and a few go straight to the C.
+        `given` are its arguments in the order of `Function.order`, and `seeds` its seeds in the order of `Function.directions`.
+        One state or a small batch goes directly to C.
         """
         if self._watched:
             self._look_at_directions(wanted, given, seeds)
@@ -315,7 +317,7 @@ class Package:
         return self._computed(opened, Task(f, arrays, batch, along, (), unseen=unseen), returned, out, bad)
 
     def _one_state(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None) -> Any:
-        """Results of a function, vectors; None unless q and u are arrays of one state, and all goes straight to the C."""
+        """Results of a function for one state; None unless q and u are plain vectors and C can compute them directly."""
         q, u, *_ = given
         if type(q) is not np.ndarray or type(u) is not np.ndarray or q.ndim != 1 or u.ndim != 1:
             return None
@@ -325,8 +327,8 @@ class Package:
     def _taken(
         self, f: Function, values: Sequence[Any], unseen: list[Unseen] | None = None
     ) -> tuple[dict[str, Any], Shape, dict[int, str]]:
-        """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error. See
-        `Arguments.take` about `unseen`."""
+        """Checks arguments; returns them, their batch shape, and the reasons for bad states if `bad_states` is "nan". For
+        `unseen` see `Arguments.take`."""
         given = f.named(values)
         if self._bad_states == "error":
             return *self._arguments.take(given, self._left_out, unseen), {}
@@ -335,9 +337,9 @@ class Package:
     def _computed(
         self, opened: Opened, task: Task, returned: Sequence[str], out: Any, bad: Mapping[int, str]
     ) -> tuple[Array, ...]:
-        """Results for arguments that have been checked, in `out` if it is there; zeros of what the function does not compute.
+        """Results for checked arguments, in `out` if it is given; zeros for results that the function does not compute.
 
-        What is not finite is reported; states that are bad have NaN.
+        Warns of results that are not finite; results of bad states are NaN.
         """
         f, batch, seeds, dtype = task.f, task.batch, task.seeds, self._arguments.dtype
         shapes = dict(zip(f.results, f.whole_shapes(batch, seeds.k), strict=True))
@@ -347,7 +349,7 @@ class Package:
         if out is not None:
             called = [r.replace("J_", "J.") for r in returned]
             taken = dict(zip(returned, places(out, called, wanted, dtype), strict=True))
-        # results that would be written over what is read are moved in the end
+        # results that would overwrite arguments are copied at the end
         direct = {} if overlap([*taken.values()], {**task.arrays, **seeds.of}) else taken
         skipped = {*f.results[1:]}.difference(returned) if f.name in SELECTIVE else ()
         found = {r: None if r in skipped else direct[r] if r in direct else empty(s, dtype) for r, s in shapes.items()}
@@ -363,15 +365,15 @@ class Package:
             found[r] if r in found else np.full(s, zero, dtype) for r, s in zip(returned, wanted, strict=True)
         ]
         if failed or bad:
-            told = {n: str(error) for n, error in (failed or {}).items()} | dict(bad)
-            task.spoil(results, [along.get(r, bool(f.seeds)) for r in returned], told)
-            tell_bad(self.name, dict(sorted(told.items())), batch)
+            reasons = {n: str(error) for n, error in (failed or {}).items()} | dict(bad)
+            task.spoil(results, [along.get(r, bool(f.seeds)) for r in returned], reasons)
+            warn_of_bad(self.name, dict(sorted(reasons.items())), batch)
         elif not finite and f.has_entries():
-            tell_infinite(opened, task)
+            warn_of_infinite(opened, task)
         return tuple(put(results, [*taken.values()]))
 
     def _has(self, name: str) -> bool:
-        """Whether a solver of the model has a function: it has been generated, or left out, which `_find` tells."""
+        """Whether the model has this function, even if the package was generated without it."""
         return name in self._functions or MEMBERS.get(name, name) in self._manifest.get("left_out", ())
 
     def _find(self, opened: Opened, name: str) -> Function:
@@ -384,16 +386,16 @@ class Package:
         return f
 
     def _why_not(self, name: str) -> str:
-        """Why there is no function of that name."""
+        """The reason why a function or method is missing."""
         if name in IN_DOUBLE_ONLY and "scalar" in self._manifest:
             return (
                 f"{self.name} was generated with --scalar {self._manifest['scalar']}: it evaluates functions and their "
                 f"derivatives; motions are integrated in double precision, which needs a package of --scalar float64"
             )
         if name.startswith("driving_force") and not self.prescribed_names:
-            return f"{self.name} has no prescribed motion (section motion of the model file), so nothing is driven"
+            return f"{self.name} has no prescribed motion (section motion of the model file), so there are no driving forces"
         if name in ("reactions", "reaction_sensitivities"):
-            among = ", or name it among --functions" if "left_out" in self._manifest else ""
+            among = ", or add it to --functions" if "left_out" in self._manifest else ""
             return f"{self.name} was generated without {name}: generate it with --reactions{among}"
         if name.startswith(("frame", "point", "picture")):
             return f"{self.name} was generated without {name}: generate it with --frames"
@@ -410,17 +412,17 @@ class Package:
         return f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
 
     def _left_out(self, name: str, given: Mapping[str, Any]) -> Array | float:
-        """What a mapping leaves out of an argument: default parameters, else zeros."""
+        """Values of entries that a mapping leaves out: default parameters, else zeros."""
         return self._arguments.defaults.get(name, 0.0)
 
     def _look_at_directions(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None) -> None:
-        """Warn of directions that have no derivative, where there may be any."""
+        """Warns of directions without a derivative, if the model may have any."""
         if self._watch is not None:
             self._watch(wanted, given, seeds)
 
 
 IN_DOUBLE_ONLY = ("simulate", "judge", "state_rates", "state_rate_sensitivities")
-"""What there is in double precision only."""
+"""Methods available in double precision only."""
 
 _ON_INDEPENDENTS = dict.fromkeys(
     ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),
@@ -434,10 +436,10 @@ def state(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> dict[str, Any]:
 
 
 def seeds(dq: Any, du: Any, dp: Any, dinputs: Any, dt: Any) -> dict[str, Any]:
-    """Its seeds by name."""
+    """Seeds of a state by name."""
     return {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
 
 
 def _times(counts: Mapping[str, Mapping[str, int]], n: int) -> dict[str, dict[str, int]]:
-    """Operations of what runs n times."""
+    """Operations of a sweep that runs n times."""
     return {part: {k: n * v for k, v in of.items()} for part, of in counts.items()}

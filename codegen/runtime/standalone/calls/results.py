@@ -1,4 +1,4 @@
-"""Where results go: new arrays, or the caller's own of ``out=``."""
+"""Arrays for results: new ones, or the caller's ``out=``."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from ..arrays import Array, Shape
 
 
 def empty(shape: Shape, dtype: Any = np.float64) -> Array:
-    """Room for results.
+    """A new array for results.
 
     Raises
     ------
     MemoryError
-        Says how much was asked for.
+        If it is too large; the message gives the size.
     """
     try:
         return np.empty(shape, dtype)
     except (MemoryError, ValueError):
         size = math.prod(shape) * 8 / 2**30
         raise MemoryError(
-            f"results of shape {shape} take {size:,.0f} GiB, more than there is; call with fewer states or directions at a time"
+            f"results of shape {shape} take {size:,.0f} GiB, more than there is; use fewer states or directions per call"
         ) from None
 
 
 def places(out: Any, names: Sequence[str], shapes: Sequence[Shape], dtype: Any = np.float64) -> list[Array]:
-    """The arrays of ``out=``, checked."""
+    """The arrays of ``out=``, after checks."""
     if not isinstance(out, (tuple, list)) or len(out) != len(names):
         raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
     for name, x, shape in zip(names, out, shapes, strict=True):
-        if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # whose mask would stay as it is
+        if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # its mask would not be updated
             seen = f"is {type(x).__name__}"
         elif x.dtype != dtype or x.shape != shape:
             seen = f"holds {x.dtype} and has shape {x.shape}"
@@ -54,7 +54,7 @@ def places(out: Any, names: Sequence[str], shapes: Sequence[Shape], dtype: Any =
 
 
 def overlapping(arrays: Iterable[Array]) -> tuple[int, int] | None:
-    """Which two of some contiguous arrays share memory; None if none do."""
+    """Indices of two contiguous arrays that share memory; None if no two do."""
     for (i, a), (j, b) in itertools.combinations(enumerate(arrays), 2):
         if np.may_share_memory(a, b):
             return i, j
@@ -62,7 +62,7 @@ def overlapping(arrays: Iterable[Array]) -> tuple[int, int] | None:
 
 
 def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
-    """Whether results would be written over arguments that are still read."""
+    """Whether writing the results would overwrite arguments that are still needed."""
     if not taken:
         return False
     for x in arrays.values():
@@ -74,7 +74,7 @@ def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
 
 
 def put(results: Sequence[Array], out: Sequence[Array]) -> list[Array]:
-    """Results in the arrays of the caller's, if there are any."""
+    """Copies results into the arrays of ``out``, if there are any, and returns those."""
     for place, result in zip(out, results, strict=False):
         if place is not result:
             place[...] = result

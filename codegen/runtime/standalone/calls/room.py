@@ -1,4 +1,4 @@
-"""Part of a solver that computes more than one function of the generated code gives: frames, gradients, motions."""
+"""Base class of the parts of a solver that combine generated functions: frames, gradients, motions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .targets import Opened
 
 
 class Room:
-    """What such a part reads of its solver: names, sizes, calls; and the partition that is in use.
+    """Gives such a part access to its solver: names, sizes, calls, and the partition in use.
 
     Parameters
     ----------
@@ -60,6 +60,8 @@ class Room:
 
 
 def alone(batch: Shape) -> None:
-    """An error where arguments are a batch."""
+    """Raises ValueError if the arguments are a batch."""
     if batch:
-        raise ValueError(f"the arguments are a batch of shape {batch}, expected one state: call this for each of them")
+        raise ValueError(
+            f"the arguments are a batch of shape {batch}, expected one state; call the method once per state"
+        )

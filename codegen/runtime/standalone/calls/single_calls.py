@@ -1,8 +1,9 @@
-"""Calls of the compiled functions with arguments as they were passed: one state, or a few along one axis.
+"""Direct calls of the compiled functions, for one state or a small batch along one axis.
 
 A call takes arguments in `Function.order`, seeds in `Function.directions` or None, and arrays for results or None. It returns a
-tuple of arrays; or None for all that is not plain, not finite or singular, which the general path converts, or refuses with the
-reason. ``direct_call.c`` has these calls; where it cannot be compiled, `PlainCall` has them for one state in arrays.
+tuple of arrays, or None for anything that is not plain, not finite or singular. Then the general path converts the arguments, or
+raises an error. ``direct_call.c`` implements these calls. If it cannot be compiled, `PlainCall` does so for one state in plain
+arrays.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from .results import empty, overlapping, put
 Call = Callable[[tuple[Any, ...], tuple[Any, ...] | None, Any], tuple[Array, ...] | None]
 
 FEW, FEW_ALONG = 96, 32
-"""States of a small batch; with more, a large batch takes less time, along directions sooner."""
+"""Largest number of states of a small batch, without and with directions; beyond it, the large-batch code is faster."""
 
 SLOT = {
     n: i
@@ -28,7 +29,7 @@ SLOT = {
         (*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "few", "points", "steps", "results")
     )
 }
-"""Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
+"""Indices in the table of pointers that the functions of ``NAME_calls.c`` take."""
 
 WITH_DEFAULT = ("p", "inputs")
 
@@ -38,14 +39,14 @@ def general(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: A
 
 
 class NoCalls(dict[Any, Call]):
-    """The calls of a target that has the general path alone."""
+    """For targets without direct calls."""
 
     def __missing__(self, wanted: str | Wanted) -> Call:
         return general
 
 
 class Calls(dict[Any, Call]):
-    """The calls of a compiled target by what they return, made when they are first looked up. Threads may share one.
+    """The direct calls of a compiled target, created at their first use. Threads may share one.
 
     Parameters
     ----------
@@ -86,8 +87,8 @@ class Calls(dict[Any, Call]):
         def taken(
             name: str, of: str, needed: int, rest: int = 0
         ) -> tuple[int, int, int, dict[str, int] | None, int, int]:
-            """What the C reads of an argument: its slot, size, whether it is needed, places of names, defaults, and its place in
-            large batches."""
+            """How C reads an argument: slot, size, whether it is required, indices of names, default values, index in large
+            batches."""
             names = {} if name in ("q", "u") else {n: i for i, n in enumerate(target.names.get(of, ()))}
             return SLOT[name], math.prod(target.shapes[of]), needed, names or None, rest, place(name)
 
@@ -119,14 +120,14 @@ class Calls(dict[Any, Call]):
 
 
 def place_of(result: str, i: int, f: Function, wanted: Wanted) -> int:
-    """Where a result is among those that are returned; -1 where it is not, -2 where it is then not computed either."""
+    """Index of a result among those returned; -1 if it is not returned, -2 if it is not even computed."""
     if result in wanted.returned:
         return wanted.returned.index(result)
     return -2 if i and f.name in SELECTIVE else -1
 
 
 class PlainCall:
-    """A call in Python, by cffi's ABI mode: of one state, and seeds, in arrays as the C reads them.
+    """A direct call in Python, by cffi's ABI mode: one state, with seeds, in plain arrays.
 
     Parameters
     ----------
@@ -140,8 +141,8 @@ class PlainCall:
         self.table = None if wanted.table is None else wanted.table.astype(target.dtype, copy=False)
         self.shapes = f.whole_shapes(())
         self.free: list[tuple[Any, ...]] = []
-        """Tables of pointers that no call uses meanwhile, each with its memory."""
-        # of each argument and seed: its bit, its slot (-1 for t), and its shape
+        """Tables of pointers that no call uses at present, each with its memory."""
+        # bit, slot (-1 for t) and shape of each argument and seed
         self.takes = [(0, -1, ()) if n == "t" else (1 << SLOT[n], SLOT[n], target.shapes[n]) for n in f.order]
         self.seeds = [(1 << SLOT[s], SLOT[s], target.shapes[s[1:]]) for s in f.directions]
         self.needed = sum(1 << SLOT[n] for n in f.takes if n not in (*WITH_DEFAULT, "t"))
@@ -172,11 +173,11 @@ class PlainCall:
         return x, work, lanes
 
     def is_plain(self, x: Any) -> bool:
-        """Whether the C can read an array where it is."""
+        """Whether C can read an array in place."""
         return type(x) is np.ndarray and x.dtype is self.dtype and x.flags.c_contiguous and x.flags.aligned
 
     def results(self, x: Any, given: tuple[Any, ...], seeds: tuple[Any, ...] | None, out: Any) -> Any:
-        """What the C computes by a table of pointers; None where it cannot, or where it may not be written to `out`."""
+        """Computes results in C; None if this is impossible, or if `out` cannot be written directly."""
         pointer = self.target.pointer
         bits, k, t = 0, 0, None
         for (bit, slot, shape), a in zip(self.takes, given, strict=True):
@@ -215,7 +216,7 @@ class PlainCall:
 
 
 def fits(places: Sequence[Any], found: Sequence[Array]) -> bool:
-    """Whether results may be written there."""
+    """Whether results may be written to these arrays."""
     if len(places) != len(found):
         return False
     for x, result in zip(places, found, strict=True):

@@ -1,4 +1,4 @@
-"""What computes: the compiled C or the NumPy module of a package, opened, and compared where both are asked for."""
+"""Opens a target of a package: the compiled C, the NumPy module, or both with a comparison."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .task import Target
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Opened:
-    """One partition of a package, opened; a call uses the same from beginning to end.
+    """An open partition of a package. A call uses the same object throughout.
 
     Attributes
     ----------
     folder : Path
         The package.
     package : dict
-        Its manifest.
+        Manifest of the package.
     number : int
-        The partition.
+        Index of the partition.
     manifest : dict
-        Of the partition: that of the package, or its part about another one.
+        Manifest of the partition: of the package, or its entry in "others".
     functions : dict of str to Function
     target : Target
     """
@@ -47,7 +47,7 @@ class Opened:
 def open_partition(
     folder: Path, package: Mapping[str, Any], number: int, wanted: str, shapes: Mapping[str, Shape]
 ) -> Opened:
-    """Open the code of a partition, on the target that is wanted, or on NumPy where C cannot be compiled.
+    """Opens the code of a partition for the requested target, or NumPy if C cannot be compiled.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def open_partition(
         try:
             target = c_target(folder, package, manifest, functions, shapes)
         except NoCompilerError as error:
-            warn(f"{package['name']}: {error}. The NumPy target (target='numpy') serves instead: same numbers, slower")
+            warn(f"{package['name']}: {error}. The NumPy target (target='numpy') is used instead; it is slower")
             return plain()
         if wanted == "both":
             compare(manifest, functions, shapes, target, plain())
@@ -93,5 +93,5 @@ def c_target(
 
 
 def partitions_of(package: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """What a manifest says of each partition."""
+    """The manifest of each partition."""
     return [package, *package.get("others", ())]

@@ -1,4 +1,4 @@
-"""A call of a generated function with arguments that have been checked, and what computes such calls."""
+"""A call of a generated function with checked arguments, and the base class of targets."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class Task(NamedTuple):
         Arguments by name, (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...).
     batch : tuple of int
     seeds : Seeds
-        With as many batch axes as the batch.
+        Seeds, with all batch axes.
     out : list of array or None
-        Where results go, (*batch, *shape), and derivatives along seeds, (k, *batch, *shape); None for one that is not wanted.
+        Arrays for results, (*batch, *shape), or (k, *batch, *shape) for derivatives; None for results that are not requested.
     failed : dict of int to SingularJointError, or None
-        Gets the states of a batch that fail, which have NaN then; without it they are an error.
+        Receives the failed states of a batch, whose results are then NaN. With None, a failure raises.
     unseen : sequence of Unseen
-        Large arguments and seeds whose numbers have not been checked.
+        Large arguments and seeds whose numbers have not been tested yet.
     """
 
     f: Function
@@ -46,23 +46,23 @@ class Task(NamedTuple):
 
     @property
     def states(self) -> int:
-        """How many states there are."""
+        """Number of states in the batch."""
         return math.prod(self.batch)
 
     def look(self, but: Collection[str] = ()) -> None:
-        """Check the numbers of large arguments and seeds, except of some.
+        """Tests the numbers of large arguments and seeds, except those named in `but`.
 
         Raises
         ------
         ValueError
-            A number is not finite.
+            If a number is not finite.
         """
         for unseen in self.unseen:
             if unseen.name not in but:
                 unseen.look()
 
     def place(self, number: int) -> tuple[int, ...]:
-        """Where a state is in the batch."""
+        """Index of a state in the batch."""
         return tuple(int(i) for i in np.unravel_index(number, self.batch))
 
     def at(self, place: tuple[int, ...]) -> dict[str, Any]:
@@ -73,7 +73,7 @@ class Task(NamedTuple):
         }
 
     def spoil(self, results: Sequence[Any], derived: Sequence[bool], failed: Iterable[int]) -> None:
-        """Put NaN where states have failed."""
+        """Sets the results of failed states to NaN."""
         for place in map(self.place, failed):
             for x, along in zip(results, derived, strict=True):
                 if x is not None:
@@ -81,11 +81,11 @@ class Task(NamedTuple):
 
 
 class Target(ABC):
-    """What computes the functions of a package: the compiled C, or the NumPy module."""
+    """Computes the functions of a package: the compiled C or the NumPy module."""
 
     name = ""
     threads: int | None = None
-    """That share a batch; None leaves it to the target."""
+    """Number of threads for a batch; None leaves the choice to the target."""
     calls: Mapping[Any, Call] = NoCalls()
 
     def __init__(self, manifest: Mapping[str, Any]):
@@ -94,19 +94,19 @@ class Target(ABC):
 
     @abstractmethod
     def run(self, task: Task) -> bool:
-        """Compute the results of a task. Returns True if all of them are known to be finite.
+        """Computes the results of a task. Returns True if all of them are known to be finite.
 
         Raises
         ------
         ValueError
-            A number of a large argument or seed is not finite.
+            If a number of a large argument or seed is not finite.
         """
 
     def compute(
         self, f: Function, arrays: Mapping[str, Any], batch: Shape, seeds: Seeds = NO_SEEDS,
         failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]:  # fmt: skip
-        """Results in new arrays; see `Task`."""
+        """Results in new arrays; for the arguments see `Task`."""
         if not (batch or f.seeds):
             alone = self.calls[f.name](tuple([arrays.get(n, 0.0 if n == "t" else None) for n in f.order]), None, None)
             if alone is not None:

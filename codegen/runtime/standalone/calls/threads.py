@@ -1,4 +1,4 @@
-"""How many threads share a batch, where the user leaves it to the solver."""
+"""Number of threads for a batch, unless the user sets it."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from pathlib import Path
 from ..warning import warn
 
 WORTH_A_THREAD = 100_000
-"""Nanoseconds of work on one thread; a batch has at most one thread for each."""
+"""Work per thread, in nanoseconds of a single thread: a batch has at most one thread for each."""
 
 MANY = 1024
-"""More threads than a batch ever has."""
+"""More threads than any batch uses."""
 
 LIMIT = "OMP_NUM_THREADS"
-"""The environment variable that limits the number of threads, as it does in other numerical libraries."""
+"""The environment variable that limits the number of threads, as in other numerical libraries."""
 
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 OF_PROCESS = Path("/proc/self/cgroup")
 
 
 ONE = "ordernm_one_thread"
-"""Attribute of threads whose batches have one thread each. The run times that packages carry read it, too."""
+"""Attribute of threads whose batches use one thread each. Other versions of the run time in packages read it, too."""
 
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Batches of the running thread have one thread each meanwhile: it is one of a pool that has the processors already."""
+    """Restricts batches of the current thread to one thread each, because the thread belongs to a pool that uses all
+    processors."""
     here = threading.current_thread()
     before = getattr(here, ONE, False)
     setattr(here, ONE, True)
@@ -43,18 +44,18 @@ def one_thread() -> Iterator[None]:
 
 
 def batch_threads(work: float) -> int:
-    """How many threads share a batch.
+    """Number of threads for a batch.
 
     Parameters
     ----------
     work : float
-        Nanoseconds that one thread takes.
+        Time on a single thread, in nanoseconds.
 
     Returns
     -------
     int
-        One for small batches, within `one_thread` and in processes of `multiprocessing`. Otherwise at most one for
-        each processor that the process may use, and at most what `LIMIT` says.
+        One for small batches, within `one_thread` and in processes of `multiprocessing`. Otherwise at most one per processor that
+        the process may use, and at most the number in `LIMIT`.
     """
     most = int(min(work / WORTH_A_THREAD, MANY))
     if most < 2 or getattr(threading.current_thread(), ONE, False) or _in_pool_of_processes():
@@ -63,31 +64,31 @@ def batch_threads(work: float) -> int:
 
 
 def processors() -> int:
-    """How many processors this process may use, by its affinity and the quotas of its control groups; at least one."""
+    """Number of processors that this process may use, by its affinity and control-group quotas; at least one."""
     may_use = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, int(min(may_use, _quota())))
 
 
 def _in_pool_of_processes() -> bool:
-    """Whether `multiprocessing` started this process. It is not imported for that: in such a process it has been."""
+    """Whether `multiprocessing` started this process. In such a process it has already been imported."""
     module = sys.modules.get("multiprocessing.process")
     return module is not None and module.parent_process() is not None
 
 
 def _limit() -> int:
-    """The number of threads that `LIMIT` allows; a large number where it is not set."""
+    """The number of threads that `LIMIT` allows; `MANY` if it is not set."""
     text = os.environ.get(LIMIT, "").partition(",")[0].strip()  # OpenMP: one number for each level of nesting
     if not text:
         return MANY
     if not text.isdecimal() or int(text) < 1:
-        warn(f"{LIMIT} is {text!r}, expected a number of threads, at least 1; it does not limit the threads of batches")
+        warn(f"{LIMIT} is {text!r}, expected an integer of at least 1; it is ignored")
         return MANY
     return int(text)
 
 
 @functools.cache
 def _quota() -> float:
-    """Processors that control groups grant the process, those of version 1 and 2; infinite without a quota."""
+    """Processors that control groups (version 1 or 2) grant the process; infinite without a quota."""
     least = math.inf
     files: tuple[str, ...]
     for line in _read(OF_PROCESS).splitlines():

@@ -127,7 +127,7 @@ def _by_name(
     if unknown:
         rates = isinstance(unknown[0], str) and unknown[0].partition(".")[0] in moving
         more = "; time derivatives of inputs follow from their values over time" if rates else ""
-        raise ValueError(f"inputs: {unknown[0]!r} is not known; expected is any of {some(names)}{more}")
+        raise ValueError(f"inputs: {unknown[0]!r} is not known; expected one of {some(names)}{more}")
     return [_signal(f"inputs[{n!r}]", (n,), given.get(n, 0.0), n in moving, interval) for n in names]
 
 

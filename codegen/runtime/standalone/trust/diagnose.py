@@ -12,7 +12,7 @@ from ....elementary import ELEMENTWISE, ON_ARRAYS
 from ..arrays import Array
 from ..calls.arguments import NO_SEEDS, Seeds
 from ..calls.functions import ALONG, STATE
-from ..calls.non_finite import tell_infinite
+from ..calls.non_finite import warn_of_infinite
 from ..calls.numpy_target import NumpyTarget
 from ..calls.package import Package
 from ..calls.room import Room, alone
@@ -71,7 +71,7 @@ class Diagnosing(Room):
             nearest = compute()
         except SingularJointError as error:
             return np.full(shape, np.nan), np.full(shape, np.inf), str(error)
-        tell_infinite(opened, Task(f, arrays, (), directions, nearest))
+        warn_of_infinite(opened, Task(f, arrays, (), directions, nearest))
         if not can_round():
             return nearest[-1], np.full(shape, np.nan), ""
         return nearest[-1], spread(lambda: compute()[-1:], nearest[-1:])[0], ""
