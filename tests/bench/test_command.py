@@ -125,7 +125,7 @@ def test_without_a_compiler_it_says_so(monkeypatch, capsys):
     monkeypatch.setenv("CC", "no-such-compiler")
     assert main(["bench", "--quick", "cart_pole"]) == 3
     error = capsys.readouterr().err
-    assert error.startswith("bench: no C compiler found: CC=no-such-compiler is no program; install gcc or clang")
+    assert error.startswith("bench: no C compiler found: CC=no-such-compiler was not found; install gcc or clang")
     with pytest.raises(NoCompilerError):
         from codegen.measure.machine import machine
 

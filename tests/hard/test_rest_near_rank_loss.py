@@ -49,11 +49,11 @@ def test_a_flat_pose_leaves_stability_open(build):
     """A closure of condition 1e13 gave "stable" and an eigenvalue of -24.1 where 14.01 is right along its branch."""
     solver = build(PARALLELOGRAM, functions=None)
     with pytest.warns(
-        RuntimeWarning, match=r"equilibrium: loop rod is near a loss of rank at a=.*, b=.*condition of its"
+        RuntimeWarning, match=r"equilibrium: loop rod has nearly lost rank at a=.*, b=.*condition number of its"
     ):
         found = solver.equilibrium()
     assert found.stable is None and abs(found.q).max() < 1e-6
-    with pytest.warns(RuntimeWarning, match=r"linearize: loop rod is near a loss of rank at a="):
+    with pytest.warns(RuntimeWarning, match=r"linearize: loop rod has nearly lost rank at a="):
         solver.linearize(found.q)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -65,7 +65,7 @@ def test_a_dead_point_of_the_independent_coordinate_names_the_better_choice(slid
     slider.use_partition(0)
     assert slider.independent_names == ("s",)
     with pytest.warns(
-        RuntimeWarning, match=r"near a loss of rank at .*use_partition\(1\), where the condition is 1, then"
+        RuntimeWarning, match=r"nearly lost rank at .*use_partition\(1\), where the condition number is 1, then"
     ):
         found = slider.equilibrium(tolerance=tolerance)
     assert found.stable is None

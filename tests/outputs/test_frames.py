@@ -381,7 +381,7 @@ def test_more_digits(solver: codegen.Solver) -> None:
         ("points", {"points": [("rnig", PLACE)]}, "points: 'rnig' is not known.*did you mean 'ring'"),
         ("points", {"points": ("ring", [1, 2])}, r"place in 'ring' has shape \(2,\), expected \(3,\)"),
         ("points", {"points": ("ring", [1, 2, np.nan])}, "expected finite numbers"),
-        ("points", {"points": [3.0]}, "3.0 is no point; expected the name of a point"),
+        ("points", {"points": [3.0]}, "3.0 is not a point; expected the name of a point"),
         ("frame_sensitivities", {}, "no seed given"),
         ("frames", {"bodies": 3}, "bodies is 3, expected a name, or a list"),
         ("points", {"points": 3}, "points is 3, expected a name, or a list"),

@@ -253,7 +253,7 @@ def test_a_turn_stays_on_a_core_and_all_are_free_afterwards(tmp_path):
 
 
 def test_what_a_process_says_is_told(tmp_path):
-    with pytest.raises(RuntimeError, match="holds no generated solver that is whole"):
+    with pytest.raises(RuntimeError, match="contains no complete generated solver"):
         processes.timed(Core.compiled(tmp_path), tmp_path, None, 0.01, tmp_path, [])
 
 

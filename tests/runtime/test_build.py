@@ -352,7 +352,7 @@ def test_an_unknown_target_is_refused(pendulum):
 
 def test_find_compiler_says_what_it_looked_for(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler -m64")
-    with pytest.raises(NoCompilerError, match="CC=no-such-compiler -m64 is no program"):
+    with pytest.raises(NoCompilerError, match="CC=no-such-compiler -m64 was not found"):
         build.find_compiler()
 
 

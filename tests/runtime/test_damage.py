@@ -156,7 +156,7 @@ def test_a_compiler_that_hangs_is_stopped(pendulum, monkeypatch, tmp_path):
     assert ends(int(pid.read_text()))
     assert not list(pendulum.glob(".build*"))
     monkeypatch.setenv("ORDERNM_COMPILE_SECONDS", "soon")
-    with pytest.raises(CompileError, match="ORDERNM_COMPILE_SECONDS=soon is no time in seconds; the default is 600"):
+    with pytest.raises(CompileError, match="ORDERNM_COMPILE_SECONDS=soon, expected a positive number; the default is 600"):
         codegen.load(pendulum)
 
 
@@ -184,7 +184,7 @@ def test_an_interrupted_build_leaves_no_compiler_behind(pendulum, tmp_path):
 
 def test_what_is_no_compiler_is_told(pendulum, monkeypatch):
     monkeypatch.setenv("CC", "/bin/cat")
-    with pytest.raises(CompileError, match=r"/bin/cat compiles no C: it fails on a file of one line too; set CC"):
+    with pytest.raises(CompileError, match=r"/bin/cat fails even on a C file of one line; set CC"):
         codegen.load(pendulum)
 
 

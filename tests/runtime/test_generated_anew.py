@@ -47,7 +47,7 @@ def test_a_solver_of_before_is_told(tmp_path):
     assert before.accelerations([0.0], [0.0]) == pytest.approx(6.0), "what it has opened stays"
     for call in (lambda: before.mass_matrix([0.0]), lambda: ends(before), lambda: pickle.loads(packed)):
         with pytest.raises(
-            PackageError, match=r"was generated anew, or removed, since this solver was opened; load it again"
+            PackageError, match=r"was generated again, or removed, after this solver was opened; load it again"
         ):
             call()
     made(tmp_path, 4.0)

@@ -400,7 +400,7 @@ def test_names_and_words(made):
     moving = solver.linearize(u=[1.0])
     assert not moving.at_rest
     assert "a state in motion: 2 states, 1 inputs, 0 outputs" in repr(moving)
-    with pytest.raises(ValueError, match="no equilibrium that could move"):
+    with pytest.raises(ValueError, match="not an equilibrium, so it cannot move"):
         moving.sensitivities("l", moving=True)
     with pytest.raises(ValueError, match="'length' is not known"):
         moving.sensitivities("length")

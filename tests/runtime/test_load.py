@@ -33,9 +33,9 @@ bodies:
 
 
 def test_a_folder_without_package_is_told(tmp_path):
-    with pytest.raises(ValueError, match=r"holds no generated solver.*generate MODEL\.yaml"):
+    with pytest.raises(ValueError, match=r"contains no complete generated solver.*generate MODEL\.yaml"):
         codegen.load(tmp_path)
-    with pytest.raises(ValueError, match="holds no generated solver"):
+    with pytest.raises(ValueError, match="contains no complete generated solver"):
         codegen.load(tmp_path / "missing")
 
 

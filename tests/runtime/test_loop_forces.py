@@ -144,7 +144,7 @@ def test_what_there_is_not(case: tuple[Any, Any, Any]) -> None:
     q, u = solver.initial
     with pytest.raises(AttributeError, match="defined for trees only; mass_matrix is there, on the independent speeds"):
         solver.solve_mass(q, u)
-    with pytest.raises(ValueError, match="no seed is given"):
+    with pytest.raises(ValueError, match="no seed given"):
         solver.inverse_dynamics_sensitivities(q, u, u)
     with pytest.raises(ValueError, match=r"udot has shape \(1,\), expected"):
         solver.inverse_dynamics(q, u, [1.0])

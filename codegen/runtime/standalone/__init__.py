@@ -1,5 +1,5 @@
-"""The run time of a generated solver: compiles its C once, checks arguments, carries arrays to the compiled functions.
+"""The run time of a generated solver: compiles its C code once, checks arguments, and calls the compiled functions.
 
-It needs NumPy, and cffi for the C target. What the generated functions are called and what they take stands in the package's
-``model.json``; nothing here knows mechanics. `package` is where to begin: what a solver is put together from.
+It requires NumPy, and cffi for the C target. The package's ``model.json`` describes the generated functions and their arguments;
+the run time contains no mechanics. Start reading at `calls.package`.
 """

@@ -1,1 +1,1 @@
-"""Files of a package on disk: its manifest, the compiler and the libraries that it makes, where they are kept."""
+"""Files of a package: its manifest, compilation, and the cache of compiled libraries."""

@@ -1,4 +1,4 @@
-"""The library of a package: compiled once, kept beside the package or in the user's cache, known by what it was made of."""
+"""Compiles a package once; the library is kept beside the package or in the user's cache and identified by digests."""
 
 from __future__ import annotations
 
@@ -30,37 +30,37 @@ from .manifest import refuse_another
 from .user_cache import PRIVATE, in_cache, make_private, trusted, user_cache
 
 FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
-"""Of what is compiled apart, unless the environment says. Four directions: a motion with them is a twentieth faster by -O3, for
-more time to compile. Long double: it is needed at once, but derivatives near a pose take most of their time in it, and twice as
-long by -O0."""
+"""Flags of separate libraries, unless the environment gives flags. For four directions, -O3 makes motions 5 per cent faster,
+which is worth the longer compilation. Long double is needed immediately, but derivatives near a pose spend most of their time in
+it; with -O0 they take twice as long."""
 
 OF_MOTIONS = ("", "motion", "gradients")
-"""Parts that ``<name>_motion.c`` has functions of; in other libraries it would be empty."""
+"""Libraries that need functions of ``<name>_motion.c``; for other libraries this file would be empty."""
 
 _INCLUDE = re.compile(rb'^ *# *include "([^"]+)"', re.MULTILINE)
 
 
 class Build:
-    """How the C of a package becomes a library.
+    """Compiles the C code of a package to a library.
 
-    The library's name holds three keys, of the source; of flags and processor; of the compiler, and a digest of the
-    library itself: opening one that a full disk or a broken copy cut short would kill the process. It appears under that
-    name only when it is complete, so several processes may build at once.
+    The library's name contains three keys (of the source; of flags and processor; of the compiler) and a digest of the library
+    itself. The digest detects truncated files, which would crash the process when opened. A library gets its name only when it is
+    complete, so several processes may build it at the same time.
 
     Parameters
     ----------
     folder : Path
-        The package.
+        The folder of the package.
     name : str
         The model's name.
     sources : list of str
-        C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where its functions are wanted, ``<name>_motion.c``.
+        C files; default: ``<name>.c``, ``<name>_calls.c`` and, if its functions are needed, ``<name>_motion.c``.
     part : str
-        The library of some functions, where it is not to have all.
+        Name of a library with only some of the functions; empty for all functions.
     number, units
-        What it is called in C, and its units, which are compiled side by side; see ``libraries`` of ``model.json``.
+        The library's number in C, and its compile units, which are compiled in parallel; see ``libraries`` of ``model.json``.
     sealed : str
-        The seal of the package's manifest when it was opened: a package that was generated anew since is refused.
+        The seal of the manifest when the package was opened. A package that has been generated again since is refused.
     """
 
     def __init__(
@@ -90,11 +90,11 @@ class Build:
             self.compiler, self.complaint = [], error
         self.places = [folder]
         self.stop = Stop()
-        with contextlib.suppress(RuntimeError):  # a user without a home
+        with contextlib.suppress(RuntimeError):  # a user without a home directory
             self.places.append(user_cache() / name)
 
     def key(self) -> str:
-        """Beginning of the library's name; ``*`` for the compiler if there is none."""
+        """First part of the library's file name; contains ``*`` in place of the compiler's key if there is no compiler."""
         source = hashlib.sha256()
         for text in _texts(self.sources):
             source.update(text)
@@ -104,11 +104,11 @@ class Build:
         return f"{self.name}{part}-{source.hexdigest()[:16]}-{machine}-{compiler}"
 
     def exists(self) -> bool:
-        """Whether its sources are there: packages have what their functions need."""
+        """Whether all sources exist; packages contain only those that their functions need."""
         return all(s.is_file() for s in self.sources)
 
     def found(self, key: str = "") -> Path | None:
-        """The library if it exists; one that is damaged is removed, one of the cache that others can write to is not used."""
+        """The library if it exists. Removes damaged libraries, and ignores those in the cache that others can write to."""
         for place in self.places:
             for found in sorted(place.glob(f"{key or self.key()}-*.so")):
                 if not trusted(found):
@@ -120,7 +120,7 @@ class Build:
         return None
 
     def library(self, rebuild: bool = False) -> Path:
-        """The library; compiled unless it exists.
+        """Returns the path of the library, and compiles it if necessary.
 
         Raises
         ------
@@ -149,9 +149,7 @@ class Build:
                         made.chmod(PRIVATE)
                     os.replace(made, library)
                 return library
-            except (
-                OSError
-            ) as error:  # read-only, not ours, open to others, full, or a folder is where the library shall be
+            except OSError as error:  # the folder is read-only, full or insecure, or has a folder of that name
                 refusals.append(str(error))
         raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
 
@@ -170,21 +168,21 @@ class Build:
             return
         log = log or f"{shlex.join(self.compiler)} reported no error, but wrote no library\n"
         if not self._compiles(output):
-            log = f"{shlex.join(self.compiler)} compiles no C: it fails on a file of one line too; set CC to a C compiler\n{log}"
+            log = f"{shlex.join(self.compiler)} fails even on a C file of one line; set CC to a C compiler\n{log}"
         log_file.write_text(log, encoding="utf-8")
         sources = ", ".join(map(str, self.sources))
         first = "\n".join(log.splitlines()[:12])
-        raise CompileError(f"the C compiler failed on {sources}; the whole log is in {log_file}:\n{first}")
+        raise CompileError(f"the C compiler failed on {sources}; the complete log is in {log_file}:\n{first}")
 
     def _compiles(self, output: Path) -> bool:
-        """Whether the compiler compiles anything."""
+        """Whether the compiler can compile anything."""
         source, made = output.with_name("one_line.c"), output.with_name("one_line.o")
         source.write_text("int one_line(void) { return 0; }\n", encoding="utf-8")
         refused, _ = run_all([[*self.compiler, "-c", "-o", str(made), str(source)]], self.stop)
         return not refused and made.exists()
 
     def _run(self, flags: list[str], output: Path) -> tuple[bool, str]:
-        """Compile the sources, several at once, and link them; whether that was refused, and the log."""
+        """Compiles the sources in parallel and links them. Returns whether this failed, and the log."""
         common = [*self.compiler, *STANDARD, *flags]
         if len(self.sources) == 1:
             return run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]], self.stop)
@@ -204,7 +202,7 @@ class Build:
 
 
 def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
-    """Of C files and of what they include, each once."""
+    """Contents of C files and of the files that they include, each once."""
     known, waiting = set(sources), [*reversed(sources)]
     while waiting:
         file = waiting.pop()
@@ -218,7 +216,7 @@ def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
 
 
 def build_apart(folder: Path, name: str, part: str, sealed: str = "") -> Build:
-    """How ``NAME_<part>.c`` becomes a library: "states", "four" or "precise", which include ``NAME.c``, or "threads"."""
+    """The build of ``NAME_<part>.c``; "states", "four" and "precise" include ``NAME.c``, "threads" does not."""
     build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], sealed=sealed)
     if part in FLAGS and CFLAGS not in os.environ:
         build.flags = list(FLAGS[part])
@@ -228,7 +226,7 @@ def build_apart(folder: Path, name: str, part: str, sealed: str = "") -> Build:
 
 
 def builds(folder: Path, manifest: Mapping[str, Any], sealed: str = "") -> dict[str, Build]:
-    """What a package is compiled to, by name: under "" all of it; and libraries of some functions, the first first."""
+    """The builds of a package by name: "" with all functions; then the smaller libraries, in order."""
     name, sources = manifest["name"], manifest.get("sources", ())
     parts = manifest.get("libraries", {})
     found = {
@@ -239,7 +237,7 @@ def builds(folder: Path, manifest: Mapping[str, Any], sealed: str = "") -> dict[
 
 
 def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False, further: bool = False) -> Build:
-    """What is compiled when a package is generated: what most calls need, or all; of further partitions what motions call."""
+    """What `generate` compiles: the library that most calls need, or all; of further partitions, the one that motions need."""
     found = builds(folder, manifest)
     whole, *first = found.values()
     if everything or not first:

@@ -1,4 +1,4 @@
-"""The C compiler: which one, with which flags, and running it."""
+"""The C compiler: its command, its flags, and running it."""
 
 from __future__ import annotations
 
@@ -21,66 +21,66 @@ from ..errors import CompileError, FlagsError, NoCompilerError
 
 STANDARD = ("-std=gnu11", "-fPIC", "-shared")
 CFLAGS = "ORDERNM_CFLAGS"
-"""What gives other flags in the environment."""
+"""The environment variable with other flags."""
 
 OPTIMIZATION = ("-O2", "-march=native")
-"""`CFLAGS` in the environment replaces these. Never -ffast-math: pivots are compared with zero."""
+"""Default flags, replaced by the environment variable `CFLAGS`. Never -ffast-math, because pivots are compared with zero."""
 
 SEARCHES = (
     "--param=lra-max-considered-reload-pseudos=50", "--param=max-cselib-memory-locations=50", "--param=max-combine-insns=2",
 )  # fmt: skip
-"""How far gcc searches long sums of products: for registers, for loads of what is in one, and for instructions to join. With its
-own limits of 500, 500 and 4 it takes up to a fifth longer and finds next to nothing: the same number of instructions to 0.3 per
-cent, and of accesses to memory to 0.6."""
+"""Limits of gcc's searches in long sums of products: for registers, for loads, and for instructions to combine. gcc's own limits
+of 500, 500 and 4 take up to 20 per cent longer, and change the number of instructions by 0.3 per cent and of memory accesses by
+0.6 per cent."""
 
 COMPILE_SECONDS = 600.0
-"""A compiler that takes longer is stopped; ``ORDERNM_COMPILE_SECONDS`` in the environment gives another time."""
+"""A compiler that takes longer is stopped; the environment variable ``ORDERNM_COMPILE_SECONDS`` sets another limit."""
 
 LONGEST_WAIT = 1e6
-"""Seconds, some days: the system counts those of a wait in milliseconds, and not far."""
+"""Longest wait, in seconds: the system counts milliseconds in a limited range."""
 
 VERSION_SECONDS = 60.0
-"""The same for its version."""
+"""Time limit for printing the compiler's version, in seconds."""
 
 COMMAND = "$ "
-"""Begins the lines of a log that are commands."""
+"""Prefix of lines of a log that are commands."""
 
 FORBIDDEN = (
     "-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations", "-fassociative-math", "-fno-honor-nans",
     "-fno-honor-infinities", "-ffp-model=fast", "-ffp-model=aggressive", "-fsingle-precision-constant",
 )  # fmt: skip
-"""Flags with which sines and cosines, which are sums of parts, pivots, or checks of numbers that are not finite go wrong."""
+"""Flags that break sines and cosines (which are computed as sums of parts), pivots, or tests for infinite numbers."""
 
 
 def find_compiler() -> list[str]:
-    """The command of the C compiler: ``CC`` of the environment, else cc, gcc or clang.
+    """The command of the C compiler: the environment variable ``CC``, else cc, gcc or clang.
 
     Raises
     ------
     NoCompilerError
     FlagsError
-        ``CC`` has flags that ask for arithmetic that breaks the solver.
+        If ``CC`` contains flags that change floating-point arithmetic.
     """
     try:
         given = shlex.split(os.environ.get("CC", ""))
     except ValueError as error:
-        raise NoCompilerError(f"no C compiler found: CC={os.environ['CC']} is no command ({error})") from None
+        raise NoCompilerError(f"no C compiler found: CC={os.environ['CC']} is not a valid command ({error})") from None
     _refuse_forbidden("CC", given)
     for command in [given] if given else [["cc"], ["gcc"], ["clang"]]:
         path = shutil.which(command[0])
         if path:
             return [path, *command[1:]]
-    what = f"CC={' '.join(given)} is no program" if given else "none of cc, gcc and clang is on the PATH"
+    what = f"CC={' '.join(given)} was not found" if given else "none of cc, gcc and clang is on the PATH"
     raise NoCompilerError(f"no C compiler found: {what}; install gcc or clang, or set CC")
 
 
 def optimization() -> list[str]:
-    """The flags beside `STANDARD`.
+    """The flags in addition to `STANDARD`.
 
     Raises
     ------
     FlagsError
-        ``ORDERNM_CFLAGS`` asks for arithmetic that breaks the solver.
+        If ``ORDERNM_CFLAGS`` contains flags that change floating-point arithmetic.
     """
     given = os.environ.get(CFLAGS)
     try:
@@ -92,7 +92,7 @@ def optimization() -> list[str]:
 
 
 def searches(command: Sequence[str]) -> tuple[str, ...]:
-    """Flags of gcc's beside `optimization`, unless the environment gives flags; other compilers know none of these."""
+    """Additional flags for gcc only, unless the environment gives flags."""
     is_gcc = "Free Software Foundation" in compiler_version(tuple(command))
     return SEARCHES if is_gcc and CFLAGS not in os.environ else ()
 
@@ -101,17 +101,17 @@ def _refuse_forbidden(variable: str, flags: Sequence[str]) -> None:
     for flag in flags:
         if flag in FORBIDDEN:
             raise FlagsError(
-                f"{variable} holds {flag}, which breaks sines, cosines and the search for singular joints; use for instance -O3"
+                f"{variable} contains {flag}, which breaks sines, cosines and the detection of singular joints; use -O3, say"
             )
 
 
 def compile_seconds() -> float:
-    """How long a compiler may take.
+    """Time limit for a compiler, in seconds.
 
     Raises
     ------
     FlagsError
-        ``ORDERNM_COMPILE_SECONDS`` is no time.
+        If ``ORDERNM_COMPILE_SECONDS`` is not a positive number.
     """
     given = os.environ.get("ORDERNM_COMPILE_SECONDS", "")
     try:
@@ -119,13 +119,15 @@ def compile_seconds() -> float:
     except ValueError:
         seconds = math.nan
     if not seconds > 0.0:
-        raise FlagsError(f"ORDERNM_COMPILE_SECONDS={given} is no time in seconds; the default is {COMPILE_SECONDS:g}")
+        raise FlagsError(
+            f"ORDERNM_COMPILE_SECONDS={given}, expected a positive number; the default is {COMPILE_SECONDS:g}"
+        )
     return min(seconds, LONGEST_WAIT)
 
 
 @functools.cache
 def processor() -> str:
-    """What -march=native depends on."""
+    """The properties of the processor on which -march=native depends."""
     features = [platform.machine()]
     if sys.platform == "darwin":
         with contextlib.suppress(OSError):
@@ -142,7 +144,7 @@ def processor() -> str:
 
 @functools.cache
 def compiler_version(command: tuple[str, ...]) -> str:
-    """What tells two compilers of one name apart."""
+    """The compiler's version text, which distinguishes compilers of the same name."""
     try:
         done = subprocess.run(
             [*command, "--version"], stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
@@ -153,14 +155,14 @@ def compiler_version(command: tuple[str, ...]) -> str:
         return ""
     except subprocess.TimeoutExpired:
         raise CompileError(
-            f"the C compiler does not answer: {shlex.join([*command, '--version'])} was stopped without an end; set CC to "
+            f"the C compiler does not answer: {shlex.join([*command, '--version'])} did not finish; set CC to "
             f"another compiler"
         ) from None
 
 
 @contextlib.contextmanager
 def _interrupts_wait() -> Iterator[None]:
-    """Ctrl-C meanwhile takes effect in the end. Signals reach the main thread only."""
+    """Delays Ctrl-C to the end of the block. Only the main thread receives signals."""
     usual = signal.getsignal(signal.SIGINT)
     if usual is None or threading.current_thread() is not threading.main_thread():
         yield
@@ -176,12 +178,12 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 class Stop:
-    """What another thread stops compilers by.
+    """Lets another thread stop running compilers.
 
     Attributes
     ----------
     begun : threading.Event
-        Compilers run.
+        Set once compilers are running.
     """
 
     def __init__(self) -> None:
@@ -190,7 +192,7 @@ class Stop:
         self.running: list[subprocess.Popen[bytes]] = []
 
     def now(self) -> None:
-        """End those that run; none is begun afterwards."""
+        """Stops all running compilers and prevents further ones from starting."""
         self.asked = True
         for process in list(self.running):
             with contextlib.suppress(OSError):
@@ -198,12 +200,12 @@ class Stop:
 
 
 def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, str]:
-    """Run commands side by side; whether one failed, and what they said.
+    """Runs commands in parallel. Returns whether one failed, and their output.
 
     Raises
     ------
     CompileError
-        One took too long. All are stopped then, with what they have started, and also when the user interrupts.
+        If one takes too long. Then, and after Ctrl-C, all commands are stopped with their child processes.
     """
     log = []
     failed = False
@@ -212,7 +214,7 @@ def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, 
     seconds = compile_seconds()
     end = time.monotonic() + seconds
     try:
-        with _interrupts_wait():  # a process is known before anything can end its start
+        with _interrupts_wait():  # so that every process is in the list before an interrupt
             for c in commands:
                 if stop.asked:
                     return True, f"{COMMAND}{shlex.join(c)}\nstopped\n"
@@ -226,7 +228,7 @@ def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, 
                     )
                 )
         stop.begun.set()
-        if stop.asked:  # by somebody who did not know the last one yet
+        if stop.asked:  # `now` may have run before the last process was in the list
             return True, "stopped\n"
         for command, process in zip(commands, running, strict=True):
             said, _ = process.communicate(timeout=max(0.01, end - time.monotonic()))
@@ -238,7 +240,7 @@ def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, 
         return True, f"{COMMAND}{shlex.join(commands[len(running)])}\n{error}\n"
     except subprocess.TimeoutExpired:
         raise CompileError(
-            f"the C compiler was stopped after {seconds:g} s without an end: {shlex.join(command)}; if it needs longer, set "
+            f"the C compiler did not finish within {seconds:g} s: {shlex.join(command)}; if it needs longer, set "
             f"ORDERNM_COMPILE_SECONDS to more seconds, else set CC to another compiler"
         ) from None
     finally:

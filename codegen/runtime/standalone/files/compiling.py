@@ -1,4 +1,4 @@
-"""Says on a terminal, or in a notebook, what a call waits for while it is compiled, and counts how long."""
+"""Reports, on a terminal or in a notebook, that a call waits for a compiler, and adds up the waiting times."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 
 PATIENCE = 1.0
-"""Seconds after which it is said."""
+"""Seconds before the report."""
 
 
 class _Waited(threading.local):
@@ -20,19 +20,19 @@ _waited = _Waited()
 
 
 def seconds_waited() -> float:
-    """Seconds that calls of this thread have waited for a compiler, since it began."""
+    """Seconds that calls of this thread have waited for a compiler so far."""
     return _waited.seconds
 
 
 def _say(what: str) -> None:
-    print(f"compiling {what}: once, the library is kept", file=sys.stderr, flush=True)
+    print(f"compiling {what}; the library is kept for later calls", file=sys.stderr, flush=True)
 
 
 def _is_watched() -> bool:
-    """Whether a person may be looking: at a terminal, or at a cell of a notebook."""
+    """Whether standard error is a terminal or the cell of a notebook."""
     try:
         return "ipykernel" in sys.modules or bool(sys.stderr.isatty())
-    except (AttributeError, ValueError):  # somebody's own stream, none, or a closed one
+    except (AttributeError, ValueError):  # standard error may be replaced, missing or closed
         return False
 
 
@@ -41,7 +41,7 @@ _say_to: Callable[[str], None] | None = _say
 
 @contextlib.contextmanager
 def silent() -> Iterator[None]:
-    """Around what says itself what it does, such as a command with a status line."""
+    """Suppresses the report, for commands that show their progress themselves."""
     global _say_to
     before, _say_to = _say_to, None
     try:
@@ -52,7 +52,7 @@ def silent() -> Iterator[None]:
 
 @contextlib.contextmanager
 def waiting(what: str) -> Iterator[None]:
-    """Around the compiling of `what`."""
+    """Context in which `what` is compiled."""
     timer = threading.Timer(PATIENCE, _say_to, [what]) if _say_to is not None and _is_watched() else None
     began = time.perf_counter()
     if timer is not None:

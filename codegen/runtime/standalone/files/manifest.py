@@ -1,4 +1,4 @@
-"""``model.json``, the manifest of a package: sealed, read, and the digests of the other files compared."""
+"""``model.json``, the manifest of a package: its seal, reading it, and comparing digests of the other files."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from typing import Any
 from ..errors import PackageError
 
 ALLOWED = 10.0
-"""Tolerances of the model: a larger residual of a dropped condition, or change of it by a unit of a parameter, is reported; and a
-loop whose redundant conditions cannot all be met is closed if no more is left of them."""
+"""Factor on the model's `loop_tolerance`. Warnings report dropped conditions with larger residuals, or larger derivatives by a
+parameter. Redundant conditions may keep residuals up to this limit in a closed loop."""
 
 SEAL = ',\n "seal": "'
 
 
 def seal(text: str) -> str:
-    """The text of ``model.json`` with a digest of itself as its last entry, so that a damaged one is known."""
+    """The text of ``model.json`` with a digest of itself as the last entry, which detects damage."""
     body = text.rstrip().removesuffix("}").rstrip()
     return f'{body}{SEAL}{hashlib.sha256(body.encode()).hexdigest()}"\n}}\n'
 
 
 def refuse_another(folder: Path, sealed: str) -> None:
-    """Raise `PackageError` if a package is not the one any more that was opened: its C would be that of another model.
+    """Raises `PackageError` if the package has been generated again since it was opened, because its C code may differ.
 
     Parameters
     ----------
     folder : Path
     sealed : str
-        The ``seal`` of the manifest that was read when it was opened; nothing is compared where it is empty.
+        The ``seal`` of the manifest when the package was opened; if empty, nothing is compared.
     """
     if not sealed:
         return
@@ -39,18 +39,18 @@ def refuse_another(folder: Path, sealed: str) -> None:
     except (OSError, ValueError):
         text = ""
     if sealed not in text[text.rfind(SEAL) :]:
-        raise PackageError(f"{folder} was generated anew, or removed, since this solver was opened; load it again")
+        raise PackageError(f"{folder} was generated again, or removed, after this solver was opened; load it again")
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What ``model.json`` of a package says.
+    """Reads ``model.json`` of a package.
 
     Raises
     ------
     PackageError
-        There is none, it is one of something else, or it is damaged.
+        If the file is missing, damaged, or not from ordernm.
     """
-    first = "remove what is left of it, and "  # generate writes into no folder that it does not know as its own
+    first = "remove the damaged folder, then "  # generate refuses folders that it does not recognise as its own
     try:
         text = (folder / "model.json").read_text(encoding="utf-8")
         if SEAL in text and seal(text[: text.rindex(SEAL)] + "}") == text:
@@ -62,24 +62,24 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except OSError as error:
         seen = f"its model.json cannot be read ({error.strerror or error})"
     except (ValueError, RecursionError) as error:
-        seen = f"its model.json is no JSON ({error})"
+        seen = f"its model.json is not valid JSON ({error})"
     else:
         if isinstance(damaged, dict) and damaged.get("generator") == "ordernm":
-            seen = "its model.json is damaged: it is not as generate wrote it"
+            seen = "its model.json is damaged: it has changed since it was generated"
         else:
             seen, first = "its model.json is not one that generate wrote", ""
     raise PackageError(
-        f"{folder} holds no generated solver that is whole: {seen}; {first}make one with: generate MODEL.yaml -o FOLDER"
+        f"{folder} contains no complete generated solver: {seen}; {first}create one with: generate MODEL.yaml -o FOLDER"
     )
 
 
 def check_files(folder: Path, manifest: Mapping[str, Any], suffixes: tuple[str, ...]) -> None:
-    """Compare files of a package with the digests in its manifest.
+    """Compares files of a package with the digests in its manifest.
 
     Raises
     ------
     PackageError
-        Names the file that is gone or changed.
+        If a file is missing or changed; the message names it.
     """
     for name, digest in manifest.get("digests", {}).items():
         if not name.endswith(suffixes):
@@ -103,7 +103,7 @@ def file_digest(content: bytes) -> str:
 
 
 def unrolled(value: Any) -> Any:
-    """Data of ``model.json`` with its long lists as lists again; see `codegen.emit.repetition`."""
+    """Expands the repeated entries of lists in ``model.json``; see `codegen.emit.repetition`."""
     if isinstance(value, dict):
         return {key: unrolled(v) for key, v in value.items()}
     if not isinstance(value, list):

@@ -1,4 +1,4 @@
-"""The user's cache: folders that nobody else can write to, since what is found there is loaded and run."""
+"""The user's cache for compiled libraries. Other users must not be able to write to it, because its libraries are executed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from ..warning import warn
 
 PRIVATE = 0o700
-"""Permissions of every folder that is made in the cache."""
+"""Permissions of all folders created in the cache."""
 
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
@@ -18,26 +18,26 @@ _warned: set[str] = set()
 
 
 class CacheError(OSError):
-    """A file or folder of the cache belongs to another user, or others can write to it."""
+    """A file or folder of the cache belongs to another user, or other users can write to it."""
 
 
 def user_cache() -> Path:
-    """The folder of the cache, which need not exist.
+    """The path of the cache, which may not exist yet.
 
     Raises
     ------
     RuntimeError
-        The user has no home.
+        If the user has no home directory.
     """
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "ordernm"
     given = os.environ.get("XDG_CACHE_HOME", "")
-    # a relative path would mean another cache in every working directory; the standard has it ignored
+    # the XDG standard ignores relative paths, which would give each working directory its own cache
     return (Path(given) if os.path.isabs(given) else Path.home() / ".cache") / "ordernm"
 
 
 def in_cache(place: Path) -> bool:
-    """Whether a path lies in the user's cache."""
+    """Whether a path is in the user's cache."""
     try:
         return place.is_relative_to(user_cache())
     except RuntimeError:
@@ -45,7 +45,7 @@ def in_cache(place: Path) -> bool:
 
 
 def make_private(place: Path) -> Path:
-    """Make a folder of the cache, with permissions 0700 whatever the umask is.
+    """Creates a folder in the cache with permissions 0700, independently of the umask.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def make_private(place: Path) -> Path:
     Raises
     ------
     CacheError
-        It, or a folder above it in the cache, belongs to another user or can be written to by others.
+        If it, or a folder above it in the cache, belongs to another user or is writable by others.
     OSError
     """
     missing = []
@@ -75,14 +75,14 @@ def make_private(place: Path) -> Path:
 
 
 def refuse_writable(place: Path) -> None:
-    """Raise `CacheError` if another user owns, or can write to, a path of the cache or a folder above it in the cache.
+    """Raises `CacheError` if a path, or a folder above it in the cache, belongs to another user or is writable by others.
 
     Parameters
     ----------
     place : Path
-        A file or folder within `user_cache` that exists.
+        An existing file or folder in `user_cache`.
     """
-    if not hasattr(os, "geteuid"):  # Windows has neither owners nor modes of this kind
+    if not hasattr(os, "geteuid"):  # Windows has no such owners and modes
         return
     base = user_cache()
     for part in (base, *reversed([p for p in (place, *place.parents) if p.is_relative_to(base) and p != base])):
@@ -94,13 +94,13 @@ def refuse_writable(place: Path) -> None:
         else:
             continue
         raise CacheError(
-            f"the cache is not used, since {part} {why} and what is in the cache is run; "
-            f"remove {base}, which is then made anew for you alone"
+            f"the cache is not used, because {part} {why}, and libraries in the cache are executed; "
+            f"remove {base}, and ordernm creates it again for you alone"
         )
 
 
 def trusted(place: Path) -> bool:
-    """Whether a path may be used: one of the cache only if nobody else can write to it. Warns, once for each reason."""
+    """Whether a path may be used: in the cache, only if other users cannot write to it. Warns once per reason."""
     if not in_cache(place):
         return True
     try:
@@ -110,7 +110,7 @@ def trusted(place: Path) -> bool:
             _warned.add(str(error))
             warn(str(error))
         return False
-    except OSError:  # gone meanwhile
+    except OSError:  # removed in the meantime
         return False
     return True
 

@@ -1,4 +1,4 @@
-"""A file that is there as a whole or not at all, whatever happens while it is written."""
+"""Writes a file completely or not at all, even after an error."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 MARK = "ordernm wrote this file and may replace it"
-"""Stands in files that commands write, so that they are known from files of other people."""
+"""Marks files written by commands, so that they can be distinguished from a user's own files."""
 
 
 def suffix_among(path: str | os.PathLike[str], known: Collection[str], error: type[ValueError], said: str) -> str:
-    """The suffix of a file, in small letters; an error that ends in what is said where it is none of those known."""
+    """The suffix of a file in lower case; raises `error` with the text `said` if it is not among `known`."""
     found = Path(path).suffix.lower()
     if found not in known:
         seen = f"ends in {found}" if found else "has no suffix"
@@ -22,10 +22,9 @@ def suffix_among(path: str | os.PathLike[str], known: Collection[str], error: ty
 
 
 def write_whole(path: Path, write: Callable[[Any], object]) -> None:
-    """Let `write` fill a binary file beside its place, then put it there.
+    """Lets `write` fill a temporary binary file, then moves it to `path`.
 
-    A link to a file stays one. What fails leaves what was there before. What is no regular file, such as a pipe, is written to
-    where it is.
+    A symbolic link is kept. After an error, the previous content is still there. Pipes and the like are written directly.
     """
     path = path.resolve()
     if path.exists() and not path.is_file():
@@ -40,6 +39,6 @@ def write_whole(path: Path, write: Callable[[Any], object]) -> None:
     except BaseException as error:
         with contextlib.suppress(OSError):
             beside.unlink()
-        if isinstance(error, OSError) and error.filename == str(beside):  # which nobody has heard of
+        if isinstance(error, OSError) and error.filename == str(beside):  # the user does not know the temporary file
             error.filename, error.filename2 = str(path), None
         raise

@@ -1,1 +1,1 @@
-"""What a solver computes of a state, a method each: accelerations, energies, outputs, forces, reactions, frames."""
+"""Quantities of one state: Jacobians, gradients, mass matrices, inverse dynamics, reactions, frames and points."""

@@ -1,4 +1,4 @@
-"""What `Solver.jacobians` and `Solver.gradients` return."""
+"""Results of `Solver.jacobians` and `Solver.gradients`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Jacobians:
 
 
 JACOBIANS = ("q", "u", "p", "inputs", "t")
-"""What udot is differentiated in, in the order of `Jacobians`."""
+"""Variables of differentiation, in the order of `Jacobians`."""
 
 
 MATRICES = {
@@ -52,38 +52,38 @@ MATRICES = {
     for r in range(1, 6)
     for asked in itertools.combinations(JACOBIANS, r)
 }
-"""What they are called among results, by which ones are asked for."""
+"""The requested results for each selection of variables."""
 
 ARRAYS = {asked: operator.attrgetter(*asked) for asked in MATRICES}
-"""What takes these out of `Jacobians`."""
+"""The matching attributes of `Jacobians`."""
 
 
 def jacobians_of(matrices: Mapping[str, Array]) -> Jacobians:
-    """Those of some of `JACOBIANS`; the others were not asked for."""
+    """Jacobians by some of `JACOBIANS`; the others are None."""
     found: list[Any] = [matrices.get(n) for n in JACOBIANS]
     return Jacobians(*found)
 
 
 def asked_for(wrt: str | Iterable[str] | None) -> tuple[str, ...]:
-    """What derivatives are asked for: names of `JACOBIANS`, in a list or with commas between them; all if left out.
+    """The variables of differentiation: names in a list or separated by commas; None for all.
 
     Raises
     ------
     ValueError
-        A name is not among them, or there is none.
+        If a name is not in `JACOBIANS`, or there is none.
     TypeError
-        Neither names nor None.
+        If `wrt` is neither names nor None.
     """
     if wrt is None:
         return JACOBIANS
     if isinstance(wrt, str):
         return _in_words(wrt)
     if not isinstance(wrt, Iterable):
-        raise TypeError(f"wrt is {wrt!r}, expected names such as 'q, u', of {', '.join(JACOBIANS)}")
+        raise TypeError(f"wrt is {wrt!r}, expected names such as 'q, u' from {', '.join(JACOBIANS)}")
     return _in_order(list(wrt))
 
 
-@functools.lru_cache(maxsize=64)  # loops ask for the same
+@functools.lru_cache(maxsize=64)  # repeated calls use the same selection
 def _in_words(wrt: str) -> tuple[str, ...]:
     return _in_order([n.strip() for n in wrt.split(",")])
 
@@ -93,9 +93,9 @@ def _in_order(names: list[str]) -> tuple[str, ...]:
         if name not in JACOBIANS:
             near = difflib.get_close_matches(str(name), JACOBIANS, 1, 0.4)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"wrt: udot is not differentiated by {name!r}{hint}; it may be by {', '.join(JACOBIANS)}")
+            raise ValueError(f"wrt: udot has no derivative by {name!r}{hint}; allowed are {', '.join(JACOBIANS)}")
     if not names:
-        raise ValueError(f"wrt is empty; it may be {', '.join(JACOBIANS)}, or missing for all")
+        raise ValueError(f"wrt is empty; allowed are {', '.join(JACOBIANS)}; leave it out for all")
     return tuple(n for n in JACOBIANS if n in names)
 
 

@@ -1,4 +1,4 @@
-"""How frames of bodies and points fixed in them move, and what is linear algebra over it: points from frames, with tangents."""
+"""Motion of body frames and of points fixed in them; computes points, and their derivatives, from frames."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FrameMotion:
         self._frames, self._accelerations = frames, accelerations
 
     def __getattr__(self, name: str) -> Any:
-        """An array, which is part of the numbers of the C; made when it is first accessed."""
+        """Extracts an array from the results of the C code at its first use."""
         if name not in PLACES:
             raise AttributeError(f"FrameMotion has no attribute {name!r}")
         whole = self._frames if name in OF_FRAMES else self._accelerations
@@ -92,17 +92,17 @@ OF_FRAMES = {
     "rotation": slice(0, 9), "position": slice(9, 12), "angular_velocity": slice(12, 15), "velocity": slice(15, 18),
 }  # fmt: skip
 PLACES = OF_FRAMES | {"angular_acceleration": slice(0, 3), "acceleration": slice(3, 6)}
-"""Where arrays are in the 18 numbers of a frame and the 6 of its accelerations."""
+"""Indices of the arrays in the 18 numbers of a frame, and in the 6 numbers of its accelerations."""
 
 YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""Components of cross products."""
+"""Component permutations for cross products."""
 
 AT_REST = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, *[0.0] * 9])
-"""The numbers of the ground's frame."""
+"""The 18 numbers of the ground's frame."""
 
 
 def _with_one(x: Array, last: Array | float) -> Array:
-    """Numbers (..., n, m) with one more row behind them."""
+    """Appends one row to numbers (..., n, m)."""
     found = np.empty((*x.shape[:-2], x.shape[-2] + 1, x.shape[-1]), x.dtype)
     found[..., :-1, :], found[..., -1, :] = x, last
     return found
@@ -131,9 +131,9 @@ class PointMotion:
 
 
 def frames_from(frames: Array, accelerations: Array | None, bodies: Any, names: tuple[str, ...]) -> FrameMotion:
-    """Frames of some bodies from the numbers of all: (..., nbodies, 18) and (..., nbodies, 6) or None.
+    """Frames of selected bodies, from the numbers of all bodies: (..., nbodies, 18) and (..., nbodies, 6) or None.
 
-    `bodies` is an index of the axis of bodies: None for all, a list, or the number of one, whose arrays are without that axis.
+    `bodies` is an index of the body axis: None for all, a list, or one number, which removes the axis.
     """
     if bodies is not None:
         frames = frames[..., bodies, :]
@@ -142,7 +142,7 @@ def frames_from(frames: Array, accelerations: Array | None, bodies: Any, names: 
 
 
 def alone(motion: PointMotion) -> PointMotion:
-    """The motion of the only one, without the axis n."""
+    """The motion of a single point, without the axis n."""
     x = motion.acceleration
     return PointMotion(
         motion.names, motion.position[..., 0, :], motion.velocity[..., 0, :], None if x is None else x[..., 0, :]
@@ -150,9 +150,9 @@ def alone(motion: PointMotion) -> PointMotion:
 
 
 def points_on(frames: FrameMotion, r: Array, names: tuple[str, ...]) -> PointMotion:
-    """Points r (..., n, 3) of frames, one of each.
+    """Motion of points r (..., n, 3), one in each frame.
 
-    They are at ``x + R r`` and have ``v + omega x R r`` and ``a + alpha x R r + omega x (omega x R r)``.
+    Position ``x + R r``, velocity ``v + omega x R r``, acceleration ``a + alpha x R r + omega x (omega x R r)``.
     """
     s, w = times(frames.rotation, r), frames.angular_velocity
     found = PointMotion(names, frames.position + s, frames.velocity + cross(w, s))
@@ -166,7 +166,7 @@ def points_on(frames: FrameMotion, r: Array, names: tuple[str, ...]) -> PointMot
 def point_tangents(
     frames: FrameMotion, along: FrameMotion, r: Array, dr: Array | float, names: tuple[str, ...]
 ) -> PointMotion:
-    """Their derivatives, from those of the frames and dr (k, ..., n, 3)."""
+    """Derivatives of `points_on`, from those of the frames and dr (k, ..., n, 3)."""
     s, w = times(frames.rotation, r), frames.angular_velocity
     ds, dw = times(along.rotation, r) + times(frames.rotation, dr), along.angular_velocity
     found = PointMotion(names, along.position + ds, along.velocity + cross(dw, s) + cross(w, ds))
@@ -178,12 +178,12 @@ def point_tangents(
 
 
 def times(R: Array, r: Array | float) -> Array | float:
-    """Matrices times vectors; nothing of nothing."""
+    """Matrices times vectors; 0.0 if r is a number."""
     return 0.0 if isinstance(r, float) else np.add.reduce(R * r[..., None, :], axis=-1)
 
 
 def cross(a: Array, b: Array | float) -> Array | float:
-    """Cross products; nothing of nothing."""
+    """Cross products; 0.0 if b is a number."""
     if isinstance(b, float):
         return 0.0
     return a.take(YZX, -1) * b.take(ZXY, -1) - a.take(ZXY, -1) * b.take(YZX, -1)

@@ -1,4 +1,4 @@
-"""Motions of bodies and of points fixed in them, without outputs that name them; their derivatives and Jacobians."""
+"""Motion of bodies and of points fixed in them, their derivatives and Jacobians; no outputs in the model are needed."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ..calls.room import Room
 from .frame_motion import FrameMotion, PointMotion, alone, frames_from, point_tangents, points_on
 
 MOST_CHOICES = 64
-"""Choices of points that are remembered."""
+"""Number of selections of points that are kept."""
 
 Bodies = str | Sequence[str] | None
-"""Names of bodies, or one alone; left out: all."""
+"""Names of bodies, a single name, or None for all."""
 Points = Any
-"""Names of the model's points or bodies, pairs of a body and a place in its frame, or one of these alone; left out: all of the
-model's points."""
+"""Names of the model's points or bodies, pairs of a body and a place in its frame, or a single one of these. None: all points of
+the model."""
 
 
 class Frames(Room):
-    """Motions of bodies and of points fixed in them."""
+    """Motion of bodies and of points fixed in them."""
 
     def frames(self, given: tuple[Any, ...], bodies: Bodies, accelerations: bool) -> FrameMotion:
         """See `Solver.frames`."""
@@ -91,14 +91,14 @@ class Frames(Room):
         found = _columns(along.angular_velocity, moved.velocity)
         return found[..., 0, :, :] if chosen.single else found
 
-    # -- what these are made of ----------------------------------------------------------------------------------------
+    # -- selections and calls ------------------------------------------------------------------------------------------
 
     def _moving(self, given: tuple[Any, ...]) -> tuple[Any, ...]:
-        """A state with speeds, zero where they are left out."""
+        """The state, with zero speeds if none are given."""
         return given if given[1] is not None else (given[0], self._speed_units[0], *given[2:])
 
     def _bodies(self, bodies: Bodies) -> tuple[Any, tuple[str, ...]]:
-        """Where bodies are among all, an index that one alone makes a number, and their names."""
+        """Indices of bodies (a number for a single name), and their names."""
         known = self._known_bodies("frames")
         if bodies is None:
             return None, known
@@ -108,11 +108,11 @@ class Frames(Room):
         return [_place(n, known, "bodies") for n in names], names
 
     def _chosen(self, points: Points) -> _Chosen:
-        """The points that are asked for; loops ask for the same."""
+        """The selected points; selections are kept, because loops repeat them."""
         key = tuple(points) if isinstance(points, list) else points
         try:
             found = self._chosen_before.get(key)
-        except TypeError:  # places in lists and arrays
+        except TypeError:  # places given as lists or arrays
             key = _as_tuples(points)
             try:
                 found = self._chosen_before.get(key)
@@ -135,7 +135,7 @@ class Frames(Room):
         Raises
         ------
         AttributeError
-            The package was generated without frames.
+            If the package was generated without frames.
         """
         found = self._body_names
         if found is None:
@@ -165,43 +165,43 @@ class Frames(Room):
         return frames_from(found[0], a[0], bodies, names), frames_from(found[1], a[1], bodies, names)
 
     def _at_rest_by_speeds(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times) -> tuple[Any, Any]:
-        """Arguments at rest, and seeds of each speed."""
+        """A state at rest, and unit seeds of all speeds."""
         rest, units = self._speed_units
         return (q, rest, p, inputs, t), (None, units, None, None, None)
 
     @functools.cached_property
     def _speed_units(self) -> tuple[Array, Array]:
-        """Speeds of zero, and unit speeds."""
+        """Zero speeds, and unit speeds."""
         return np.zeros(self.nu), np.eye(self.nu)
 
 
 NOTHING = Wanted("", ())
-"""What no package has."""
+"""A function that no package has."""
 
 
 class _Chosen:
-    """Points that were asked for.
+    """A selection of points.
 
     Attributes
     ----------
     on : array of int
-        The body that carries each; behind the last body is the ground.
+        Index of the body of each point; the ground comes after the last body.
     ground : bool
-        Whether it carries any.
+        Whether a point belongs to the ground.
     given : array (n, 3)
-        Places in their bodies, where parameters do not move them.
+        Places in the bodies' frames, except where parameters move them.
     names : tuple of str
     single : bool
-        One was asked for alone.
+        Whether a single point was requested.
     moved : bool
-        Whether parameters move some of them in their bodies.
+        Whether parameters move some of the points in their bodies.
     at : int or array of int
-        Where these are among the bodies.
+        Same as `on`, or a single index.
     values, along : tuple of Wanted
-        Their motion by a single call of the C, without accelerations and with them; `NOTHING` for a choice that is not
-        remembered, or that the package lacks.
+        Their motion by a single call of C, without and with accelerations; `NOTHING` for a selection that is not kept, or if the
+        package lacks the functions.
     by_speeds : Wanted
-        Derivatives of frames of bodies, and of velocities of points; `NOTHING` also where the ground carries any.
+        Derivatives of body frames and of point velocities; `NOTHING` also if a point belongs to the ground.
     """
 
     values = along = (NOTHING, NOTHING)
@@ -232,7 +232,7 @@ class _Chosen:
                 at = _vector(solver, point)
             else:
                 raise ValueError(
-                    f"points: {point!r} is no point; expected the name of a point or a body, or a pair such as "
+                    f"points: {point!r} is not a point; expected the name of a point or a body, or a pair such as "
                     f"({known[0]!r}, [0, 0, 0.1])"
                 )
             carriers.append(body)
@@ -247,7 +247,7 @@ class _Chosen:
         self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
 
     def prepare(self) -> None:
-        """Make what calls the C for these points."""
+        """Prepares direct calls of C for these points."""
         functions, places = self.solver._functions, self.solver._shapes["point_places"]
         table = np.empty((len(self.on), 5))
         table[:, 0], table[:, 2:] = self.on, self.given
@@ -256,7 +256,7 @@ class _Chosen:
         shape = (3,) if self.single else (len(self.on), 3)
 
         def wanted(frames: str, accelerations: str) -> tuple[Wanted, Wanted]:
-            """The motion without accelerations and with them."""
+            """The motion without and with accelerations."""
             of_frames, of_accelerations = functions.get(frames), functions.get(accelerations)
             if of_frames is None:
                 return NOTHING, NOTHING
@@ -274,18 +274,18 @@ class _Chosen:
             self.by_speeds = Wanted("frame_sensitivities", ("dframes", "dvelocity"), self.along[0].function, numbers)
 
     def carriers(self, frames: FrameMotion, tangents: bool) -> FrameMotion:
-        """The frame of each point's body, from those of the bodies."""
+        """The frames of the points' bodies, one per point."""
         return frames.of(self.on, self.ground, tangents)
 
     def places(self, p: Numbers) -> Array:
-        """Places of all in their bodies, (..., n, 3)."""
+        """Places of all points in their bodies, (..., n, 3)."""
         if not self.moved:
             return self.given
         found = self.solver._call("point_places", (None, None, p, None, 0.0))[0]
         return self._from(found, self.given)
 
     def moved_places(self, p: Numbers, dp: Numbers, axes: int) -> Array | float:
-        """Their derivatives, (k, ..., n, 3), for batches of states with `axes` axes; 0.0 where no place moves."""
+        """Derivatives of the places, (k, ..., n, 3), for `axes` batch axes; 0.0 if no place moves."""
         if not self.moved or dp is None:
             return 0.0
         found = self.solver._call(
@@ -296,7 +296,7 @@ class _Chosen:
         return self._from(found, np.zeros_like(self.given))
 
     def _from(self, found: Array, others: Array) -> Array:
-        """Places (..., npoints, 3) of the model's points, and others of points that are given."""
+        """Places (..., npoints, 3): `found` for the model's points, `others` for points given by place."""
         parts = [
             found[..., n, :] if n >= 0 else np.broadcast_to(others[i], found[..., 0, :].shape)
             for i, n in enumerate(self.of_model)
@@ -305,22 +305,22 @@ class _Chosen:
 
 
 def _several(given: Any, what: str) -> list[Any]:
-    """What is given as a list."""
+    """Converts an argument to a list."""
     try:
         return list(given)
     except TypeError:
-        raise ValueError(f"{what} is {given!r}, expected a name, or a list of those that are wanted") from None
+        raise ValueError(f"{what} is {given!r}, expected a name or a list of names") from None
 
 
 def _as_tuples(given: Any) -> Any:
-    """Lists and arrays as tuples, to look them up; what else there is stays as it is."""
+    """Lists and arrays as nested tuples, which are hashable; anything else is unchanged."""
     if isinstance(given, np.ndarray):
         given = given.tolist()
     return tuple(map(_as_tuples, given)) if isinstance(given, (list, tuple)) else given
 
 
 def _is_pair(point: Any) -> bool:
-    """Whether something is a body with a place, and not two names."""
+    """Whether `point` is a body with a place, and not a pair of names."""
     return (
         isinstance(point, (tuple, list))
         and len(point) == 2
@@ -331,7 +331,7 @@ def _is_pair(point: Any) -> bool:
 
 
 def _vector(solver: Frames, point: Any) -> Array:
-    """The place of a pair."""
+    """The place of a pair of body and place."""
     name = f"points: the place in {point[0]!r}"
     found = solver._arguments._numbers(name, point[1])
     if found.shape != (3,):
@@ -342,7 +342,7 @@ def _vector(solver: Frames, point: Any) -> Array:
 
 
 def _place(name: Any, known: Sequence[str], what: str) -> int:
-    """Where a name stands among those that are known."""
+    """Index of a name among the known ones."""
     if name in known:
         return known.index(name)
     raise unknown(what, name, known)
@@ -354,5 +354,5 @@ def _columns(angular: Array, linear: Array) -> Array:
 
 
 def _last(x: Array) -> Array:
-    """An array with its first axis as the last one."""
+    """Moves the first axis to the end."""
     return x.transpose(*range(1, x.ndim), 0)

@@ -1,12 +1,12 @@
 """Mass matrix and inverse dynamics of mechanisms with loops, on their independent speeds.
 
-Joint forces of a loop are not unique; those of the joints whose speeds are independent, with none at the others, are. The kinetic
-energy of speeds x, to which the dependent ones are completed, is ``T(x) = x^T M x / 2``. Its derivative along a change y of them
-is ``x^T M y``, and its derivative along a change of configuration gives that of M, by ``4 x^T dM y = (x + y)^T dM (x + y) - (x -
-y)^T dM (x - y)``: no difference of neighbouring states, exact to rounding.
+The joint forces of a loop are not unique. They become unique if only joints with independent speeds have forces. Let x be
+independent speeds, with the dependent ones completed. The kinetic energy is ``T(x) = x^T M x / 2``. Its derivative along a change
+y of the speeds is ``x^T M y``. Its derivative along a change of configuration gives dM, by ``4 x^T dM y = (x + y)^T dM (x + y) -
+(x - y)^T dM (x - y)``. No states are subtracted, so the result is exact to rounding.
 
-Where motion is prescribed it moves the mechanism without any independent speed, ``T(x) = x^T M x / 2 + b^T x + c``. Of x and -x
-together b and c cancel; speeds are taken so large, by a power of two, that nothing of them is left in rounding either.
+Prescribed motion moves the mechanism even at zero independent speeds: ``T(x) = x^T M x / 2 + b^T x + c``. The terms b and c
+cancel between x and -x. The speeds are scaled by a large power of two, so that b and c also vanish in rounding.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..calls.results import places, put
 from ..calls.room import Room
 
 FAST = 2.0**40
-"""Times a unit speed, beside which prescribed motion stands still."""
+"""Factor on unit speeds, beside which prescribed motion is negligible."""
 
 
 class LoopForces(Room):
@@ -32,7 +32,7 @@ class LoopForces(Room):
     Attributes
     ----------
     functions : dict of str to callable
-        Called with arguments and seeds in the order of `Function`, and places for results, as `Package._call`.
+        Called like `Package._call`: with arguments and seeds in the order of `Function`, and `out`.
     """
 
     def __init__(self, package: Package):
@@ -43,7 +43,8 @@ class LoopForces(Room):
         }  # fmt: skip
 
     def mass_matrix(self, given: tuple[Any, ...], along: tuple[Any, ...] | None, out: Any) -> list[Array]:
-        """The mass matrix M (..., n, n) on the independent speeds, in O(n^2); of `inputs` and `t` prescribed motion makes use."""
+        """The mass matrix M (..., n, n) of the independent speeds, in O(n^2); only prescribed motion depends on `inputs` and
+        `t`."""
         M = self._independent_mass(self._configuration(given))
         return _placed(["M"], [M], None if out is None else [out])
 
@@ -59,15 +60,15 @@ class LoopForces(Room):
         ]
         if not columns:
             raise ValueError(
-                f"{self.name} has no independent speeds, for its motion is wholly prescribed: its mass matrix has no entries"
+                f"{self.name} has no independent speeds, because all motion is prescribed, so its mass matrix is empty"
             )
         dM = np.stack(columns, axis=-1)
         return tuple(_placed(["M", "dM"], [M, 0.5 * (dM + np.swapaxes(dM, -1, -2))], out))
 
     def inverse_dynamics(self, given: tuple[Any, ...], along: tuple[Any, ...] | None, out: Any) -> list[Array]:
-        """The forces (..., n) of the independent speeds' joints that udot needs beside the model's own.
+        """Forces (..., n) at joints with independent speeds that udot requires in addition to the model's forces.
 
-        Of udot (..., nu) the independent entries are read; no force acts on the dependent ones.
+        Only the independent entries of udot (..., nu) are used; joints with dependent speeds have no additional force.
         """
         missing = self._missing("udot", given[5], self._call("accelerations", given[:5])[0])
         M = self._independent_mass(self._configuration(given))
@@ -80,7 +81,7 @@ class LoopForces(Room):
         seeds, dudot = along[:5], along[5]
         if all(x is None for x in seeds):
             if dudot is None:
-                raise ValueError("no seed is given; give at least one of dq, du, dudot, dp, dinputs, dt")
+                raise ValueError("no seed given; give at least one of dq, du, dudot, dp, dinputs, dt")
             seeds = (None, np.zeros(self.nu), None, None, None)
         free, changed = self._call("sensitivities", given[:5], seeds)
         at = self._configuration(given)
@@ -100,23 +101,23 @@ class LoopForces(Room):
 
     @property
     def _free_speeds(self) -> list[int]:
-        """Where the independent speeds stand in u."""
+        """Indices of the independent speeds in u."""
         return [self.speed_names.index(name) for name in self.independent_speed_names]
 
     def _configuration(self, given: tuple[Any, ...]) -> Mapping[str, Array]:
-        """What places of bodies depend on, as arrays."""
+        """The arguments on which positions depend, as arrays."""
         read = ("q", "p", "inputs", "t") if self.prescribed_names else ("q", "p")
         known = {n: x for n, x in zip(STATE, given, strict=False) if n in read}
         return self._arguments.take(known, self._left_out)[0]
 
     def _speeds(self, x: Array) -> Array:
-        """Speeds (..., nu) whose independent entries are x (..., n)."""
+        """Speeds (..., nu) with independent entries x (..., n)."""
         u = np.zeros((*x.shape[:-1], self.nu), x.dtype)
         u[..., self._free_speeds] = x
         return u
 
     def _independent_mass(self, at: Mapping[str, Array]) -> Array:
-        """M, (..., n, n): row by row the derivatives of T at a unit speed along unit changes of speeds."""
+        """M (..., n, n): each row is the derivative of T at a unit speed along unit changes of the speeds."""
         n = len(self._free_speeds)
         batch = np.broadcast_shapes(*(np.shape(x)[: np.ndim(x) - (name != "t")] for name, x in at.items()))
         rows = self._speeds(np.eye(n)).reshape(n, *(1,) * len(batch), self.nu)
@@ -124,7 +125,7 @@ class LoopForces(Room):
         speeds = np.broadcast_to(rows, (n, *batch, self.nu))
 
         def slopes(u: Array) -> Array:
-            """Derivatives of T along unit changes of speeds, (n, n, ...)."""
+            """Derivatives of T along unit changes of the speeds, (n, n, ...)."""
             return self._kinetic_along(at, u, {"du": along})
 
         if self.prescribed_names:
@@ -135,17 +136,17 @@ class LoopForces(Room):
         return 0.5 * (M + np.swapaxes(M, -1, -2))
 
     def _mass_along(self, at: Mapping[str, Array], y: Array, size: Array, along: Mapping[str, Any]) -> Array:
-        """dM y along seeds, (k, ..., n), for y (..., n) about as large as 1/size."""
+        """dM y along seeds, (k, ..., n); the entries of y (..., n) should have the magnitude of 1/size."""
         n = size.shape[-1]
-        units = np.moveaxis(np.eye(n) / size[..., None], -2, 0)  # (n, ..., n): unit speeds of unit energy
-        same = {}  # (k, 1, ..., m): the same for all n states
+        units = np.moveaxis(np.eye(n) / size[..., None], -2, 0)  # (n, ..., n): unit speeds scaled to unit energy
+        same = {}  # (k, 1, ..., m): shared by all n speeds
         for name, x in along.items():
             seed = None if x is None else self._arguments.array(name, x, name[1:])
             axes = 1 if name == "dt" else 2
             same[name] = seed if seed is None or seed.ndim < axes else seed[:, None]
 
         def change(x: Array) -> Array:
-            """dT at speeds, (k, n, ...)."""
+            """dT at the given independent speeds, (k, n, ...)."""
             return self._kinetic_along(at, self._speeds(x), same)
 
         if not self.prescribed_names:
@@ -162,10 +163,10 @@ class LoopForces(Room):
         return self._call("energy_sensitivities", given, tuple(seeds.get(s) for s in ALONG))[1][..., 0]
 
     def _missing(self, name: str, wanted: Any, free: Array) -> Array:
-        """By how much accelerations, or their derivatives, differ from those wanted, at independent speeds."""
+        """Required minus free accelerations (or their derivatives) at independent speeds."""
         return np.asarray((self._arguments.array(name, wanted, "udot") - free)[..., self._free_speeds])
 
 
 def _placed(names: Sequence[str], found: Sequence[Array], out: Any) -> list[Array]:
-    """Results in C order, in the caller's arrays if there are any."""
+    """Copies results in C order to the caller's arrays, if there are any."""
     return put([*map(np.ascontiguousarray, found)], [] if out is None else places(out, names, [x.shape for x in found]))

@@ -1,4 +1,4 @@
-"""What joints and loops transmit, of bodies, from the wrenches of links that the generated code gives."""
+"""Wrenches that joints and loops transmit, by body, from the wrenches by link of the generated code."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import numpy as np
 from ..arrays import Array, Indices
 
 JointLinks = tuple[Indices | None, Indices]
-"""The link of each body's joint, None where these are all links in order; and the bodies on fixed joints."""
+"""The link of each body's joint (None if links and bodies coincide), and the bodies on fixed joints."""
 
 
 def joint_links(manifest: Mapping[str, Any]) -> JointLinks:
-    """Where the joints of a model's bodies are among its links."""
+    """Indices of the links of the bodies' joints."""
     links = np.array(manifest["joint_links"], dtype=int)
     every = np.array_equal(links, np.arange(len(manifest["links"])))
     return None if every else links, np.flatnonzero(links < 0)
 
 
 def reactions_of(of: JointLinks, found: Sequence[Array]) -> tuple[Array, Array]:
-    """Those of joints and of loops."""
+    """Wrenches of joints and of loops."""
     joints, *loops = found
     return _of_joints(of, joints), loops[0] if loops else joints[..., :0, :]
 
 
 def reaction_sensitivities_of(of: JointLinks, found: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
-    """The same with their derivatives."""
+    """Wrenches of joints and of loops, and their derivatives."""
     if len(found) == 4:
         joints, loops, djoints, dloops = found
     else:
@@ -38,7 +38,7 @@ def reaction_sensitivities_of(of: JointLinks, found: Sequence[Array]) -> tuple[A
 
 
 def _of_joints(of: JointLinks, wrenches: Array) -> Array:
-    """Those of the joints of bodies, from those of links."""
+    """Wrenches by body, from wrenches by link; NaN for fixed joints."""
     of_bodies, fixed = of
     if of_bodies is None:
         return wrenches

@@ -1,4 +1,4 @@
-"""Gradients of weighted sums of results: the transposes of the functions along seeds, in one sweep back."""
+"""Gradients of weighted sums of results, by the transposed functions."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..calls.room import Room
 from .derivatives import Gradients
 
 BY_ALL = {name: Wanted(name, ALONG) for name in WEIGHTED}
-"""Derivatives by everything, those too that the functions leave out since they are zero."""
+"""Derivatives by all arguments, including those that are structurally zero."""
 
 
 class WeightedGradients(Room):
-    """Gradients, by the transposes of the sensitivities: the cost does not depend on the number of parameters."""
+    """Gradients by transposed functions; the cost does not depend on the number of parameters."""
 
     def __init__(self, package: Package, states: States):
         super().__init__(package)
@@ -53,5 +53,5 @@ class WeightedGradients(Room):
         return found
 
     def of(self, name: str, given: tuple[Any, ...], weights: tuple[Any, ...]) -> Gradients:
-        """Gradients by a transposed function."""
+        """Gradients by the transposed function `name`."""
         return Gradients(*self._call(BY_ALL[name], given, weights))

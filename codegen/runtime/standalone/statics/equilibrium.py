@@ -1,4 +1,4 @@
-"""States of rest: Newton's method in the tangent space, relaxation where that leads nowhere, and how they follow parameters."""
+"""Equilibria: Newton's method in the tangent space, relaxation if it fails, and derivatives by parameters."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from ..arrays import Array
 from ..errors import AssemblyError, EquilibriumError
 
 NEWTON = 100
-"""Steps of Newton's method."""
+"""Maximum number of Newton steps."""
 
 RELAXATION = 300
-"""Steps of relaxation."""
+"""Maximum number of relaxation steps."""
 
 HALVINGS = 30
-"""How often a step is halved before it is given up."""
+"""Maximum number of halvings of a step."""
 
 RADIUS = 0.5
-"""rad or m: the largest component of a first step; doubled whenever a step that was cut there turns out well."""
+"""rad or m: limit on the largest component of the first step; doubled after each successful step of that size."""
 
 POOR, GOOD = 0.5, 0.1
-"""Parts of the accelerations by which the linear equations may be wrong after a step of relaxation; below which it grows."""
+"""Relative errors of the linear prediction of accelerations: largest one to accept a relaxation step, and to enlarge the next."""
 
 FINEST = 1e-16
-"""rad or m: no smaller steps are taken at a state of rest."""
+"""rad or m: smallest step near an equilibrium."""
 
 SINGULAR = 1e-12
-"""A singular value of the Jacobian below this part of the largest counts as zero."""
+"""A singular value of the Jacobian is zero if it is below this fraction of the largest one."""
 
 NONE = 1e-14
-"""1/s^2: so does one below this, which is rounding of forces that balance: an oscillation would take two years."""
+"""1/s^2: singular values below this are rounding errors of balanced forces; such an oscillation would take two years."""
 
 KEPT = 1e-8
-"""A right side that is off the range of a singular Jacobian by less than this part of it is consistent."""
+"""Largest relative distance of a right side from the range of a singular Jacobian at which the equations count as solvable."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,30 +82,30 @@ class Equilibrium:
     coordinate_names: tuple[str, ...] = field(default=())
 
     def __repr__(self) -> str:
-        said = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
+        text = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
         if len(self.neutral):
             most = [self.coordinate_names[int(np.argmax(np.abs(row)))] for row in self.neutral]
-            said += f", {len(most)} neutral direction{'s' * (len(most) > 1)} ({', '.join(most)} most)"
+            text += f", {len(most)} neutral direction{'s' * (len(most) > 1)} ({', '.join(most)} most)"
         if self.names:
-            said += f", derivatives by {', '.join(self.names)}"
+            text += f", derivatives by {', '.join(self.names)}"
         how = " after relaxation" if self.relaxed else ""
         steps = f"{self.iterations} step{'s' * (self.iterations != 1)}{how}"
         values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:12], self.q, strict=False))
         more = ", ..." if len(self.q) > 12 else ""
-        return f"<Equilibrium: {values}{more}; {said}; residual {self.residual:.2g} after {steps}>"
+        return f"<Equilibrium: {values}{more}; {text}; residual {self.residual:.2g} after {steps}>"
 
 
 class Motions(NamedTuple):
-    """What a state at rest does.
+    """Accelerations of a state at rest and their derivatives.
 
     Attributes
     ----------
     tangents : (n, nq)
-        How the coordinates change in each direction of the tangent space.
+        Changes of the coordinates along each direction of the tangent space.
     udot : (n,)
         Accelerations of the independent speeds.
     J : (n, n)
-        Their derivatives; columns are directions.
+        Derivatives of udot; columns are directions.
     """
 
     tangents: Array
@@ -114,14 +114,14 @@ class Motions(NamedTuple):
 
 
 class Search:
-    """Looks for a state of rest.
+    """Searches for an equilibrium.
 
     Parameters
     ----------
     motions : callable (q) -> Motions
     udot : callable (q) -> (n,) array
     retract : callable (q) -> q
-        Assembles coordinates that have been moved along tangents.
+        Assembles coordinates after a step along tangents.
     tolerance : float
     """
 
@@ -136,15 +136,15 @@ class Search:
         self.iterations = 0
 
     def is_rest(self, m: Motions) -> bool:
-        """Whether a state is one of rest."""
+        """Whether a state is an equilibrium."""
         return rests(m.udot, m.J, self.tolerance)
 
     def newton(self, q: Array) -> tuple[Array, Motions]:
-        """Newton's method from a guess, as far as it leads.
+        """Newton's method from a guess, until it converges or fails.
 
-        A step is as long as makes the next one of the same Jacobian shorter (Deuflhard's natural test): that compares motions
-        with motions, and is the same whether accelerations or forces are balanced, so that no inertia and no unit has a
-        weight in it. Where the Jacobian is singular the step is the least one.
+        A step is accepted if the next step with the same Jacobian is shorter (Deuflhard's natural monotonicity test). The test
+        compares displacements, so it is independent of inertia and units. If the Jacobian is singular, the step of least norm is
+        taken.
         """
         radius = RADIUS
         m = self.motions(q)
@@ -176,11 +176,10 @@ class Search:
         return q, m
 
     def relax(self, q: Array) -> tuple[Array, Motions]:
-        """Sinking to rest, until the accelerations are small: the motion ``w' = udot``, in implicit steps that grow.
+        """Relaxation: integrates ``w' = udot`` by implicit steps of growing size until the accelerations are small.
 
-        This is how the mechanism would creep in a viscous medium. Where forces have a potential it descends, whatever the
-        Jacobian does on the way, so what is found is stable. Steps grow as long as linear equations foretell what comes of
-        them, and turn into Newton's.
+        The mechanism moves as if creeping in a viscous medium. If the forces have a potential, it decreases, so the equilibrium
+        found is stable. Steps grow while the linear prediction is accurate, and finally become Newton steps.
         """
         m = self.motions(q)
         rate = float(np.linalg.norm(m.J)) or 1.0  # the reciprocal of the step, 1/s^2
@@ -188,13 +187,13 @@ class Search:
         for _ in range(RELAXATION):
             if not np.isfinite(m.J).all() or self.is_rest(m):
                 break
-            # a step must not reach over what it is to leave, along unstable directions
+            # along unstable directions, a step must not pass the equilibrium that it leaves
             least = 2.0 * float(np.linalg.eigvals(m.J).real.max(initial=0.0))
             rate = max(rate, least)
             for _ in range(HALVINGS):
                 step = np.asarray(np.linalg.solve(rate * np.eye(len(m.J)) - m.J, m.udot), np.float64)
                 found = self._tried(q, m, step) if np.abs(step).max() <= radius else None
-                # the linear equations have said that the accelerations would be rate*step
+                # the linear equations predict accelerations of rate*step
                 if found is not None:
                     error = float(np.linalg.norm(found[1] - rate * step) / np.linalg.norm(m.udot))
                     if error <= POOR:
@@ -209,7 +208,7 @@ class Search:
         return q, m
 
     def _tried(self, q: Array, m: Motions, step: Array) -> tuple[Array, Array] | None:
-        """Coordinates after a step, and accelerations there; None where the mechanism cannot go."""
+        """Coordinates after a step, and accelerations there; None if the loops do not close or a pivot is zero."""
         try:
             moved = self.retract(q + step @ m.tangents)
             udot = self.udot(moved)
@@ -218,7 +217,7 @@ class Search:
         return (moved, udot) if np.isfinite(udot).all() else None
 
     def find(self, q: Array, names: tuple[str, ...], relax: bool) -> tuple[Array, Motions, bool]:
-        """A state of rest: coordinates, what it does, and whether it was found by relaxation.
+        """An equilibrium: coordinates, accelerations and Jacobian, and whether relaxation found it.
 
         Raises
         ------
@@ -237,7 +236,7 @@ class Search:
 
 
 def rests(udot: Array, J: Array, tolerance: float) -> bool:
-    """Whether accelerations are none, against those that a small motion of one rad or m makes, or one unit."""
+    """Whether accelerations are negligible compared with those of a displacement of 1 rad or 1 m, or with 1."""
     return bool(np.all(np.abs(udot) <= tolerance * (1.0 + np.abs(J).sum(axis=1))))
 
 
@@ -247,9 +246,9 @@ def _largest(m: Motions) -> float:
 
 
 def followed(J: Array, pushes: Array) -> Array:
-    """w (k, n), how a state of rest moves where udot changes by pushes (k, n): ``J w = -push``, the implicit function theorem.
+    """Displacements w (k, n) of an equilibrium when udot changes by pushes (k, n): ``J w = -push`` (implicit function theorem).
 
-    The least w where J is singular; NaN where none is consistent.
+    The solution of least norm if J is singular; NaN if there is none.
     """
     w = -pushes @ _inverse(J).T
     left = np.abs(pushes + w @ J.T).max(axis=1, initial=0.0)
@@ -258,7 +257,7 @@ def followed(J: Array, pushes: Array) -> Array:
 
 
 def neutral_directions(J: Array) -> Array:
-    """w (m, n) along which udot does not change, orthonormal."""
+    """Orthonormal directions w (m, n) along which udot does not change."""
     _, sizes, rows = np.linalg.svd(J)
     return np.asarray(rows[~_regular(sizes)], np.float64)
 
@@ -269,7 +268,7 @@ def _regular(sizes: Array) -> NDArray[np.bool_]:
 
 
 def _inverse(J: Array) -> Array:
-    """The pseudo-inverse, with which steps are the least ones."""
+    """The pseudo-inverse."""
     columns, sizes, rows = np.linalg.svd(J)
     kept = _regular(sizes)
     return np.asarray((rows[kept].T / sizes[kept]) @ columns[:, kept].T, np.float64)

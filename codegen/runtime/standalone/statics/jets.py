@@ -1,6 +1,6 @@
-"""Dual numbers over arrays: a value with its derivatives along directions, which NumPy's elementwise functions go through.
+"""Dual numbers over arrays: a value and its derivatives along directions, for NumPy's elementwise functions.
 
-No step is taken and nothing is subtracted that is not subtracted in the formula: derivatives are exact to rounding.
+Derivatives are exact to rounding: there is no step size and no difference of neighbouring values.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Jet(np.lib.mixins.NDArrayOperatorsMixin):
     Parameters
     ----------
     value : (...,) array
-    slope : (..., m) array
+    The derivatives, with directions last, so that NumPy's broadcasting rules apply to the axes of values.
         The derivatives, directions last: so axes of values broadcast by NumPy's rules, whatever their number.
     """
 
@@ -47,18 +47,18 @@ class Jet(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 def value_of(x: Any) -> Any:
-    """The value of a jet, or a plain number."""
+    """The value of a jet or of a plain number."""
     return x.value if isinstance(x, Jet) else x
 
 
 def _wide(x: Any) -> Array:
-    """Numbers with an axis that all directions share."""
+    """Numbers with one more axis, for directions."""
     return np.asarray(x, float)[..., None]
 
 
 def _scaled(*terms: tuple[Any, Any]) -> Array:
-    """The sum of factors times slopes, of those that are jets."""
-    # what does not move contributes nothing, even where the factor is infinite
+    """The sum of factors times slopes over terms that are jets."""
+    # a zero slope contributes nothing, even if its factor is infinite
     parts = [np.where(x.slope != 0.0, _wide(factor()) * x.slope, 0.0) for factor, x in terms if isinstance(x, Jet)]
     return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
@@ -69,7 +69,7 @@ def _add(x: Any, y: Any) -> Jet:
 
 
 def _of_values(function: Callable[..., Any], *given: Any) -> Any:
-    """What a function that is constant in pieces makes of values."""
+    """Applies a piecewise constant function to values."""
     return function(*map(value_of, given))
 
 
@@ -95,7 +95,7 @@ def _power(x: Any, y: Any) -> Jet:
 
 
 def choice(c: Any, x: Any, y: Any) -> Any:
-    """Stands for the function of that name in generated modules: x where c is 1, y where it is 0."""
+    """Replaces `choice` of generated modules: x where c is 1, y where it is 0."""
     holds = np.not_equal(value_of(c), 0.0)
     value = np.where(holds, value_of(x), value_of(y))
     slopes = [z.slope for z in (x, y) if isinstance(z, Jet)]
@@ -106,7 +106,7 @@ def choice(c: Any, x: Any, y: Any) -> Any:
 
 
 def vanishing(x: Any, y: Any) -> Any:
-    """Stands for the function of that name in generated modules: the product, zero where x is, whatever y."""
+    """Replaces `vanishing` of generated modules: x*y, but zero wherever x is zero, whatever y."""
     a, b = value_of(x), value_of(y)
     value = np.where(np.not_equal(a, 0.0), a * b, 0.0)
     if not isinstance(x, Jet) and not isinstance(y, Jet):
@@ -120,7 +120,7 @@ def vanishing(x: Any, y: Any) -> Any:
 
 
 def _elementary(e: Elementary) -> Callable[..., Any]:
-    """The rule of an elementary function, from its derivatives."""
+    """The differentiation rule of an elementary function."""
     function = getattr(ON_ARRAYS, e.name)
 
     def rule(*given: Any) -> Jet:
@@ -141,4 +141,4 @@ RULES: dict[str, Callable[..., Any]] = {
     "negative": lambda x: Jet(-x.value, -x.slope), "absolute": ELEMENTARY["abs"],
     **{f.__name__: partial(_of_values, f) for f in (np.floor, np.greater, np.less, np.greater_equal, np.less_equal)},
 }  # fmt: skip
-"""What NumPy's functions that generated statements call do to jets, by their names."""
+"""Differentiation rules by the names of NumPy functions in generated statements."""

@@ -16,18 +16,18 @@ Complex = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
 
 REPEATED = 1e-7
-"""Eigenvalues nearer to each other than this, against the spread of all, count as repeated; so do ill-conditioned ones."""
+"""Eigenvalues count as repeated if their distance, relative to the largest one, is below this."""
 
 ZERO = 3e-7
-"""An eigenvalue below this part of the largest cannot be told from zero: a double one moves by the root of rounding."""
+"""An eigenvalue counts as zero below this fraction of the largest; a double zero is perturbed by the root of rounding errors."""
 
 NO_NUMBER = complex(np.nan, np.nan)
 
 SPLITS = 1e-9
-"""Derivatives of branches that differ by less than this, against the largest, are those of one eigenvalue."""
+"""Branches belong to one eigenvalue if their derivatives differ by less than this, relative to the largest."""
 
 UNDECIDED = 1e-5
-"""An error of an eigenvalue that is larger than this, against the largest eigenvalue, leaves the sign of its real part open."""
+"""Relative error of an eigenvalue above which the sign of its real part is undecided."""
 
 
 class Matrices(NamedTuple):
@@ -52,7 +52,7 @@ class Matrices(NamedTuple):
 
 
 MODES_SHOWN = 20
-"""Modes that a `repr` lists."""
+"""Number of modes in a `repr`."""
 
 
 class Modes(NamedTuple):
@@ -244,7 +244,7 @@ class Linearization:
         repeated = _repeated(self.A, values, right)
         found = np.full((len(dA), len(values)), NO_NUMBER)
         if not repeated.all():
-            # a defective A has no inverse of its eigenvectors, and only simple eigenvalues are wanted
+            # a defective A has no inverse matrix of eigenvectors; only simple eigenvalues are needed
             left = _left(self.A, values)
             of_left = np.einsum("ij,jk->ik", left, right).diagonal()
             with np.errstate(all="ignore"):
@@ -268,8 +268,8 @@ class Linearization:
             if split:
                 some = ", ".join(f"{x:.4g}" for x in split[:6])
                 warn(
-                    f"eigenvalues {some} are repeated, to rounding: derivatives are those of the branches that they split into "
-                    f"along each parameter alone, and do not add up along several"
+                    f"eigenvalues {some} are repeated, to rounding: their branches along each parameter have different "
+                    f"derivatives, which must not be added over several parameters"
                 )
         return found
 
@@ -278,7 +278,7 @@ class Linearization:
         return sum(not name.startswith("inputs.") for name in self.parameter_names)
 
     def _solved(self) -> tuple[Complex, Complex]:
-        """Eigenvalues in order, and their right eigenvectors as columns."""
+        """Sorted eigenvalues, and their right eigenvectors as columns."""
         values, right = np.linalg.eig(self.A)
         values, right = values.astype(complex), right.astype(complex)
         scale = np.abs(values).max(initial=0.0)
@@ -287,19 +287,19 @@ class Linearization:
 
 
 def _left(A: Array, values: Complex) -> Complex:
-    """Left eigenvectors y^H as rows, for these eigenvalues."""
+    """Left eigenvectors y^H of the eigenvalues, as rows."""
     found, vectors = np.linalg.eig(A.T)
     found, vectors = found.astype(complex), vectors.astype(complex)
     rows, left = np.empty((len(values), len(values)), complex), list(range(len(found)))
     for i, value in enumerate(values):
         nearest = min(left, key=lambda j: abs(found[j] - value))
         left.remove(nearest)
-        rows[i] = vectors[:, nearest]  # of A^T, not of A^H: y^H itself
+        rows[i] = vectors[:, nearest]  # eigenvectors of A^T, which are y^H itself
     return rows
 
 
 def _clusters(A: Array, values: Complex, repeated: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Places of eigenvalues that are the same to rounding."""
+    """Groups of indices of equal eigenvalues."""
     left, found = np.flatnonzero(repeated), []
     while len(left):
         same = np.abs(values[left] - values[left[0]]) <= 4 * REPEATED * np.abs(values).max(initial=0.0)
@@ -309,7 +309,7 @@ def _clusters(A: Array, values: Complex, repeated: NDArray[np.bool_]) -> list[ND
 
 
 def _derivatives_of_branches(A: Array, values: Complex, dA: Array) -> Complex | None:
-    """Derivatives of the branches (k, m) that an eigenvalue of m eigenvectors splits into; None where it has fewer."""
+    """Derivatives (k, m) of the branches of an m-fold eigenvalue; None if it has fewer than m eigenvectors."""
     m = len(values)
     shifted = A - values.mean() * np.eye(len(A))
     left, size, right = np.linalg.svd(shifted)
@@ -320,36 +320,37 @@ def _derivatives_of_branches(A: Array, values: Complex, dA: Array) -> Complex | 
     if np.linalg.svd(both, compute_uv=False)[-1] < np.sqrt(REPEATED):
         return None
     found = np.linalg.eigvals(np.linalg.solve(both, Y @ dA @ X))
-    sign = 1.0 if values[0].imag >= 0.0 else -1.0  # conjugates in the order of their partners
+    sign = 1.0 if values[0].imag >= 0.0 else -1.0  # order of the conjugates
     order = np.lexsort((sign * found.imag, np.round(found.real, 12)), axis=-1)
     return np.take_along_axis(found, order, axis=-1).astype(complex)
 
 
 def _repeated(A: Array, values: Complex, right: Complex) -> NDArray[np.bool_]:
-    """Which eigenvalues have another one beside them."""
+    """Whether another eigenvalue is equal to rounding."""
     apart = np.abs(values[:, None] - values[None, :])
     np.fill_diagonal(apart, np.inf)
     return apart.min(axis=1, initial=np.inf) <= REPEATED * np.abs(values).max(initial=0.0)
 
 
 def is_stable(A: Array, neutral: int) -> bool | None:
-    """Whether small motions stay small by ``x' = A x``; None where rounding, or a drift along neutral directions, leaves it open.
+    """Whether small motions by ``x' = A x`` remain bounded; None if rounding or a drift along neutral directions leaves this
+    open.
 
     Parameters
     ----------
     A : (2n, 2n)
     neutral : int
-        Number of neutral directions: of zero eigenvalues with which a motion stays where it has been put.
+        Number of neutral directions, along which any displacement is an equilibrium.
     """
     n = len(A) // 2
     if not n:
         return True
-    # time in units in which speeds and displacements have the same size
+    # scale time so that speeds and displacements have the same magnitude
     scale = np.repeat([1.0, float(np.sqrt(np.abs(A[n:, :n]).max())) or 1.0], n)
     scaled = A * scale / scale[:, None]
     values, right = np.linalg.eig(scaled)
     try:
-        with np.errstate(all="ignore"):  # eigenvectors may be parallel, but for a number that can hardly be inverted
+        with np.errstate(all="ignore"):  # the matrix of eigenvectors may be nearly singular
             condition = np.linalg.norm(np.linalg.inv(right), axis=1) * np.linalg.norm(right, axis=0)
     except np.linalg.LinAlgError:
         condition = np.full(2 * n, np.inf)

@@ -1,4 +1,4 @@
-"""Derivatives of what a package computes along seeds: its NumPy statements on jets, forward over forward."""
+"""Second derivatives: the NumPy functions along seeds, evaluated with dual numbers (forward over forward)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .jets import ELEMENTARY, Jet, choice, value_of, vanishing
 
 
 class SecondDerivatives:
-    """The NumPy module of a partition, working on jets.
+    """The NumPy module of a partition, evaluated with jets.
 
-    The statements of that module are those of the C, elementwise, so that numbers may be of any kind that knows its
-    elementary functions. A function along seeds computes a directional derivative; on jets, the derivatives of that.
+    The module has the same statements as the C code, written elementwise, so they work for any number type with elementary
+    functions. A function along seeds computes directional derivatives; with jets, it also returns their derivatives.
     """
 
     def __init__(self, opened: Opened):
         self.functions = opened.functions
-        # a module of its own: what it calls to take arguments and to give results is replaced
+        # a separate copy of the module, in which the conversion of arguments and results is replaced
         module: Any = NumpyTarget(opened.folder, opened.manifest).module
         module.Call, module.result = _call_of_jets(module.Call), _result_of_jets(module.result)
         module.choice, module.vanishing = choice, vanishing
@@ -36,7 +36,7 @@ class SecondDerivatives:
         Parameters
         ----------
         name : str
-            Such as ``"sensitivities"``.
+            Name of the function, such as ``"sensitivities"``.
         given : dict
             q, u, p, inputs, t: arrays or jets.
         seeds : dict
@@ -45,20 +45,20 @@ class SecondDerivatives:
         Returns
         -------
         list of Jet
-            In the order of the function's results; their slopes have the directions of the jets last.
+            In the order of the function's results; the jets' directions are the last axis of the slopes.
         """
         m = next(x.slope.shape[-1] for x in (*given.values(), *seeds.values()) if isinstance(x, Jet))
         f = self.functions[name]
         k = len(value_of(next(iter(seeds.values()))))
         zeros = {s: np.zeros(k) if s == "dt" else np.zeros((k, n)) for s, n in f.seeds.items()}
         taken = [*(given[a] for a in f.arguments), *(seeds.get(s, zeros[s]) for s in f.seeds)]
-        with np.errstate(all="ignore"):  # as the NumPy target does
+        with np.errstate(all="ignore"):  # as in the NumPy target
             found = getattr(self.module, name)(*taken)
         return [x if x.slope.shape[-1] else Jet(x.value, np.zeros((*x.value.shape, m))) for x in found]
 
 
 def _call_of_jets(plain: Any) -> Any:
-    """A class of calls whose arguments may be jets."""
+    """The module's class of calls, for arguments that may be jets."""
 
     class Call(plain):
         def __init__(self, **given: Any):
@@ -68,7 +68,7 @@ def _call_of_jets(plain: Any) -> Any:
                     setattr(self, name, self._of_rows(name, x.slope))
 
         def _of_rows(self, name: str, slope: Array) -> Jet:
-            """A jet with its components first, then directions of seeds, then the batch; see the module's ``Call``."""
+            """A jet with the axes: components, directions of seeds, batch; see ``Call`` of the module."""
             slope = slope[..., None, :] if name in ("t", "dt") else slope
             if name.startswith("d"):
                 missing = len(self.batch) - (slope.ndim - 3)
@@ -79,7 +79,7 @@ def _call_of_jets(plain: Any) -> Any:
 
 
 def _result_of_jets(plain: Any) -> Any:
-    """What gathers rows of results, which may be jets or plain numbers."""
+    """The module's function that assembles results, for rows that may be jets."""
 
     def result(rows: Sequence[Any], shape: Shape) -> Any:
         slopes = [x.slope for x in rows if isinstance(x, Jet)]

@@ -1,4 +1,4 @@
-"""Statics and linearisation: states of rest that follow parameters, and the linearised equations about any state."""
+"""Statics and linearisation: equilibria and their derivatives, and the linearised equations about any state."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from .tangent_equations import Motion, Point, TangentEquations
 from .tangent_space import TangentSpace
 
 POOR = 1e4
-"""A condition of a closure above which states of rest, stability and linearisations are reported as doubtful."""
+"""Condition number of a closure matrix above which a warning says that equilibria and linearisations are doubtful."""
 
 AT_REST = 1e-7
-"""A state whose accelerations are below this, against those of small motions, is an equilibrium to `linearize`."""
+"""Accelerations, relative to those of small motions, below which `linearize` takes a state for an equilibrium."""
 
 
 class Statics(Room):
@@ -53,7 +53,7 @@ class Statics(Room):
         f = self._functions["accelerations"]
 
         def udot(q: Array) -> Array:
-            # a step may lead anywhere: no word of accelerations that are not finite
+            # the search may pass through any state: no warnings of infinite accelerations
             return self._opened.target.compute(f, at._replace(q=q).named(), ())[0][space.speeds]
 
         def retract(q: Array) -> Array:
@@ -95,7 +95,9 @@ class Statics(Room):
             if self._opened is not opened:
                 raise ValueError("the partition was changed after linearize; call linearize again, or change it back")
             if moving and not at_rest:
-                raise ValueError("moving=True, but the state is no equilibrium that could move with the parameters")
+                raise ValueError(
+                    "moving=True, but the state is not an equilibrium, so it cannot move with the parameters"
+                )
             if moving:
                 m = Motions(equations.tangents, udot, matrices.A[n:, :n])
                 dq, du = self._following(at, m, space, along), np.zeros((len(along.names), self.nu))
@@ -115,10 +117,10 @@ class Statics(Room):
             matrices, (names, self.input_names, asked, known), (at.q, at.u, equations.tangents), at_rest, derivatives
         )
 
-    # -- how -----------------------------------------------------------------------------------------------------------
+    # -- details -------------------------------------------------------------------------------------------------------
 
     def _needs_all(self, name: str) -> None:
-        """An error where the package lacks a function that a member is made of."""
+        """Raises AttributeError if the package lacks a function that the method needs."""
         if not set(MADE_OF[name]).isdisjoint(self._manifest.get("left_out", ())):
             raise AttributeError(self._why_not(name))
 
@@ -126,7 +128,7 @@ class Statics(Room):
         return TangentSpace({**self._manifest, **self._opened.manifest})
 
     def _point(self, q: Numbers, u: Any, p: Numbers, inputs: Numbers, t: Times) -> Point:
-        """One state, assembled; u may be 0.0 for rest."""
+        """One assembled state; u may be 0.0 for rest."""
         q = self.states.assemble(None, None, p, None, 0.0)[0] if q is None else q
         u = np.zeros(self.nu) if isinstance(u, float) else u
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
@@ -140,11 +142,11 @@ class Statics(Room):
         return self._call("sensitivities", tuple(at), tuple(seeds.get(s) for s in ALONG))
 
     def _tangents(self, at: Point, space: TangentSpace) -> Array:
-        """Changes of coordinates (n, nq) for a unit of each independent speed."""
+        """Changes of the coordinates (n, nq) per unit of each independent speed."""
         return self._call("coordinate_rates", (at.q, space.units, *at[2:]))[0]
 
     def _assembled_along(self, at: Point, dq: Array, dp: Array) -> tuple[Array, Array, Array, Array]:
-        """The state and its derivatives where independent coordinates and parameters change."""
+        """The assembled state and its derivatives along changes of independent coordinates and parameters."""
         return self.states.assemble_sensitivities((*at[:3], None, 0.0), (dq, None, dp, None, None))
 
     def _motions(self, space: TangentSpace, at: Point) -> Motions:
@@ -153,24 +155,24 @@ class Statics(Room):
         return Motions(tangents, udot[space.speeds], dudot[:, space.speeds].T)
 
     def _look_at_rank(self, name: str, at: Point, space: TangentSpace, tolerance: float) -> bool:
-        """Whether a loop is so near a loss of rank that what is found of the state is doubtful, with a warning then.
+        """Whether a loop has nearly lost rank, so that results are doubtful; warns in this case.
 
         Parameters
         ----------
         name : str
-            The function that was called.
+            The solver method in use, for the warning.
         at : Point
-            Closed; without speeds it is to be one of rest.
+            A closed state; an equilibrium, if it has no speeds.
         space : TangentSpace
         tolerance : float
-            Of the accelerations of all speeds, dependent ones too: against those of small motions that move no coordinate by
-            more than 1 rad or 1 m.
+            Tolerance for the accelerations of all speeds, including dependent ones, relative to accelerations of small motions of
+            at most 1 rad or 1 m.
         """
         if not self.closure_names:
             return False
         choices = conditions(self.package, at.q, *at[2:])
         here = float(choices[self._opened.number])
-        seen = [] if here <= POOR else [f"the condition of its closure is {here:.2g}"]
+        seen = [] if here <= POOR else [f"the condition number of its closure is {here:.2g}"]
         tangents = self._tangents(at, space)
         if space.n and math.isfinite(tolerance):
             udot, dudot = self._accelerations_along(at, dq=tangents)
@@ -178,31 +180,33 @@ class Statics(Room):
             left = np.abs(udot) - tolerance * (1.0 + np.abs(dudot / sizes).sum(axis=0))
             worst = int(np.argmax(left))
             if left[worst] > 0.0:
-                seen.append(f"udot.{self.speed_names[worst]} = {udot[worst]:.2g} is left, of a speed that is dependent")
+                seen.append(f"udot.{self.speed_names[worst]} = {udot[worst]:.2g} remains at a dependent speed")
         if not seen:
             return False
         better = int(np.argmin(choices))
-        instead = f"use_partition({better}), where the condition is {choices[better]:.2g}, then call {name} again"
+        instead = (
+            f"use_partition({better}), where the condition number is {choices[better]:.2g}, then call {name} again"
+        )
         if choices[better] > 0.1 * here:
-            instead = "diagnose says whether other independent coordinates (--partitions 2) would do"
+            instead = "call diagnose to see whether other independent coordinates (--partitions 2) are better"
         values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:6], at.q, strict=False))
         warn(
-            f"{name}: loop {self._poorest_loop(at)} is near a loss of rank at {values}{', ...' * (self.nq > 6)}: "
-            f"{' and '.join(seen)}. The place, stability, modes and derivatives are not determined there by the independent "
-            f"coordinates {', '.join(self.independent_names[:6])}{', ...' * (len(self.independent_names) > 6)}, and other "
-            f"branches may begin; {instead}"
+            f"{name}: loop {self._poorest_loop(at)} has nearly lost rank at {values}{', ...' * (self.nq > 6)}: "
+            f"{' and '.join(seen)}. There, the independent coordinates "
+            f"{', '.join(self.independent_names[:6])}{', ...' * (len(self.independent_names) > 6)} do not "
+            f"determine position, stability, modes and derivatives, and other branches may begin; {instead}"
         )
         return True
 
     def _poorest_loop(self, at: Point) -> str:
-        """The loop whose closure has the worst condition."""
+        """The loop with the largest condition number of its closure."""
         opened = self._opened
         (of_loops,) = opened.target.compute(opened.functions["conditions"], at._replace(q=at.q.copy()).named(), ())
         loops: list[str] = opened.manifest["loops"]
         return loops[int(np.argmax(of_loops))]
 
     def _following(self, at: Point, m: Motions, space: TangentSpace, along: Named) -> Array:
-        """dq (k, nq): how an equilibrium moves along parameters and inputs; NaN where there is none beside it."""
+        """dq (k, nq): derivatives of an equilibrium by parameters and inputs; NaN if no equilibrium exists nearby."""
         if not along.names:
             return np.zeros((0, self.nq))
         pushes = self._accelerations_along(at, dp=along.p, dinputs=along.inputs)[1][:, space.speeds]
@@ -214,7 +218,7 @@ class Statics(Room):
         return dq
 
     def _asked_outputs(self, outputs: str | Sequence[str] | None) -> tuple[str, ...]:
-        """Names of outputs; an error where one is not known, or has no derivatives."""
+        """Names of the requested outputs; raises if one is unknown or has no derivatives."""
         if outputs is None:
             return self.output_names if "output_sensitivities" in self._functions else ()
         asked = (outputs,) if isinstance(outputs, str) else tuple(outputs)

@@ -14,11 +14,11 @@ from .second_derivatives import SecondDerivatives
 from .tangent_space import TangentSpace
 
 NUMBERS = 4096
-"""Directions times parameters that go through the NumPy module at once: bounds the memory."""
+"""Largest number of directions times parameters per call of the NumPy module, which limits the memory."""
 
 
 class Point(NamedTuple):
-    """A state, all of it arrays of one state."""
+    """One state, without batch axes."""
 
     q: Array
     u: Array
@@ -27,12 +27,12 @@ class Point(NamedTuple):
     t: float
 
     def named(self) -> dict[str, Any]:
-        """As arguments by name."""
+        """The state as arguments by name."""
         return state(*self)
 
 
 class Motion(NamedTuple):
-    """How a state changes with m parameters: changes of its arrays, (m, n) each."""
+    """Derivatives of a state by m parameters: (m, n) for each array."""
 
     q: Array
     u: Array
@@ -48,9 +48,9 @@ class TangentEquations:
 
         w' = v + N^+ (D(N u)[N w] - D(N w)[N u]) = v + W w        v' = D udot[N w] + (d udot/du) v
 
-    W is the Lie bracket of the two motions: zero at rest and for joints whose speeds are rates of coordinates, and ``w x u`` for
-    a quaternion, whose small rotations turn with the body. The bracket of motions that keep loops closed keeps them closed,
-    so N^+ loses nothing.
+    W is the Lie bracket of the two motions. It is zero at rest, and for joints whose speeds are rates of coordinates. For a
+    quaternion it is ``w x u``, because small rotations turn with the body. The bracket of motions that keep loops closed also
+    keeps them closed, so the projection N^+ is exact.
     """
 
     def __init__(self, package: Package, space: TangentSpace, at: Point, outputs: list[int]):
@@ -75,7 +75,7 @@ class TangentEquations:
         return udot[own], self._matrices(self._bracket(), np.eye(self.space.n), dudot[:, own], dy)
 
     def derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
-        """Derivatives of the matrices, m in front, where the state changes like that."""
+        """Derivatives (m, ...) of the matrices, when the state changes by `along`."""
         width = max(1, NUMBERS // max(1, len(self.seeds["dq"])))
         starts = range(0, max(1, len(along.p)), width)
         parts = [self._derivatives(second, Motion(*(x[i : i + width] for x in along))) for i in starts]
@@ -123,12 +123,12 @@ class TangentEquations:
         units = {**given, "u": self.space.units}
         there = second.along("coordinate_rate_sensitivities", units, {"dq": Jet(qdot.value[None], qdot.slope[None])})[1]
         W = self._bracket()
-        change = here.slope - there.slope[0]  # (n, nq, m): of N W
+        change = here.slope - there.slope[0]  # (n, nq, m): derivatives of N W
         found = [self.space.components(self.tangents, change[..., j] - W.T @ dN[j]).T for j in range(m)]
         return np.array(found).reshape(m, n, n)
 
     def _matrices(self, W: Array, one: Array, dudot: Array, dy: Array) -> Matrices:
-        """The matrices from W (..., n, n) and results along the seeds (..., 2n + ninputs, n or outputs)."""
+        """The matrices from W (..., n, n) and derivatives along the seeds (..., 2n + ninputs, n or outputs)."""
         n = self.space.n
         dudot, dy = np.swapaxes(dudot, -1, -2), np.swapaxes(dy, -1, -2)
         above = np.concatenate([W, np.broadcast_to(one, W.shape)], axis=-1)

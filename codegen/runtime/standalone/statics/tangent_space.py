@@ -1,4 +1,4 @@
-"""Small motions of a mechanism: as many numbers as there are independent speeds, whatever its coordinates are."""
+"""Small motions of a mechanism, with one component per independent speed."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..arrays import Array, Indices
 
 
 class TangentSpace:
-    """The directions in which a mechanism can move, one for each independent speed.
+    """The tangent space of a mechanism's configurations, with one direction per independent speed.
 
-    A small motion w (n,) changes the coordinates by ``N w``, where ``qdot = N u``, u being the independent speeds: so w has
-    angles of joints, displacements, and for quaternions small rotations about the axes of the speeds. Dependent coordinates
-    are part of N. A joint that is split has w along its independent speeds only.
+    A small motion w (n,) changes the coordinates by ``N w``, where ``qdot = N u`` and u are the independent speeds. So w consists
+    of joint angles, displacements, and, for quaternions, small rotations about the axes of the speeds. N includes dependent
+    coordinates. If only some speeds of a joint are independent, w contains these only.
 
     Attributes
     ----------
     speeds : (n,) array of int
         The independent speeds.
     names : tuple of str
-        Of the entries of w: ``q.crank`` where speed and coordinate have a name in common, else ``rotation.ball.wx`` about,
-        and ``displacement.bus.vx`` along, the axis of a speed.
+        Names of the entries of w: ``q.crank`` if speed and coordinate have the same name. Otherwise ``rotation.ball.wx`` about,
+        or ``displacement.bus.vx`` along, the axis of a speed.
     """
 
     def __init__(self, manifest: Mapping[str, Any]):
@@ -42,14 +42,14 @@ class TangentSpace:
         return len(self.speeds)
 
     def components(self, tangents: Array, motions: Array) -> Array:
-        """w (k, n) of changes of the coordinates (k, nq), which are along the tangents N^T (n, nq)."""
-        # the rows of independent coordinates are enough, and better conditioned than all
+        """Components w (k, n) of changes of the coordinates (k, nq) along the tangents N^T (n, nq)."""
+        # the rows of independent coordinates suffice, and are better conditioned
         N, right = tangents[:, self.coordinates].T, motions[:, self.coordinates].T
         return np.asarray(np.linalg.lstsq(N, right, rcond=None)[0].T, np.float64)
 
 
 def _name(speed: str, coordinates: list[str]) -> str:
-    """What a small motion along a speed is called."""
+    """The name of a small motion along a speed."""
     if speed in coordinates:
         return f"q.{speed}"
     return f"{'rotation' if speed.rpartition('.')[2].startswith('w') else 'displacement'}.{speed}"

@@ -1,4 +1,4 @@
-"""Events of a motion: outputs that cross a level, when they do, and how the time depends on what sensitivities are taken to."""
+"""Events of a motion: when outputs cross a level, and the derivatives of that time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..calls.arguments import some
 DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
 GRAZING = 1e-8
-"""An output that crosses its level at less than this part of its pace touches it only: its time has no derivative."""
+"""Rate of an output, relative to its range per second, below which it only touches its level; the time has no derivative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,23 +89,23 @@ class Crossing:
 
 
 PARTS = ("q", "u", "outputs", "rates", "dt", "dq", "du", "doutputs")
-"""What a crossing has beside its event, its time and its pace."""
+"""Arrays of a crossing, in the order of saved rows."""
 
 
 def rows_of(crossings: Sequence[Crossing]) -> Array:
-    """Crossings as rows of numbers, (n, row): time and pace, then `PARTS`."""
+    """Crossings as rows of numbers, (n, row): time, pace, then `PARTS`."""
     return np.array([np.concatenate([[c.t, c.pace], *(getattr(c, name).ravel() for name in PARTS)]) for c in crossings])
 
 
 def crossings_of(
     rows: Array, events: Iterable[Sequence[Any]], nq: int, nu: int, noutputs: int, k: int
 ) -> tuple[Crossing, ...]:
-    """Crossings from such rows, each with the fields of its event.
+    """Crossings from rows of `rows_of`, each with the fields of its event.
 
     Raises
     ------
     ValueError
-        Rows of another length, or another number of them.
+        If a row has the wrong length, or the number of rows is wrong.
     """
     shapes = [(nq,), (nu,), (noutputs,), (noutputs,), (k,), (k, nq), (k, nu), (k, noutputs)]
     ends = np.cumsum([2, *(math.prod(s) for s in shapes)])
@@ -121,17 +121,17 @@ def crossings_of(
 
 
 def of_another_version(given: Any, known: Any) -> str:
-    """What is wrong with an object whose class has the name of a known one: a package of another version has its own classes."""
+    """Text for a message if an object's class has a known name but belongs to another version of ordernm; else empty."""
     if type(given).__name__ not in {kind.__name__ for kind in known}:
         return ""
     return (
-        f"; this {type(given).__name__} is of another version of ordernm than the package of the solver: generate the "
+        f"; this {type(given).__name__} belongs to another version of ordernm than the solver's package: generate the "
         f"package again"
     )
 
 
 def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
-    """Events as a caller gives them, checked.
+    """Checks events given by a user.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     for e in events:
         if not isinstance(e, Event):
             raise ValueError(
-                f"events hold {e!r}, expected names of outputs, or Event(output, level, direction, stop)"
+                f"events contain {e!r}, expected names of outputs, or Event(output, level, direction, stop)"
                 f"{of_another_version(e, [Event])}"
             )
         if e.output not in output_names:
@@ -155,13 +155,13 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
 
 
 BY_STATE = -2.0
-"""The pace of an output that jumps over its level at a switch."""
+"""The value of `Crossing.pace` for an output that jumps over its level at a switch."""
 
 
 def crossing_speed(rates: Array, pace: float, index: int) -> float:
-    """The rate of an event's output among those of all, (noutputs,), with which its time depends on that output.
+    """The rate of an event's output, from the rates of all outputs (noutputs,); the divisor in the derivative of its time.
 
-    NaN where it only touches its level.
+    NaN if the output only touches its level.
     """
     speed = float(rates[index])
     return speed if abs(speed) > GRAZING * pace else np.nan
@@ -171,18 +171,18 @@ def crossing(
     event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array],
     pace: float, given_dt: Array | None = None,
 ) -> Crossing:  # fmt: skip
-    """An event with derivatives of its time and state (dt* = -dg/g', S* = S + f dt*).
+    """A crossing with derivatives of its time and state (dt* = -dg/g', S* = S + f dt*).
 
     Parameters
     ----------
     index : int
-        Of its output.
-    values, rates : q, u, outputs and their time derivatives there
+        Index of the event's output.
+    q, u, outputs, and their time derivatives, at the crossing
     derivatives : dq, du, doutputs at the fixed time, (k, ...)
     pace : float
         See `Crossing`.
     given_dt : array (k,), optional
-        Derivatives of the time, of an output that jumps over its level.
+        Derivatives of the time, for an output that jumps over its level.
     """
     q, u, outputs = values
     dq, du, doutputs = derivatives

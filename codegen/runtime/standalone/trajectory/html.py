@@ -1,4 +1,4 @@
-"""A trajectory in a notebook: a table with a small curve for each series, without anything from elsewhere."""
+"""A trajectory in a notebook: a self-contained HTML table with a small curve for each series."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 
 SHOWN = 12
-"""So many series are shown."""
+"""Number of series shown."""
 
 WIDTH, HEIGHT, MARGIN = 160, 28, 2
-"""Of a curve, in pixels."""
+"""Size of a curve, in pixels."""
 
 BINS = 80
-"""Of many times the least and the largest values of so many intervals are drawn, so that no peak is lost."""
+"""Number of intervals of a long series; the minimum and maximum of each are drawn, so that no peak is lost."""
 
 
 def as_html(lines: Sequence[str], t: Array, series: Sequence[tuple[str, str, Array]]) -> str:
-    """Lines of text, and series (name, unit, values (nt,)) over the times t (nt,)."""
+    """HTML of lines of text, and of series (name, unit, values (nt,)) over the times t (nt,)."""
     text = "<br>".join(escape(line.strip()) for line in lines)
     rows = [
         f"<tr><td style='text-align:left'>{escape(name)}</td><td style='text-align:left'>{escape(unit)}</td>"
@@ -36,7 +36,7 @@ def as_html(lines: Sequence[str], t: Array, series: Sequence[tuple[str, str, Arr
 
 
 def sparkline(t: Array, values: Array) -> str:
-    """A curve as SVG; it is broken where values are not finite."""
+    """A curve as SVG, interrupted where values are not finite."""
     finite = np.isfinite(t) & np.isfinite(values)
     picture = f"<svg width='{WIDTH}' height='{HEIGHT}' viewBox='0 0 {WIDTH} {HEIGHT}' role='img' aria-hidden='true'>"
     if not finite.any():
@@ -56,17 +56,17 @@ def sparkline(t: Array, values: Array) -> str:
 
 
 def _scaled(values: Array, finite: NDArray[np.bool_], low: float, high: float) -> Array:
-    """Values between two places; in the middle, if they are all the same."""
+    """Maps values to the range from low to high; to its middle if all values are equal."""
     least, most = float(np.min(values[finite])), float(np.max(values[finite]))
     with np.errstate(all="ignore"):
-        # halves, since their difference may be beyond floating-point numbers
+        # halved, since the difference may overflow
         span = most / 2 - least / 2
         share = (values / 2 - least / 2) / span if span > 0 else np.full(len(values), 0.5)
     return low + (high - low) * share
 
 
 def _extremes(values: Array, bins: int) -> Indices:
-    """Places of the least and the largest value of each of so many intervals, and of the ends."""
+    """Indices of the minimum and maximum in each of the intervals, and of the ends."""
     n = len(values)
     if n <= 2 * bins:
         return np.arange(n)
@@ -78,7 +78,7 @@ def _extremes(values: Array, bins: int) -> Indices:
 
 
 def _numbers(values: Array) -> list[str]:
-    """The least, the largest and the last value."""
+    """The minimum, maximum and last value, as text."""
     finite = values[np.isfinite(values)]
     ends = [f"{np.min(finite):.6g}", f"{np.max(finite):.6g}"] if len(finite) else ["", ""]
     return [*ends, f"{values[-1]:.6g}" if len(values) else ""]

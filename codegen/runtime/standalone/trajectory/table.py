@@ -1,4 +1,4 @@
-"""A trajectory as a table of pandas's, which is imported when it is asked for."""
+"""A trajectory as a pandas DataFrame; pandas is imported only when needed."""
 
 from __future__ import annotations
 
