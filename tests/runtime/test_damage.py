@@ -156,7 +156,9 @@ def test_a_compiler_that_hangs_is_stopped(pendulum, monkeypatch, tmp_path):
     assert ends(int(pid.read_text()))
     assert not list(pendulum.glob(".build*"))
     monkeypatch.setenv("ORDERNM_COMPILE_SECONDS", "soon")
-    with pytest.raises(CompileError, match="ORDERNM_COMPILE_SECONDS=soon, expected a positive number; the default is 600"):
+    with pytest.raises(
+        CompileError, match="ORDERNM_COMPILE_SECONDS=soon, expected a positive number; the default is 600"
+    ):
         codegen.load(pendulum)
 
 

@@ -76,7 +76,9 @@ def test_who_looks_is_told_what_takes_time(monkeypatch, capsys, watched):
         time.sleep(0.2)
     with compiling.waiting("quick"):
         pass
-    assert capsys.readouterr().err == ("compiling arm (motion); the library is kept for later calls\n" if watched else "")
+    assert capsys.readouterr().err == (
+        "compiling arm (motion); the library is kept for later calls\n" if watched else ""
+    )
 
 
 def test_members_that_can_be_prepared_are_those_that_can_be_called(tmp_path):
