@@ -380,7 +380,7 @@ def test_show_says_all_that_a_model_holds(here, capsys):
 
 def test_show_a_package(here, capsys, monkeypatch):
     assert main(["show", "."]) == 2
-    assert "no generated solver" in capsys.readouterr().err
+    assert "no complete generated solver" in capsys.readouterr().err
     Path("press.yaml").write_text(EVERYTHING)
     assert generate_main(["press.yaml", "-o", "c", "--no-compile"]) == 0
     assert generate_main(["press.yaml", "-o", "plain", "--target", "numpy", "--no-check"]) == 0

@@ -226,7 +226,7 @@ def test_a_generated_package(here, capsys):
     assert "Trajectory of swing" in capsys.readouterr().out
     Path("empty").mkdir()
     assert run("empty", "-t", 1) == 2
-    assert "no generated solver" in one_line(capsys)
+    assert "no complete generated solver" in one_line(capsys)
 
 
 def test_without_a_cache_a_temporary_folder_serves(here, monkeypatch, capsys, tmp_path):

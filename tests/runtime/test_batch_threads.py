@@ -75,7 +75,7 @@ def test_the_limit_of_numerical_libraries_holds(many, monkeypatch, text, count):
 @pytest.mark.parametrize("text", ["0", "-2", "two", "1.5"])
 def test_a_limit_that_is_no_number_is_reported(many, monkeypatch, text):
     monkeypatch.setenv(LIMIT, text)
-    with pytest.warns(RuntimeWarning, match=f"{LIMIT} is '{text}', expected a number of threads"):
+    with pytest.warns(RuntimeWarning, match=f"{LIMIT} is '{text}', expected an integer"):
         assert batch_threads(LARGE) == 4
 
 

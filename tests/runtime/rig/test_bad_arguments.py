@@ -157,7 +157,7 @@ def test_a_folder_without_a_solver(tmp_path, content):
 
     if content is not None:
         (tmp_path / "model.json").write_text(content)
-    with pytest.raises(ValueError, match=r"no generated solver.*model\.json.*generate"):
+    with pytest.raises(ValueError, match=r"no complete generated solver.*model\.json.*generate"):
         codegen.load(tmp_path)
-    with pytest.raises(ValueError, match=r"no generated solver.*generate"):
+    with pytest.raises(ValueError, match=r"no complete generated solver.*generate"):
         codegen.load(tmp_path / "nowhere")

@@ -268,8 +268,8 @@ class Linearization:
             if split:
                 some = ", ".join(f"{x:.4g}" for x in split[:6])
                 warn(
-                    f"eigenvalues {some} are repeated, to rounding: their branches along each parameter have different "
-                    f"derivatives, which must not be added over several parameters"
+                    f"eigenvalues {some} are repeated, to rounding: derivatives are those of their branches along each "
+                    f"parameter alone, and must not be added over several parameters"
                 )
         return found
 
