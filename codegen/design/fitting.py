@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array, Numbers
+from ..runtime.standalone.motion.settings import ATOL, METHOD, RTOL
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .experiments import Experiment, take_experiments
 from .failures import FAILURES
@@ -61,8 +62,8 @@ class _Problem:
 def fit(
     solver: Any, times: ArrayLike | None = None, samples: Mapping[str, ArrayLike] | None = None, variables: Wanted = (), *,
     sigma: float | Mapping[str, ArrayLike] | None = None, q: Numbers = None, u: Numbers = None, p: Numbers = None,
-    inputs: Any = None, start: float = 0.0, experiments: Sequence[Mapping[str, Any]] | None = None, integrator: str = "dop853",
-    rtol: float = 1e-9, atol: Any = 1e-9, method: str = "trf", loss: str = "linear", undetermined: float = UNDETERMINED,
+    inputs: Any = None, start: float = 0.0, experiments: Sequence[Mapping[str, Any]] | None = None, integrator: str = METHOD,
+    rtol: float = RTOL, atol: Any = ATOL, method: str = "trf", loss: str = "linear", undetermined: float = UNDETERMINED,
     most_motions: int | None = None, tolerance: float = 1e-10, **options: Any,
 ) -> Fit:  # fmt: skip
     """Identify variables from samples of motions, by nonlinear least squares with exact Jacobians.

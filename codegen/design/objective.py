@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ..runtime.standalone.arrays import Array, Numbers
 from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.motion.functionals import Functional, check_functionals
+from ..runtime.standalone.motion.settings import ATOL, METHOD, RTOL
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .constraints import bounds_of, dictionaries, nonlinear
 from .evaluated_points import Combine, Evaluation, Point
@@ -443,7 +444,7 @@ class Objective(OfVariables):
 def objective(
     solver: Any, t: Any, functionals: Functional | Sequence[Functional], variables: Wanted, *, weights: ArrayLike | None = None,
     combine: Combine | None = None, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None,
-    method: str = "auto", integrator: str = "dop853", rtol: float = 1e-9, atol: Any = 1e-9, on_failure: str = "inf",
+    method: str = "auto", integrator: str = METHOD, rtol: float = RTOL, atol: Any = ATOL, on_failure: str = "inf",
     **options: Any,
 ) -> Objective:  # fmt: skip
     """Make a function of design variables for SciPy's optimisers from functionals of a motion, with exact gradients.

@@ -82,6 +82,12 @@ def _methods(sections: tuple[str, ...]) -> tuple[ast.FunctionDef, ...]:
     return tuple(found)
 
 
+@functools.cache
+def _settings() -> dict[str, str]:
+    """Default settings of motions by the names of their constants."""
+    return dict(re.findall(r"^([A-Z_]+) = (\S+)$", carried_text("motion.settings"), re.MULTILINE))
+
+
 def _lines(
     method: ast.FunctionDef, manifest: Mapping[str, Any], kinds: Mapping[str, Sequence[str]], types: set[str]
 ) -> list[str]:
@@ -93,8 +99,12 @@ def _lines(
         if argument.annotation is None:
             return argument.arg
         types.add(kind := _type(method.name, argument, manifest, kinds))
-        known = ast.unparse(default) if isinstance(default, ast.Constant) else "..."
-        return f"{argument.arg}: {kind}" + (f" = {known}" if default is not None else "")
+        if default is None:
+            return f"{argument.arg}: {kind}"
+        known = ast.unparse(default)
+        return (
+            f"{argument.arg}: {kind} = {known if isinstance(default, ast.Constant) else _settings().get(known, '...')}"
+        )
 
     defaults = [*[None] * (len(of.args) - len(of.defaults)), *of.defaults]
     given = [written(*pair) for pair in zip(of.args, defaults, strict=True)]

@@ -102,6 +102,8 @@ def test_arguments(four_bar: Any, arguments: dict[str, Any], message: str) -> No
         ({"functionals": AtEvent("swing", Event("swing", direction="left"))}, r"direction is 'left'"),
         ({"functionals": Final("t")}, r"no output 't'"),
         ({"functionals": Final("swing"), "method": "backwards"}, r"method is 'backwards'; allowed are 'auto'"),
+        ({"functionals": Final("swing"), "integrator": "euler"}, r"integrator is 'euler'; allowed are 'rk4'"),
+        ({"functionals": Final("swing"), "integrator": "rk4"}, r"integrator 'rk4' takes constant steps: give step"),
         ({"functionals": Final("swing"), "t": [0, 1, 2]}, r"expected the end of the motion, or its start and end"),
         ({"functionals": Final("swing"), "t": -1.0}, r"the motion would end before it begins"),
         ({"functionals": Final("swing"), "t": (2.0, 1.0)}, r"the motion would end before it begins"),

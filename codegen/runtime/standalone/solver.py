@@ -24,7 +24,7 @@ from .display.views import Views
 from .motion.functional_gradients import MEMORY, FunctionalGradients
 from .motion.functionals import Functional, Judged
 from .motion.run import Progress
-from .motion.simulation import MOST_STEPS
+from .motion.settings import ATOL, METHOD, MOST_STEPS, RTOL, Settings, Start
 from .state.derivatives import Gradients, Jacobians
 from .state.frame_motion import FrameMotion, PointMotion
 from .state.frames import Bodies, Frames, Points
@@ -1785,8 +1785,8 @@ class Solver(Package):
 
     def simulate(
         self, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
-        sensitivities: Sequence[str] | str = (), dq0: Numbers = None, du0: Numbers = None, rtol: float = 1e-9,
-        atol: Any = 1e-9, atol_sensitivities: Any = None, method: str = "dop853", step: float | None = None,
+        sensitivities: Sequence[str] | str = (), dq0: Numbers = None, du0: Numbers = None, rtol: float = RTOL,
+        atol: Any = ATOL, atol_sensitivities: Any = None, method: str = METHOD, step: float | None = None,
         largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), progress: Progress | None = None,
         on_failure: str = "raise",
     ) -> Trajectory:  # fmt: skip
@@ -1867,26 +1867,9 @@ class Solver(Package):
         (101, 6)
         """
         # long: eighteen arguments, each with its meaning
-        run = self._motions.simulate(
-            t,
-            q,
-            u,
-            p,
-            inputs,
-            sensitivities,
-            dq0,
-            du0,
-            rtol,
-            atol,
-            atol_sensitivities,
-            method,
-            step,
-            largest_step,
-            most_steps,
-            events,
-            progress,
-            on_failure,
-        )
+        settings = Settings(method, rtol, atol, step, largest_step, most_steps, atol_sensitivities)
+        first = Start(q, u, p, inputs, sensitivities, dq0, du0)
+        run = self._motions.simulate(t, first, settings, events, progress, on_failure)
         if run.views is not None:
             run.views.again = lambda other: self.simulate(
                 t, q, u, other, inputs, rtol=rtol, atol=atol, method=method, step=step, largest_step=largest_step,
@@ -1897,7 +1880,7 @@ class Solver(Package):
     def judge(
         self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,
         inputs: Any = None, *, wrt: Sequence[str] | str = (), method: str = "auto", dq0: Numbers = None, du0: Numbers = None,
-        rtol: float = 1e-9, atol: Any = 1e-9, integrator: str = "dop853", step: float | None = None,
+        rtol: float = RTOL, atol: Any = ATOL, integrator: str = METHOD, step: float | None = None,
         largest_step: float | None = None, most_steps: int = MOST_STEPS, memory: int = MEMORY,
     ) -> Judged:  # fmt: skip
         """Return values of functionals of a motion and their gradients, exact for the steps that are made.
@@ -1950,25 +1933,9 @@ class Solver(Package):
         (2, 2)
         """
         # long: seventeen arguments, each with its meaning
-        return self._motions.judge(
-            t,
-            functionals,
-            q,
-            u,
-            p,
-            inputs,
-            wrt,
-            method,
-            dq0,
-            du0,
-            rtol,
-            atol,
-            integrator,
-            step,
-            largest_step,
-            most_steps,
-            memory,
-        )
+        settings = Settings(integrator, rtol, atol, step, largest_step, most_steps, keyword="integrator")
+        first = Start(q, u, p, inputs, wrt, dq0, du0)
+        return self._motions.judge(t, functionals, first, method, settings, memory)
 
     @functools.cached_property
     def _motions(self) -> FunctionalGradients:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Numbers
+from ..arrays import Array
 from ..calls.arguments import some
 from ..calls.non_finite import outputs_without
 from ..errors import SimulationError
@@ -21,6 +21,7 @@ from .directions import Directions
 from .flat_poses import lost_directions, what_is_lost
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
 from .problem import Problem, Run
+from .settings import Settings, Start
 from .simulation import MEANINGLESS, Simulation, meaningless
 
 GRADIENTS = ("auto", "forward", "adjoint")
@@ -51,10 +52,14 @@ class FunctionalGradients(Simulation):
     """Functionals of motions."""
 
     def judge(
-        self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers, u: Numbers, p: Numbers, inputs: Any,
-        wrt: Sequence[str] | str, method: str, dq0: Numbers, du0: Numbers, rtol: float, atol: Any, integrator: str,
-        step: float | None, largest_step: float | None, most_steps: int, memory: int,
-    ) -> Judged:  # fmt: skip
+        self,
+        t: Any,
+        functionals: Functional | Sequence[Functional],
+        first: Start,
+        method: str,
+        settings: Settings,
+        memory: int,
+    ) -> Judged:
         """See `Solver.judge`."""
         if method not in GRADIENTS:
             raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, GRADIENTS))}")
@@ -77,15 +82,13 @@ class FunctionalGradients(Simulation):
             )
         events = list(dict.fromkeys(f.event for f in wanted if isinstance(f, AtEvent)))
         integrals = list(dict.fromkeys(self.output_names.index(f.output) for f in wanted if isinstance(f, Integral)))
-        problem, directions = self._problem(
-            sorted(times), q, u, p, inputs, wrt, dq0, du0, rtol, atol, None, integrator, step, largest_step, most_steps
-        )
+        problem, directions = self._problem(sorted(times), first, settings)
         problem.integrals = tuple(integrals)
-        problem.atol = np.append(problem.atol, np.full(len(integrals), np.min(atol)))
+        problem.atol = np.append(problem.atol, np.full(len(integrals), np.min(settings.atol)))
         problem.events = tuple(
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
-        way = self._way(method, len(wanted), directions.k, integrator)
+        way = self._way(method, len(wanted), directions.k, settings.method)
         found = None if way != "adjoint" else self._by_adjoint(wanted, events, problem, directions, memory)
         if found is None:  # forward, or by the adjoint where derivatives do not exist along some directions
             way = "forward" if directions.k else "none"

@@ -10,9 +10,7 @@ import numpy as np
 from ..arrays import Array
 from ..calls.targets import Opened
 from .inputs import Inputs
-
-METHODS = ("rk4", "dop853", "radau")
-"""In the order of the constants of ``motion.h``."""
+from .settings import METHODS
 
 REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Numbers, all_finite, filled, is_finite, largest, normalise
+from ..arrays import Array, Numbers, all_finite, is_finite, largest, normalise
 from ..assembly.states import States
 from ..calls.functions import STATE
 from ..calls.non_finite import outputs_without
@@ -23,22 +23,17 @@ from .directions import Directions, take_sensitivities
 from .flat_poses import lost_directions, what_is_lost
 from .inputs import Inputs
 from .lost import lost_names, why_lost
-from .problem import METHODS, Problem, Run
+from .problem import Problem, Run
 from .reasons import Reasons
 from .run import Progress, places_in_rows
+from .settings import Settings, Start
 from .signals import take_inputs
 
 CLOSED = 1e-10
 """Scaled residual of an initial state that needs no assembly."""
 
-MOST_STEPS = 1_000_000
-"""So many steps are made unless a caller allows more."""
-
 STEPS_OF_PRESCRIBED = 100
 """Where nothing is integrated, steps have no error, and results are wanted between the ends of the motion all the same."""
-
-SMALLEST_TOLERANCE = 1e-14
-"""Relative errors below it are rounding."""
 
 MEANINGLESS = 1e10
 """Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
@@ -59,16 +54,12 @@ class Simulation(Reasons):
         self._kinks: dict[Any, tuple[float, str] | None] = {}
 
     def simulate(
-        self, t: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any, sensitivities: Sequence[str] | str, dq0: Numbers,
-        du0: Numbers, rtol: float, atol: Any, atol_sensitivities: Any, method: str, step: float | None,
-        largest_step: float | None, most_steps: int, events: Any, progress: Progress | None, on_failure: str,
-    ) -> Trajectory:  # fmt: skip
+        self, t: Any, first: Start, settings: Settings, events: Any, progress: Progress | None, on_failure: str
+    ) -> Trajectory:
         """See `Solver.simulate`."""
         if on_failure not in ("raise", "return"):
             raise ValueError(f"on_failure is {on_failure!r}; allowed are 'raise' and 'return'")
-        problem, directions = self._problem(
-            t, q, u, p, inputs, sensitivities, dq0, du0, rtol, atol, atol_sensitivities, method, step, largest_step, most_steps
-        )  # fmt: skip
+        problem, directions = self._problem(t, first, settings)
         wanted = take_events(self.output_names, events) if events != () else ()
         if wanted:
             problem.events = tuple(
@@ -161,35 +152,21 @@ class Simulation(Reasons):
 
     # -- what is asked for ---------------------------------------------------------------------------------------------
 
-    def _problem(
-        self, t: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any, sensitivities: Sequence[str] | str, dq0: Numbers,
-        du0: Numbers, rtol: float, atol: Any, atol_sensitivities: Any, method: str, step: float | None,
-        largest_step: float | None, most_steps: int,
-    ) -> tuple[Problem, Directions]:  # fmt: skip
+    def _problem(self, t: Any, given: Start, settings: Settings) -> tuple[Problem, Directions]:
         """A motion from what a user gives, checked."""
         if "state_rates" not in self._functions:
             raise AttributeError(self._why_not("simulate"))
         start, end, times = _interval(t)
-        if method not in METHODS:
-            raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
-        if method == "rk4" and step is None:
-            raise ValueError("method 'rk4' takes constant steps: give step, s")
-        for name, x in (("rtol", rtol), ("step", step), ("largest_step", largest_step), ("most_steps", most_steps)):
-            if x is not None and not (isinstance(x, (int, float, np.number)) and math.isfinite(x) and x > 0):
-                raise ValueError(f"{name} is {x!r}, expected a positive number")
-        if rtol < SMALLEST_TOLERANCE:
-            raise ValueError(
-                f"rtol is {rtol:g}, below the rounding of floating-point numbers; allowed are {SMALLEST_TOLERANCE:g} and more"
-            )
+        q, u, p = given.q, given.u, given.p
         p_all = self._arguments.defaults["p"] if p is None else self._arguments.take({"p": p}, self._left_out)[0]["p"]
         if p_all.ndim != 1:
             raise ValueError(
                 f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; ordernm.simulate_many takes more"
             )
-        spline = take_inputs(self.signal_names, inputs, self.moving_inputs, (start, end))
+        spline = take_inputs(self.signal_names, given.inputs, self.moving_inputs, (start, end))
         spline.check_moving(self.signal_names, start, end)
         end, times, kink = self._before_kinks(start, end, times, p_all, spline)
-        directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
+        directions = take_sensitivities(self, given.sensitivities, given.dq0, given.du0, spline)
         dq, du = directions.dq, directions.du
         of_model = None
         if directions.k and not directions.given and (q is None or u is None) and not self.states.initial_is_fixed:
@@ -201,14 +178,16 @@ class Simulation(Reasons):
             q_all, u_all = of_model[:2]
         else:
             q_all, u_all = self._first_state(q, u, first)
-        allowed = _tolerances("atol", atol, (self.nq + self.nu,))
-        allowed_directions = None
-        if atol_sensitivities is not None:
-            allowed_directions = _tolerances("atol_sensitivities", atol_sensitivities, (directions.k,))
+        allowed, allowed_directions = (
+            settings.tolerances(name, n)
+            for name, n in (("atol", self.nq + self.nu), ("atol_sensitivities", directions.k))
+        )
+        assert allowed is not None
+        largest_step = settings.largest_step or (0.0 if self.nq + self.nu else (end - start) / STEPS_OF_PRESCRIBED)
         problem = Problem(
-            start, end, q_all, u_all, p_all, spline, times, dq, du, directions.dp, directions.dinputs, float(rtol),
-            allowed, allowed_directions, method, float(step or 0.0),
-            float(largest_step or (0.0 if self.nq + self.nu else (end - start) / STEPS_OF_PRESCRIBED)), int(most_steps),
+            start, end, q_all, u_all, p_all, spline, times, dq, du, directions.dp, directions.dinputs,
+            float(settings.rtol), allowed, allowed_directions, settings.method, float(settings.step or 0.0),
+            float(largest_step), int(settings.most_steps),
         )  # fmt: skip
         problem.kink = kink
         return problem, directions
@@ -426,16 +405,3 @@ def _interval(t: Any) -> tuple[float, float, Array]:
 def _rise(times: Array) -> bool:
     """Whether each time is later than the one before."""
     return bool(times[1] > times[0]) if len(times) == 2 else bool((times[1:] > times[:-1]).all())
-
-
-def _tolerances(name: str, given: Any, shape: tuple[int, ...]) -> Array:
-    """One tolerance, or one for each."""
-    if type(given) is float and 0.0 < given < math.inf:
-        return filled(shape, given)
-    try:
-        found = np.broadcast_to(np.asarray(given, float), shape).copy()
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} is {given!r}, expected a positive number, or {shape[0]} of them") from None
-    if not (np.isfinite(found).all() and (found > 0).all()):
-        raise ValueError(f"{name} has entries that are not positive, expected errors that are allowed")
-    return found
