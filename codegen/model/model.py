@@ -34,7 +34,7 @@ from .members import (
     joint_coordinates,
     outward,
 )
-from .outputs import MEASURES, Output
+from .outputs import MEASURES, Distance, Output
 from .places import GROUND, Face, Point
 from .rates import rate, rates_of
 from .straight import signed_length
@@ -324,9 +324,14 @@ class Model:
                 found.add_turn(force.name)
             elif not self.loops and (line := signed_length(self.bodies, self.motion, force)) is not None:
                 found.add_line(force.name, *line)
+                continue
+            if force.singular and len(force.ends) == 2 and len({isinstance(end, Face) for end in force.ends}) == 1:
+                found.add_ends(force.ends, force.axis, f"forces.{force.name}")
         for i, output in enumerate(self.outputs):
             if output.expression is not None:
                 found.add(output.expression.tree, f"outputs.{output.name}.value", i)
+            elif output.measure == Distance.name:
+                found.add_ends(output.points, None, f"outputs.{output.name}", i)
         return found
 
     @cached_property

@@ -16,8 +16,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from ..elementary import TABLE, named, tree_of
+from .axes import Vector
 from .expressions import COMBINED, Expression
 from .grammar import AT_LEAST, WRAPPED, Number, Tree
+from .places import Face, Point
 from .products import HELD, is_positive
 from .singular import singular_functions, singular_in
 from .trees import nodes, parts
@@ -32,7 +34,7 @@ KINDS: Final = ("sign", "power", "root", "turn", "point")
 - ``power``: the same, of the base of a power such as ``max(0, x)**1.5``, whose higher derivatives are unbounded at zero.
 - ``root``: the same, where the first derivative may be unbounded, as that of ``sqrt(max(0, x))``.
 - ``turn``: the angle near which the function, itself an angle, is measured.
-- ``point``: nothing, of a singular function, which is zero where an expression may have no value.
+- ``point``: nothing, of a singular function, which is zero where an expression, or the direction of a force, may have no value.
 """
 
 BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
@@ -124,6 +126,11 @@ class Switch:
         Outputs that it is in.
     direction : tuple of float
         Of the line of a force element whose ends pass each other, of any length.
+    ends : tuple of Point or Face
+        Of a singular function of a force element or of a distance, which has no tree: two points that may meet, or two faces that
+        may be half a turn apart.
+    axis : tuple of Expression, optional
+        Of the faces: half a turn across it is singular, instead of any half turn.
     """
 
     number: int
@@ -136,10 +143,15 @@ class Switch:
     moves: bool = False
     outputs: set[int] = field(default_factory=set)
     direction: tuple[Number, ...] = ()
+    ends: tuple[Point | Face, ...] = ()
+    axis: Vector | None = None
 
     @property
     def words(self) -> str:
         """What changes its branch, for messages: ``sign(u.slope)``, ``q.band > s``."""
+        if self.ends:
+            turned = f"half a turn{' across the axis' if self.axis is not None else ''}"
+            return turned if isinstance(self.ends[1], Face) else "ends that coincide"
         if self.kind == "point":
             return f"{Expression(self.value)} = 0"
         if self.element:
@@ -169,6 +181,7 @@ class Switches:
         self.found: list[Switch] = []
         self._varies = varies_in_motion(inputs)
         self._by_value: dict[Tree, Switch] = {}
+        self._by_ends: dict[tuple[object, ...], Switch] = {}
         self._held: dict[tuple[Tree, bool], Tree] = {}
         self._within: dict[Tree, frozenset[int]] = {}
         self._located: dict[Tree, list[int]] = {}
@@ -204,6 +217,24 @@ class Switches:
                 len(self.found), (), length, "sign", element, [f"forces.{element}"], drives=True, direction=direction
             )
         )
+
+    def add_ends(
+        self, ends: tuple[Point | Face, ...], axis: Vector | None, place: str, output: int | None = None
+    ) -> None:
+        """Two ends of a force element, or of an output that is a distance, where it may have no direction."""
+        key = tuple((end.body, *(e.tree for e in end.at)) for end in ends)
+        of_points = not any(isinstance(end, Face) for end in ends)
+        switch = self._by_ends.get(key) if of_points else None
+        if switch is None:
+            switch = Switch(len(self.found), (), (), "point", ends=ends, axis=axis)
+            self.found.append(switch)
+            if of_points:
+                self._by_ends[key] = switch
+        switch.places.append(place)
+        if output is None:
+            switch.drives = True
+        else:
+            switch.outputs.add(output)
 
     def direction_of(self, element: str) -> tuple[Number, ...]:
         """The direction, of any length, of the line between the ends of a force element, if it is always the same."""

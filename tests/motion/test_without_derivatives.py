@@ -236,7 +236,8 @@ def test_a_jump_beside_four_rates_that_are_steep(made: Callable[..., Made]) -> N
     solver = made(parsed, text + "".join(FORCE.format(n, "tanh(q.x/1e-5)") for n in names)).solver
     for options in METHODS:
         found, messages = gradients(solver, [Final("x")], ["x0"], **options)
-        assert np.isnan(found.gradients).all() and "jumps there at no switch" in messages[0], options
+        assert np.isnan(found.gradients).all(), options
+        assert any("ends that coincide" in m or "jumps there at no switch" in m for m in messages), options
 
 
 def test_steep_forces_are_no_jumps(made: Callable[..., Made]) -> None:
