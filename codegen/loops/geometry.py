@@ -165,7 +165,7 @@ class Geometry:
         """Rotation ``(S, 3, 3)`` that the later motions of a body's joint give its first one; None if they do not rotate."""
         known = self._behind.get(body)
         if known is None:
-            chain = self.chains[self.kinds[body]].behind_first()
+            chain = self.chains[self.kinds[body]].without_first()
             known = self._behind[body] = chain.of(self.row[[body]])
         R = known.transforms(q)[0]
         return None if R is None else R[:, 0]
@@ -216,7 +216,7 @@ class Geometry:
             chain = self.chains[kind] = Chain(kind.motion, steps)
             speeds = first[ks][:, None] + np.arange(len(kind.speeds))
             self.screw_w[speeds], self.screw_v[speeds] = chain.unit_screws(range(len(steps)))
-            self.still_w[speeds], self.still_v[speeds] = chain.unit_screws(set(range(len(steps))) - set(chain.seen))
+            self.still_w[speeds], self.still_v[speeds] = chain.unit_screws(set(range(len(steps))) - set(chain.altered))
         self.turning = np.any(self.screw_w != 0, axis=1)
         self._behind: dict[int, Chain] = {}
         self.all_joints = Joints(self, range(n))
@@ -378,10 +378,10 @@ class Joints:
             places = np.array(members)
             chain = g.chains[kind].of(g.row[b[places]])
             self.chains.append((places, chain))
-            if chain.seen:
+            if chain.altered:
                 first = np.searchsorted(self.place, places)  # first of their speeds
                 columns = first[:, None] + np.arange(len(kind.speeds))
-                self.changing.append((chain, [columns[:, chain.steps[i].speeds] for i in chain.seen]))
+                self.changing.append((chain, [columns[:, chain.steps[i].speeds] for i in chain.altered]))
         self.unturned = np.array(unturned, dtype=int)
 
     def transforms(self, q: Array) -> tuple[Array, Array]:

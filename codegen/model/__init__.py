@@ -1,4 +1,4 @@
-"""Models: the file format, the builder, expressions, and what a checked model is."""
+"""Models: the file format, the builder, expressions, and the checked model."""
 
 from .builder import ModelBuilder
 from .errors import ModelError, Problem

@@ -1,8 +1,8 @@
-"""From the plain data of a file or the builder to a checked `Model`, with every problem on the way.
+"""Makes a checked `Model` from the plain data of a file or of the builder, and collects all errors.
 
-One pass over the sections in the order in which they need each other: constants, parameters, inputs, gravity, bodies,
-prescribed motion, points, loops, couplings, forces, outputs, initial values, independent coordinates. A section that is wrong is
-reported and left out, so that the others are still read.
+The sections are read once, in the order in which they depend on each other: constants, parameters, inputs, gravity, bodies,
+prescribed motion, points, loops, couplings, forces, outputs, initial values, independent coordinates. A section with errors is
+reported and left out, so that the others are still checked.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from .sections.tables import read_tables
 
 
 def assemble(document: Document, folder: str | None = None) -> Model:
-    """The model that a document describes; its other files stand in the folder.
+    """The model that a document describes; `folder` contains the other files that it names.
 
     Raises
     ------
     ModelError
-        With all problems.
+        If the document has errors; it lists all of them.
     """
     reader = Reader(document, folder)
     model = None
@@ -45,7 +45,7 @@ def assemble(document: Document, folder: str | None = None) -> Model:
         model = _model(reader) if _is_mapping(document, reader) else None
     except (TooManyProblems, CannotGoOn):
         pass
-    except RecursionError:  # bounded depths should prevent it; a deep call stack of the caller may not
+    except RecursionError:  # limits on depth should prevent it, but the caller's stack may already be deep
         reader.problems.append(Problem(document.file, 1, 1, "", "expressions nested too deeply"))
     errors = [p for p in reader.problems if p.severity == "error"]
     if errors or model is None:
@@ -56,7 +56,7 @@ def assemble(document: Document, folder: str | None = None) -> Model:
 
 
 def _is_mapping(document: Document, reader: Reader) -> bool:
-    """Whether a document has keys; a problem where it has not."""
+    """Whether a document has keys; reports an error if not."""
     if isinstance(document.root, dict):
         return True
     message = f"{seen(document.root)}; a model file is a mapping with the keys {', '.join(SECTIONS)}"
@@ -71,11 +71,11 @@ def _model(reader: Reader) -> Model | None:
     parameters = read_parameters(reader)
     reader.allowed["inputs"] = {**dict.fromkeys(reader.defaults), "t": None}
     read_inputs(reader)
-    reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # printed last
+    reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # last in messages
     check_given(reader)
     tables = read_tables(reader)
     named = read_named_expressions(reader)
-    reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
+    reader.allowed["motion"] = dict(reader.allowed["inputs"])  # moving coordinates are added when the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
     motion = read_motion(reader, bodies)
@@ -85,7 +85,7 @@ def _model(reader: Reader) -> Model | None:
     before = reader.errors
     loops = read_loops(reader, bodies, points)
     couplings = read_couplings(reader, bodies)
-    if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
+    if reader.errors == before:  # an unreadable loop may hold a body that seems to move no mass
         faces = [face for loop in loops for face in (loop.start, loop.end)]
         coupled = {term.body for of in couplings for term in of.terms}
         check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND} | coupled, motion)

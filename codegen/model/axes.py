@@ -1,4 +1,4 @@
-"""Directions given as expressions: which base vector they are, and others made of them."""
+"""Directions given as expressions: base vectors, and vectors made of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Vector = tuple[Expression, Expression, Expression]
 
 
 def coordinate_axis(axis: Vector) -> tuple[int, int] | None:
-    """Index and sign of the base vector that an axis is along, if it is given as one."""
+    """Index and sign of the base vector along an axis; None if the axis is not given as one."""
     if not all(a.is_number for a in axis):
         return None
     values = [float(a.value) for a in axis]
@@ -17,19 +17,19 @@ def coordinate_axis(axis: Vector) -> tuple[int, int] | None:
 
 
 def least_along(axis: Vector, defaults: dict[str, float]) -> int:
-    """Index of the base vector that an axis is least along at the default parameters."""
+    """Index of the base vector that is most nearly perpendicular to an axis, at the default parameters."""
     sizes = [abs(float(a.evaluate(defaults))) for a in axis]
     return sizes.index(min(sizes))
 
 
 def signed_base(i: int, sign: int = 1) -> Vector:
-    """A base vector, or its opposite."""
+    """A base vector, or its negative."""
     x, y, z = (Expression.number(sign if k == i else 0) for k in range(3))
     return x, y, z
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """a x b."""
+    """Cross product a x b."""
 
     def entry(i: int) -> Expression:
         j, k = (i + 1) % 3, (i + 2) % 3

@@ -1,4 +1,4 @@
-"""Puts numbers in the place of constants and repeat indices of parsed expressions."""
+"""Replaces constants and repeat indices in parsed expressions by numbers."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from .tree_text import PRECEDENCE, print_tree
 
 
 class Numbers(Protocol):
-    """What `bind` looks names up in: a mapping, or a `Scope`."""
+    """Values of names for `bind`: a mapping, or a `Scope`."""
 
     def get(self, name: str, /) -> Number | str | None:
-        """Number or label of a name, or None."""
+        """Number or label of a name; None if it has none."""
 
 
 class Scope:
-    """Repeat indices before constants, without a copy of either."""
+    """Looks up repeat indices before constants, without copying either."""
 
     __slots__ = ("constants", "indices")
 
@@ -28,32 +28,32 @@ class Scope:
         self.constants = constants
 
     def get(self, name: str, /) -> Number | str | None:
-        """Number or label of a name, or None."""
+        """Number or label of a name; None if it has none."""
         value = self.indices.get(name)
         return self.constants.get(name) if value is None else value
 
 
 def bind(expression: Expression, numbers: Numbers) -> Expression:
-    """Put numbers in the place of constants and repeat indices, settle indexed names, and compute what is numeric.
+    """Replace constants and repeat indices by numbers, resolve indexed names, and compute numerical parts.
 
     Parameters
     ----------
     expression : Expression
     numbers : mapping of str to int, float or str, or Scope
-        Constants and indices. A str is the label of a repetition and may be used as an index only.
+        Constants and indices. A str is a label of a repetition and can only be an index.
 
     Raises
     ------
     ExpressionError
-        A number without a finite value, an index that is no whole number, a remainder or an index of unknown names.
+        If a number is not finite, an index is not an integer, or a remainder or an index contains unknown names.
     """
     tree = _bind(expression.tree, numbers)
     return expression if tree is expression.tree else Expression(tree)
 
 
 def label_key(label: str) -> str:
-    """Key under which `numbers` says that a label of some repetition may be written as an index: ``foot(left)``."""
-    return f"'{label}'"  # no name has a quote
+    """Key in `numbers` that declares a label of a repetition, which may then be an index: ``foot(left)``."""
+    return f"'{label}'"  # no name contains a quote
 
 
 def index_text(tree: Tree, numbers: Numbers) -> str:
@@ -62,7 +62,7 @@ def index_text(tree: Tree, numbers: Numbers) -> str:
     Raises
     ------
     ExpressionError
-        If it is neither a label nor a whole number from 0.
+        If it is neither a label nor a non-negative integer.
     """
     if tree[0] == "name":
         value = numbers.get(tree[1])
@@ -74,7 +74,7 @@ def index_text(tree: Tree, numbers: Numbers) -> str:
             return str(value)
     elif (
         tree[0] in ("+", "-") and tree[1][0] == "name" and tree[2][0] == "number"
-    ):  # the neighbour, by far the most frequent
+    ):  # a neighbour such as k-1 is by far the most frequent index
         value, step = numbers.get(tree[1][1]), tree[2][1]
         if type(value) is int and type(step) is int:
             value = value + step if tree[0] == "+" else value - step
@@ -84,9 +84,9 @@ def index_text(tree: Tree, numbers: Numbers) -> str:
     if bound[0] == "number" and isinstance(bound[1], int) and bound[1] >= 0:
         return str(bound[1])
     if bound[0] != "number":
-        raise ExpressionError(f"index ({print_tree(tree, 0)}) has no value here; constants and repeat indices have one")
+        raise ExpressionError(f"index ({print_tree(tree, 0)}) has no value; constants and repeat indices are allowed")
     raise ExpressionError(
-        f"index ({print_tree(tree, 0)}) is {bound[1]!r}; an index is a whole number from 0, or a label"
+        f"index ({print_tree(tree, 0)}) is {bound[1]!r}; an index is a non-negative integer, or a label"
     )
 
 
@@ -99,18 +99,18 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
     if kind == "component":
         found, is_vector = _component(tree[1], tree[2], numbers)
         if not is_vector:
-            raise ExpressionError(f"{print_tree(tree[1], 0)!r} is no {tree[3]}")
+            raise ExpressionError(f"{print_tree(tree[1], 0)!r} is not {tree[3]}")
         return found
     if kind == "name":
         value = numbers.get(tree[1])
         if value is None:
             return tree
         if isinstance(value, str):
-            raise ExpressionError(f"{tree[1]} is the label {value!r} here, not a number; a label can only be an index")
+            raise ExpressionError(f"{tree[1]} is the label {value!r}, not a number; a label can only be an index")
         return ("number", canonical(value))
     if kind == "call" and tree[1] == CHOICE:
         condition = _bind(tree[2], numbers)
-        if condition[0] == "number":  # what is never taken need not have a value
+        if condition[0] == "number":  # the branch that is not taken need not have a value
             return _bind(tree[3] if condition[1] else tree[4], numbers)
         return combine(CHOICE, condition, *[_bind(a, numbers) for a in tree[3:]])
     if kind == "call":
@@ -127,17 +127,17 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
 
 
 def vector_key(name: str) -> str:
-    """Key under which `numbers` says that a name is a vector: ``NAME.x``, ``NAME.y``, ``NAME.z``."""
-    return f"'{name}.'"  # no name has a quote
+    """Key in `numbers` that declares a name as a vector with ``NAME.x``, ``NAME.y``, ``NAME.z``."""
+    return f"'{name}.'"  # no name contains a quote
 
 
 def component_of(tree: Tree, k: int, wanted: str) -> Tree:
-    """One of the three components of an expression that stands where a vector is wanted."""
+    """Component k of an expression given in place of a vector."""
     return ("component", tree, k, wanted)
 
 
 def _component(tree: Tree, k: int, numbers: Numbers) -> tuple[Tree, bool]:
-    """A component of what is a vector, bound, and True; or what is a number, bound, and False."""
+    """Component k of a vector expression, bound, and True; or a bound number, and False."""
     kind = tree[0]
     if kind == "indexed" and not tree[3]:
         tree = ("name", "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]))
@@ -151,21 +151,21 @@ def _component(tree: Tree, k: int, numbers: Numbers) -> tuple[Tree, bool]:
         return _bind(tree, numbers), False
     (a, left), (b, right) = (_component(x, k, numbers) for x in tree[1:])
     if kind in ("+", "-") and left != right:
-        raise ExpressionError(f"{print_tree(tree, 0)} adds a number and a vector; both are to be vectors")
+        raise ExpressionError(f"{print_tree(tree, 0)} adds a number and a vector; both must be vectors")
     if (kind == "*" and left and right) or (kind == "/" and right):
         raise ExpressionError(
-            f"{print_tree(tree, 0)} multiplies or divides by a vector; a vector takes numbers as factors"
+            f"{print_tree(tree, 0)} multiplies or divides by a vector; a vector can only be multiplied by numbers"
         )
     return combine(kind, a, b), left or right
 
 
 class Binder:
-    """Binds many expressions to the same constants and remembers the results that no index changes.
+    """Binds many expressions to the same constants, and stores results that do not depend on an index.
 
     Parameters
     ----------
     constants : mapping of str to number
-        Labels too, see `label_key`. Read at every new binding; constants that were used must not change afterwards.
+        Labels too, see `label_key`. Read at every binding; constants that have been used must not change afterwards.
     """
 
     def __init__(self, constants: Mapping[str, Number | str]) -> None:
@@ -174,7 +174,7 @@ class Binder:
         self._computed: dict[tuple[Expression, tuple[str, ...]], Computed | None] = {}
 
     def __call__(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
-        """`bind` to the constants and these repeat indices."""
+        """`bind` to the constants and to these repeat indices."""
         names = expression.names
         if not names.isdisjoint(indices):
             key = expression, tuple(indices)
@@ -186,7 +186,7 @@ class Binder:
                 try:
                     return Expression(("number", compute(indices)))
                 except (ArithmeticError, ValueError, TypeError):
-                    pass  # a label, or no finite value: `bind` says so
+                    pass  # a label, or a value that is not finite: `bind` reports it
             return bind(expression, Scope(indices, self.constants))
         result = self._results.get(expression)
         if result is None:
@@ -195,15 +195,15 @@ class Binder:
 
 
 Computed = Callable[[Mapping[str, Any]], Number]
-"""The number of an expression for values of indices."""
+"""A function from values of indices to the number of an expression."""
 
 
 def _computed(
     tree: Tree, indices: Mapping[str, Number | str], constants: Mapping[str, Number | str]
 ) -> Computed | None:
-    """How to compute an expression that has no names but indices and constants that are numbers; None for any other.
+    """A function that computes an expression of indices and numerical constants only; None for other expressions.
 
-    It computes the same as `bind`, operation by operation, in a third of the time where many indices follow.
+    It computes the same as `bind`, operation by operation, and takes a third of the time if many indices follow.
     """
     kind = tree[0]
     if kind in ("number", "quantity"):

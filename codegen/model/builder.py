@@ -1,4 +1,4 @@
-"""Models built in Python: the same structure as a file, through the same checks."""
+"""Models built in Python, with the structure and the checks of a model file."""
 # long: a signature and a docstring for each of twenty methods
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from .positions import Document
 from .sympy_trees import is_sympy
 
 Scalar = str | int | float | Expression | Any
-"""A number, an expression as the format writes it, or one of sympy's."""
+"""A number, an expression as in a model file, or a sympy expression."""
 Vector3 = str | Sequence[Scalar]
-"""Three of them, or an expression of vectors."""
+"""Three of them, or a vector expression."""
 
 
 class ModelBuilder:
@@ -70,10 +70,10 @@ class ModelBuilder:
         self._symbols: dict[Any, str] = {}
 
     def symbols(self, names: Mapping[Any, str]) -> None:
-        """Give symbols of sympy, and functions of time, the names that they have in the model; may be called several times.
+        """Assign names in the model to sympy symbols and functions of time; may be called several times.
 
-        Without it a symbol is the parameter, constant or input of its name, ``t`` is the time, and a function of time, as
-        `dynamicsymbols` makes them, is the input of its name or the coordinate of the body of its name.
+        Without it, a symbol is the parameter, constant or input of its name, and ``t`` is the time. A function of time, such
+        as those of `dynamicsymbols`, is the input of its name or the coordinate of the body of its name.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class ModelBuilder:
         Raises
         ------
         TypeError
-            A key that is no object of sympy's, or a name that is no str.
+            If a key is not a sympy object, or a name is not a str.
 
         Examples
         --------
@@ -185,7 +185,7 @@ class ModelBuilder:
         return Name(name)
 
     def expression(self, name: str, value: Scalar) -> Name:
-        """Add a name for an expression that several entries share.
+        """Add a name for an expression that several entries use.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class ModelBuilder:
         kind: str = "linear",
         period: Scalar | None = None,
     ) -> None:
-        """Add a function of one number that is given by points.
+        """Add a function of one number that is interpolated between points.
 
         Expressions call it by its name: ``torque(u.wheel)``.
 
@@ -336,7 +336,7 @@ class ModelBuilder:
         rpy: Vector3 | None = None,
         given: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
     ) -> str:
-        """Add a model file once more, with its names behind ``NAME_``.
+        """Add a model file as a part, with its names prefixed by ``NAME_``.
 
         Parameters
         ----------
@@ -353,7 +353,7 @@ class ModelBuilder:
         rpy : sequence of three, optional
             Roll, pitch and yaw of that ground in the body, rad.
         given : mapping of str to number or expression, optional
-            Values for constants, parameters and inputs of the file; ``with`` in a model file.
+            Values for constants, parameters and inputs of the file; the key ``with`` in a model file.
 
         Returns
         -------
@@ -375,7 +375,7 @@ class ModelBuilder:
         return name
 
     def include(self, file: str) -> None:
-        """Read the sections of another model file as if they stood here.
+        """Read the sections of another model file as if they were written here.
 
         Parameters
         ----------
@@ -570,7 +570,7 @@ class ModelBuilder:
         type : str
             Type, such as ``"actuator"``, ``"bushing"`` or ``"friction"``.
         **keys
-            Keys of the type in a model file. ``start`` and ``end`` stand for ``from`` and ``to``.
+            Keys of the type in a model file; ``start`` and ``end`` replace ``from`` and ``to``.
 
         Examples
         --------
@@ -733,11 +733,11 @@ class ModelBuilder:
 
 
 def _operation(operator: str, swapped: bool = False) -> Callable[[object, object], Name]:
-    """A method of `Name`: the text of an operation."""
+    """A method of `Name` that returns the text of an operation."""
 
     def of(one: object, other: object) -> Name:
         if is_sympy(other):
-            return NotImplemented  # sympy takes the name as `_sympy_` gives it
+            return NotImplemented  # sympy then converts the name by `_sympy_`
         left, right = (other, one) if swapped else (one, other)
         return Name(f"({_operand(left)} {operator} {_operand(right)})")
 
@@ -745,7 +745,7 @@ def _operation(operator: str, swapped: bool = False) -> Callable[[object, object
 
 
 class Name(str):
-    """Name of a parameter, constant or input that may be calculated with: ``L / 2`` is the expression of that text."""
+    """Name of a parameter, constant or input that can be used in arithmetic: ``L / 2`` is an expression text."""
 
     __slots__ = ()
 
@@ -759,7 +759,7 @@ class Name(str):
         return Name(f"(-{_operand(self)})")
 
     def _sympy_(self) -> Any:
-        """What sympy computes with."""
+        """The object that sympy computes with."""
         from .parsing import parse
         from .sympy_output import to_sympy
 
@@ -771,7 +771,7 @@ def _operand(value: object) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Mappings, lists and scalars, whatever kinds of sequence and array they came as."""
+    """Mappings, lists and scalars of any kind as plain ones."""
     if isinstance(value, str):
         return str(value)
     if isinstance(value, (int, float, Expression)) or value is None or is_sympy(value):

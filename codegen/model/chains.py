@@ -1,7 +1,7 @@
-"""Joints in motion, on floats: chains of elementary motions, those of many joints of one type at once.
+"""Motion of joints on floats: chains of elementary motions, for many joints of one type at the same time.
 
-Coordinates come in batches, ``(S, nq + 1)`` with a zero behind; m joints of a type have arrays ``(S, m, ...)``. Each kind of
-elementary motion is a class here; everything else follows from their order.
+Coordinates are ``(S, nq + 1)`` with a zero at the end; m joints of a type have arrays ``(S, m, ...)``. Each kind of elementary
+motion is a class here; everything else follows from their order.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from .vectors import Array, U, axis_rotation, cross, quaternion_rotation, skew, 
 
 @dataclass(slots=True, kw_only=True)
 class Step:
-    """An elementary motion of m joints.
+    """An elementary motion of m joints, from a frame before it to a frame behind it.
 
     Attributes
     ----------
     speeds : slice
-        Which of a joint's speeds are its own, see `speeds_of`.
+        Its speeds among those of a joint, see `speeds_of`.
     place : (m,) or (m, c) array
-        Its coordinates in q.
+        Indices of its coordinates in q.
     w, v : (m, f, 3) array
-        Angular velocity and velocity, in components behind it, of unit speeds; None where there is none.
+        Angular velocity and velocity per unit speed, components of the frame behind it; None for zero.
     """
 
     speeds: slice
@@ -37,12 +37,12 @@ class Step:
     v: Array | None = None
 
     def of(self, rows: Array) -> Self:
-        """That of some of the joints."""
+        """The same for some of the joints."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "speeds"}
         return replace(self, **{name: x[rows] for name, x in arrays.items() if x is not None})
 
     def rotation(self, q: Array) -> Array | None:
-        """Components behind it into components before it, ``(S, m, 3, 3)``."""
+        """Rotation matrix from the frame behind to the frame before, ``(S, m, 3, 3)``."""
         return None
 
     def back(self, q: Array) -> Array | None:
@@ -50,7 +50,7 @@ class Step:
         return None
 
     def shift(self, q: Array) -> Array | None:
-        """The origin behind it in components before it, ``(S, m, 3)``, m."""
+        """Origin of the frame behind, components of the frame before, ``(S, m, 3)``, m."""
         return None
 
 
@@ -85,21 +85,21 @@ class _Ball(Step):
 
 @dataclass(slots=True, kw_only=True)
 class _Displacement(Step):
-    """Its velocities `v` are in components of the chain's end."""
+    """A displacement; `v` has components of the frame at the chain's end."""
 
     def shift(self, q: Array) -> Array:
         return q[:, self.place]
 
 
 def step(motion: Motion, start: Array, axes: Array, factors: Array) -> Step:
-    """A motion of m joints.
+    """The step for an elementary motion of m joints.
 
     Parameters
     ----------
     start : (m,) array
-        Where the joints' coordinates begin in q.
+        Index of each joint's first coordinate in q.
     axes : (m, a, 3) array
-        Of unit length, in the joint frame.
+        Unit vectors in the joint frame.
     factors : (m, c) array
     """
     speeds, units = speeds_of(motion), np.broadcast_to(U, (len(start), 3, 3))
@@ -123,33 +123,33 @@ class Chain:
     ----------
     motion : sequence of Motion
     steps : sequence of Step
-        One for each.
+        One for each elementary motion.
 
     Attributes
     ----------
-    seen : list of int
-        Steps that later ones change, see `changed`.
+    altered : list of int
+        Steps whose screws later ones change, see `changed`.
     turns : bool
-        Whether a body turns against its parent.
+        Whether the body rotates relative to its parent.
     """
 
     def __init__(self, motion: Sequence[Motion], steps: Sequence[Step]) -> None:
         self.motion, self.steps = motion, steps
-        self.seen = changed(motion)
+        self.altered = changed(motion)
         self.turns = any(isinstance(m, Turn | Ball) for m in motion)
 
     def of(self, rows: Array) -> Chain:
-        """That of some of the joints."""
+        """The same for some of the joints."""
         part = copy(self)
         part.steps = [step.of(rows) for step in self.steps]
         return part
 
-    def behind_first(self) -> Chain:
-        """Without the first motion."""
+    def without_first(self) -> Chain:
+        """The chain without its first motion."""
         return Chain(self.motion[1:], self.steps[1:])
 
     def unit_screws(self, steps: Iterable[int]) -> tuple[Array, Array]:
-        """Screws of unit speeds, w and v ``(m, f, 3)``, as some of the steps alone cause them, components behind these."""
+        """Unit screws w and v ``(m, f, 3)`` of some of the steps, without later motions, components of the frames behind them."""
         m, f = len(self.steps[0].place), max(step.speeds.stop for step in self.steps)
         w, v = np.zeros((m, f, 3)), np.zeros((m, f, 3))
         for step in (self.steps[i] for i in steps):
@@ -160,7 +160,7 @@ class Chain:
         return w, v
 
     def transforms(self, q: Array) -> tuple[Array | None, Array | None]:
-        """Child components into components of the joint frame, and the child's origin there; None where that is the frame's."""
+        """Rotation from child to joint frame, and the child's origin in the joint frame; None for identity or zero."""
         R = d = None
         for step in self.steps:
             moved, turned = step.shift(q), step.rotation(q)
@@ -172,14 +172,14 @@ class Chain:
         return R, d
 
     def screws(self, q: Array) -> list[tuple[Array | None, Array | None]]:
-        """Unit screws of the steps that later ones change, w, v ``(S, m, f, 3)`` about the child's origin, None for zero.
+        """Unit screws w, v ``(S, m, f, 3)`` about the child's origin of the steps that later ones change; None for zero.
 
-        What a motion does is seen through all that follow it.
+        The screw of a step is transformed by all motions that follow it.
         """
-        first = min(self.seen, default=0) + 1
+        first = min(self.altered, default=0) + 1
         followers = [(step.shift(q), step.back(q)) for step in self.steps[first:]]
         found = []
-        for i in self.seen:
+        for i in self.altered:
             w, v = self.steps[i].w, self.steps[i].v
             for moved, back in followers[i + 1 - first :]:
                 if moved is not None and w is not None:
@@ -194,14 +194,14 @@ class Chain:
 
 
 def speeds_of(motion: Motion) -> slice:
-    """Which of a joint's speeds are those of an elementary motion."""
+    """The speeds of an elementary motion, among those of its joint."""
     if isinstance(motion, Turn | Slide):
         return slice(motion.index, motion.index + 1)
     return slice(motion.speed, motion.speed + 3)
 
 
 def changed(motion: Sequence[Motion]) -> list[int]:
-    """Motions whose screws later ones change: these turn them, or shift them off their axes."""
+    """Motions whose screws later motions rotate, or shift off their axes."""
 
     def alters(other: Motion, m: Motion) -> bool:
         if isinstance(m, Displacement):

@@ -1,4 +1,4 @@
-"""Checks of a tree of bodies: circles of parents, what fixed joints hold together, and mass properties at the defaults."""
+"""Checks of a tree of bodies: parents in a circle, rigidly joined bodies, and mass properties at the default parameters."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from .model import GROUND, Body, Joint
 from .motions import Ball, Displacement, Slide, Turn
 
 Finding = tuple[int, tuple[str, ...], str, str]
-"""Body, path to the key, message, severity."""
+"""Body, path to the key, message and severity."""
 
 PSD_TOLERANCE = 1e-12
 TRIANGLE_TOLERANCE = 1e-9
 SINGULAR_TOLERANCE = 1e-14
 DIRT = 1e-15
-"""Relative to mass times size squared of the whole system: moments below it are what rounding has left."""
+"""Moments below this, relative to mass times size squared of the whole system, are rounding errors."""
 
 
 def cycles(parents: Sequence[int]) -> list[list[int]]:
-    """Circles in a list of parent indices, each as a list of bodies, a child before its parent."""
-    state = [0] * len(parents)  # 0 unseen, 1 on the present walk, 2 done
+    """Circles in a list of parent indices, each as a list of bodies with a child before its parent."""
+    state = [0] * len(parents)  # 0: not visited, 1: on the present walk, 2: finished
     found = []
     for start in range(len(parents)):
         walk = []
@@ -42,7 +42,7 @@ def cycles(parents: Sequence[int]) -> list[list[int]]:
 
 
 def rigid_parts(bodies: Sequence[Body]) -> list[int]:
-    """For each body of a tree the innermost one that fixed joints hold it to: itself, another, or the ground."""
+    """For each body of a tree the innermost body to which fixed joints hold it: itself, another body, or the ground."""
     result = [GROUND - 1] * len(bodies)
     for k in range(len(bodies)):
         walk = []
@@ -56,7 +56,7 @@ def rigid_parts(bodies: Sequence[Body]) -> list[int]:
 
 
 def fixed_path(a: int, b: int, bodies: Sequence[Body]) -> list[int]:
-    """The bodies whose fixed joints hold two bodies of one rigid part together: none for one and the same.
+    """The bodies whose fixed joints connect two bodies of one rigid part; empty if both are the same.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def fixed_path(a: int, b: int, bodies: Sequence[Body]) -> list[int]:
 
 
 def _mass_and_inertia(bodies: Sequence[Body], value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Masses (n,), inertia matrices (n, 3, 3), the largest entry of each (n,), and what is dirt among moments."""
+    """Masses (n,), inertia matrices (n, 3, 3), the largest entry of each (n,), and the size of rounding errors in moments."""
     known: dict[tuple[int, int], tuple[float, ...]] = {}  # repeated bodies share their expressions
     rows = []
     for b in bodies:
@@ -102,10 +102,10 @@ def _mass_and_inertia(bodies: Sequence[Body], value: Value) -> tuple[np.ndarray,
 def check_inertia(
     bodies: Sequence[Body], value: Value, tolerated: Collection[int] = (), is_whole: bool = True
 ) -> Iterator[Finding]:
-    """What is impossible or doubtful about the mass and inertia of single bodies at the default parameters.
+    """Impossible or doubtful masses and inertias of single bodies at the default parameters.
 
-    A negative principal moment is no error where it is rounding dirt beside the mass and size of the whole system, or where
-    the body is fixed to others and the inertia of all of them together is possible.
+    A negative principal moment is not an error if it is a rounding error relative to the whole system. Neither is it one if the
+    body is fixed to others and their combined inertia is possible.
 
     Parameters
     ----------
@@ -113,18 +113,18 @@ def check_inertia(
     value : callable
         Value of an expression at the default parameters.
     tolerated : collection of int
-        Bodies whose inertia is only warned of.
+        Bodies whose impossible inertia is only a warning.
     is_whole : bool
-        Whether these are all bodies, and a tree; otherwise those on fixed joints are not judged.
+        Whether these are all bodies of a tree; otherwise the inertias of bodies on fixed joints are not checked.
     """
     if not bodies:
         return
     mass, inertia, scale, dirt = _mass_and_inertia(bodies, value)
-    # scaled, so that huge or tiny numbers neither overflow nor vanish in the eigenvalues
+    # scaled, so that very large or small numbers neither overflow nor underflow in the eigenvalues
     moments = np.linalg.eigvalsh(inertia / np.where(scale > 0, scale, 1.0)[:, None, None])
     for i in _where(mass < 0):
         seen = with_value(bodies[i].mass, mass[i])
-        yield i, ("mass",), f"mass of {bodies[i].name!r}, {seen}, is negative; at least 0 is needed", "error"
+        yield i, ("mass",), f"mass of {bodies[i].name!r}, {seen}, is negative; it must be at least 0", "error"
     impossible = (moments[:, 0] < -PSD_TOLERANCE) & (moments[:, 0] * scale < -dirt)
     for i in _where(impossible):
         low = moments[i, 0] * scale[i]
@@ -135,19 +135,19 @@ def check_inertia(
         if fixed:
             yield i, ("inertia",), f"{message}; {fixed}", "warning"
         elif i in tolerated:
-            yield i, ("inertia",), f"{message}, which no body has; accelerations may be wrong in sign", "warning"
+            yield i, ("inertia",), f"{message}, which is impossible; accelerations may have the wrong sign", "warning"
         else:
             message += (
-                "; none may be below 0 (kg m^2, about the centre of mass); if it is meant, "
-                "check: warn beside xx, yy, ... lets it pass"
+                "; none may be below 0 (kg m^2, about the centre of mass); if it is intended, "
+                "write check: warn beside xx, yy, ..."
             )
             yield i, ("inertia",), message, "error"
     broken = (moments[:, 2] - moments[:, 1] - moments[:, 0] > TRIANGLE_TOLERANCE * moments[:, 2]) & ~impossible
     for i in _where(broken & (scale > dirt)):
         a, b, c = moments[i] * scale[i]
         message = (
-            f"the principal moments of {bodies[i].name!r}, {a:.6g}, {b:.6g}, {c:.6g}, break the triangle inequality "
-            f"({c:.6g} > {a:.6g} + {b:.6g}), which no real body does; harmless in a planar model"
+            f"the principal moments of {bodies[i].name!r}, {a:.6g}, {b:.6g}, {c:.6g}, violate the triangle inequality "
+            f"({c:.6g} > {a:.6g} + {b:.6g}), which is impossible; it has no effect in a planar model"
         )
         yield i, ("inertia",), message, "warning"
 
@@ -159,18 +159,18 @@ def _where(condition: np.ndarray) -> list[int]:
 def _merged_is_possible(
     k: int, bodies: Sequence[Body], mass: np.ndarray, inertia: np.ndarray, value: Value, dirt: float
 ) -> str:
-    """Why a body's impossible inertia does no harm: what it is fixed to counts; empty if it does."""
+    """Why a body's impossible inertia has no effect: the combined inertia counts; empty if it does have one."""
     root = k
     while root != GROUND and bodies[root].joint.is_fixed:
         root = bodies[root].parent
     if root == GROUND:
-        return "the body is fixed to the ground, so it does no harm"
+        return "the body is fixed to the ground, so this has no effect"
     children: dict[int, list[int]] = {}
     for i, b in enumerate(bodies):
         if b.joint.is_fixed:
             children.setdefault(b.parent, []).append(i)
     members = [(root, np.eye(3), np.zeros(3))]
-    for i, turn, origin in members:  # grows on the way
+    for i, turn, origin in members:  # the list grows in the loop
         for c in children.get(i, ()):
             at, own = placement(bodies[c].joint, value)
             members.append((c, turn @ own, origin + turn @ at))
@@ -188,11 +188,11 @@ def _merged_is_possible(
     if low < -PSD_TOLERANCE and low * scale < -dirt:
         return ""
     others = ", ".join(repr(bodies[i].name) for i, *_ in members[:4] if i != k)
-    return f"with what it is fixed to ({others}{', ...' if len(members) > 4 else ''}) the inertia is possible, so it does no harm"
+    return f"with the bodies fixed to it ({others}{', ...' if len(members) > 4 else ''}) the inertia is possible"
 
 
 def _parallel(c: np.ndarray) -> np.ndarray:
-    """Inertia of a unit mass at c, (3, 3)."""
+    """Inertia (3, 3) of a unit point mass at c."""
     return c @ c * np.eye(3) - np.outer(c, c)
 
 
@@ -202,7 +202,7 @@ def check_freedoms(
     held: Collection[int] = (),
     driven: Driven = MappingProxyType({}),
 ) -> Iterator[Finding]:
-    """Joints that move nothing at the default parameters: their accelerations would be a division by zero.
+    """Joints that move no mass at the default parameters, so that their accelerations would be divided by zero.
 
     Parameters
     ----------
@@ -211,15 +211,15 @@ def check_freedoms(
     value : callable
         Value of an expression at the default parameters.
     driven : mapping of int to list of int
-        Coordinates that are prescribed, by body and place in its joint: they need no inertia.
+        Prescribed coordinates, by body and index in its joint: they need no inertia.
     held : collection of int
-        Bodies that a loop joins to another one. Their joints move what is beyond the loop too, and the loop may take
-        their freedoms, so they need no mass of their own.
+        Bodies that a loop joins to others. They need no mass of their own: their joints also move bodies beyond the loop, and
+        the loop may determine their coordinates.
     """
     if not bodies:
         return
     if all(b.joint.is_fixed for b in bodies):
-        yield 0, ("joint",), "all joints are fixed, so nothing can move; give at least one of them a freedom", "error"
+        yield 0, ("joint",), "all joints are fixed, so nothing can move; give at least one a degree of freedom", "error"
         return
     mass, inertia, scale, dirt = _mass_and_inertia(bodies, value)
     children, order = outward(bodies)
@@ -228,17 +228,17 @@ def check_freedoms(
     light[list(held)] = False
     for k in reversed(order):
         light[k] = light[k] and all(light[c] for c in children[k])
-    inside = [False] * len(bodies)  # below a joint that has been reported
+    inside = [False] * len(bodies)  # outboard of a joint that has been reported
     sound = True
     for k in order:
         parent = bodies[k].parent
         inside[k] = parent != GROUND and inside[parent]
         type_ = bodies[k].joint.type
-        if k in driven:  # what is left of its joint is judged with all others
+        if k in driven:  # its other coordinates are checked together with all others
             continue
         if light[k] and not inside[k] and not bodies[k].joint.is_fixed and not _all_geared(bodies[k].joint, value):
             inside[k] = True
-            beyond = " and everything beyond it" if children[k] else ""
+            beyond = " and everything outboard" if children[k] else ""
             message = (
                 f"the {type_} joint of {bodies[k].name!r} moves no mass: the body{beyond} has neither mass "
                 f"nor inertia; give it mass, the joint an armature, or fix the joint"
@@ -257,22 +257,22 @@ def check_freedoms(
 
 
 def _giving_way(bodies: Sequence[Body], singular: int | None) -> Iterator[Finding]:
-    """What to say of a joint whose body the joints that it carries let move alone."""
+    """Error about a joint whose body can move alone, because the joints outboard of it give way."""
     if singular is not None:
         message = (
             f"the {bodies[singular].joint.type} joint of {bodies[singular].name!r} is free to move without moving any mass, "
-            f"in every configuration: what it carries gives way; give the body mass and inertia"
+            f"in every configuration, because the joints outboard give way; give the body mass and inertia"
         )
         yield singular, ("joint",), message, "error"
 
 
 def _all_geared(joint: Joint, value: Value) -> bool:
-    """Whether a rotor resists every freedom of a joint, whatever the body's own inertia is."""
+    """Whether a rotor resists every degree of freedom of a joint, whatever the body's own inertia is."""
     return bool(joint.armature) and all(value(e) > 0 for e in joint.armature)
 
 
 def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) -> str:
-    """Why the mass matrix is singular because of the last body of a branch, or nothing.
+    """Why the last body of a branch makes the mass matrix singular; empty if it does not.
 
     Joints that slide and turn by different coordinates are left to `singular_joint`.
     """
@@ -282,7 +282,7 @@ def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) ->
     last = motion[-1] if motion else None
     anywhere = any(isinstance(m, Displacement) for m in motion)
     if mass == 0 and (slides or anywhere):
-        return f"the {type_} joint of {body.name!r} shifts a body with inertia but no mass; give it mass"
+        return f"the {type_} joint of {body.name!r} displaces a body with inertia but no mass; give it mass"
     if slides or not isinstance(last, Turn | Ball):
         return ""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -292,7 +292,7 @@ def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) ->
     if not np.isfinite(top):
         return ""
     if top == 0:
-        return f"the {type_} joint of {body.name!r} turns a point mass in its centre; give the body inertia"
+        return f"the {type_} joint of {body.name!r} rotates a point mass about its centre; give the body inertia"
     about = about / top
     if isinstance(last, Turn):
         axis = np.array([value(e) for e in body.joint.axes[last.axis]])
@@ -300,10 +300,10 @@ def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) ->
         if abs(axis @ about @ axis) <= SINGULAR_TOLERANCE * (axis @ axis):
             return f"body {body.name!r} has no inertia about the axis of its {type_} joint; give it some"
     elif -PSD_TOLERANCE <= np.linalg.eigvalsh(about)[0] <= SINGULAR_TOLERANCE:
-        return f"body {body.name!r} has no inertia about one line, and its {type_} joint turns it about every line"
+        return f"body {body.name!r} has no inertia about one line, but its {type_} joint rotates it about every line"
     return ""
 
 
 def with_value(expression: Expression, value: float) -> str:
-    """``L - 2 = -1``, or the number alone."""
+    """Text with the value: ``L - 2 = -1``, or the number alone."""
     return f"{value:g}" if expression.is_number else f"{expression} = {value:g}"

@@ -1,4 +1,4 @@
-"""Python's search for reference cycles, put off while many objects are made that all live on."""
+"""Python's garbage collector, paused while many permanent objects are created."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def collector_paused() -> Iterator[None]:
-    """No search for reference cycles meanwhile: it would go through all that was made before, again and again."""
+    """Pause the search for reference cycles, which would visit all existing objects again and again."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -1,4 +1,4 @@
-"""The conditions on points that close loops: a new one is a class here that is listed at the end."""
+"""Conditions on points that close loops; a new one is a class here, listed at the end."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from .joints import Closure
 
 
 class ConditionType(Entry):
-    """A condition on where the origin of the face `to` is in the face `from`: an equation, or two, of its coordinates there.
+    """A condition on the position of the face `to`'s origin in the face `from`: one or two equations in its coordinates.
 
-    It stands where a loop has its joint. A subclass has a field for each key of the file, and these facts.
+    It takes the place of a loop joint. A subclass has a field for each key of the file, and the following class attributes.
 
     Attributes
     ----------
     name : str
         The value of the key ``type``.
     closure : Closure
-        How many conditions it sets; all are linear ones.
+        Number of its conditions, all of them linear.
     equation_keys : tuple of tuple of (str or int)
-        Paths of the equations, expressions of the coordinates, in an entry.
+        Paths in an entry of the equations, which are expressions of the coordinates.
     length_key : str
-        Of a distance: the key of the length. Empty for others.
+        Key of the length of a distance; empty for other types.
     """
 
     name: ClassVar[str] = ""
@@ -36,7 +36,7 @@ class ConditionType(Entry):
 
 
 class Distance(ConditionType):
-    """The two points keep a distance."""
+    """Keeps the distance between the two points."""
 
     name = "distance"
     closure = Closure(linear=1, angular=0)
@@ -46,7 +46,7 @@ class Distance(ConditionType):
 
 
 class Surface(ConditionType):
-    """The origin of `end` stays where a function of its coordinates in the face `start` is zero."""
+    """Keeps the origin of `end` where a function of its coordinates in the face `start` is zero."""
 
     name = "surface"
     closure = Closure(linear=1, angular=0)
@@ -56,7 +56,7 @@ class Surface(ConditionType):
 
 
 class Curve(ConditionType):
-    """The origin of `end` stays where two functions of its coordinates in the face `start` are zero."""
+    """Keeps the origin of `end` where two functions of its coordinates in the face `start` are zero."""
 
     name = "curve"
     closure = Closure(linear=2, angular=0)
@@ -66,4 +66,4 @@ class Curve(ConditionType):
 
 
 CONDITIONS: Final[dict[str, type[ConditionType]]] = {kind.name: kind for kind in (Distance, Surface, Curve)}
-"""By name, in the order in which messages list them."""
+"""Types by name, in the order in which messages list them."""

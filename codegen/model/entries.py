@@ -1,6 +1,6 @@
-"""What entries of a model file are made of: expressions, names, axes, points and frames, as Pydantic reads them.
+"""Parts of the entries of a model file: expressions, names, axes, points and frames, as Pydantic reads them.
 
-Nothing is known here of names and values: numbers arrive as parsed expressions, references as parsed names.
+Names and values are not known here: numbers become parsed expressions, and references parsed names.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RESERVED: Final = frozenset({"t", "q", "u", "pi", "ground", *FUNCTIONS})
 
 
 class Misread:
-    """Stands where a value of another program could not be read.
+    """Replaces a value of another program that could not be read.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Misread:
 
 
 def complaint(message: str, column: int | None = None) -> PydanticCustomError:
-    """What is wrong with a value, in the words of the format, to be raised."""
+    """An error about a value, to be raised."""
     return PydanticCustomError("model", "{message}", {"message": message, "column": column or 0})
 
 
@@ -52,7 +52,7 @@ def seen(value: Any) -> str:
         return "a mapping"
     if isinstance(value, (list, tuple)):
         return f"a list of {len(value)}"
-    if isinstance(value, int) and abs(value) >= 10**60:  # Python does not print those of some thousand digits
+    if isinstance(value, int) and abs(value) >= 10**60:  # Python does not print integers of several thousand digits
         return f"a number of about 10**{int(value.bit_length() * 0.30103)}"
     text = str(value) if isinstance(value, Expression) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
@@ -82,17 +82,17 @@ def _reference(value: Any) -> Expression:
 
 
 def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
-    """Tree of a name or an indexed name such as ``link(k-1)``, with `prefix` (``q.`` or ``u.``) put before it.
+    """Tree of a name, or of an indexed name such as ``link(k-1)``, after adding `prefix` (``q.`` or ``u.``).
 
     Raises
     ------
     PydanticCustomError
-        A ValueError that says what was seen and what a name is.
+        A ValueError with the value found and the form of names.
     """
     if not isinstance(value, str):
         raise complaint(f"{seen(value)}; a name is needed")
     if not prefix and value in RESERVED:
-        return ("name", value)  # "pi" is a number to the parser; who refers to a name decides whether it exists
+        return ("name", value)  # the parser takes "pi" as a number; whether the name exists is decided where it is used
     try:
         tree = parse(prefix + value).tree
     except ExpressionError:
@@ -112,10 +112,8 @@ _LETTERS: Final = {
 }
 
 
-NO_AXIS: Final = "axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed"
-_NO_VECTOR: Final = (
-    "vector; three numbers are needed, [x, y, z], or the name of a parameter or constant that is a vector"
-)
+NO_AXIS: Final = "an axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed"
+_NO_VECTOR: Final = "a vector; three numbers [x, y, z] are needed, or a parameter or constant that is a vector"
 
 
 def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
@@ -127,13 +125,13 @@ def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
 def _vector(value: Any, handler: Callable[[Any], Any]) -> Any:
     if isinstance(value, (str, Expression, Misread)):
         found = _expression(value)
-        if found.names:  # what has none is a number, which the handler knows
+        if found.names:  # otherwise it is a number, which the handler reads
             return _by_name(found, _NO_VECTOR)
     return handler(value)
 
 
 def _by_name(value: Any, wanted: str) -> Any:
-    """The components of an expression that is written where a vector is wanted."""
+    """The three components of an expression given in place of a vector."""
     tree = _expression(value).tree
     return tuple(Expression(component_of(tree, k, wanted)) for k in range(3))
 
@@ -143,14 +141,14 @@ def list_or_one(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 
 def written(value: Any, handler: Callable[[Any], Any]) -> Any:
-    """For keys that may be left out: when written they need a value."""
+    """For optional keys: an empty value is an error."""
     if value is None:
-        raise complaint("nothing after the colon; a value is needed, or leave the key out")
+        raise complaint("there is nothing after the colon; write a value, or leave the key out")
     return handler(value)
 
 
 def one_of(*words: str, what: str = "") -> PlainValidator:
-    """One of some words; `what` they say stands in the message for others."""
+    """A validator for one of some words; `what` is their meaning, for messages."""
 
     def check(value: Any) -> str:
         if value not in words:
@@ -177,14 +175,14 @@ Origin: Final = (ZERO, ZERO, ZERO)
 
 
 class Entry(BaseModel):
-    """A mapping of the file with fixed keys.
+    """A mapping in the file with fixed keys.
 
     Attributes
     ----------
     placeholders : dict of str to Any
-        What stands in the place of an obligatory value that is missing or wrong.
+        Replacements of required values that are missing or wrong.
     misspelt : dict of str to str
-        Keys of its own, by others that are taken for them.
+        Correct keys, by keys that are mistaken for them.
     """
 
     placeholders: ClassVar[dict[str, Any]] = {}
@@ -199,7 +197,7 @@ class RotationEntry(Entry):
 
 
 class PlacedEntry(Entry):
-    """A frame and where it stands in a body."""
+    """A frame and its pose in a body."""
 
     at: Vector = Origin
     rotate: Annotated[tuple[RotationEntry, ...] | None, WrapValidator(written)] = None
@@ -208,7 +206,7 @@ class PlacedEntry(Entry):
     @model_validator(mode="after")
     def _one_rotation(self) -> PlacedEntry:
         if self.rotate is not None and self.rpy is not None:
-            raise complaint("rotate and rpy are both given; one of them is allowed")
+            raise complaint("rotate and rpy are both given; only one of them is allowed")
         return self
 
 
@@ -227,7 +225,7 @@ PointOrName = Annotated[PointEntry, WrapValidator(_point)]
 
 
 class FaceEntry(PlacedEntry):
-    """One side of a joint that closes a loop."""
+    """One of the two faces of a loop joint."""
 
     body: Reference
 

@@ -1,4 +1,4 @@
-"""What force elements and outputs need to read themselves; `sections.meaning` provides it."""
+"""The interface by which force elements and outputs read their entries; `sections.meaning` implements it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .places import Face, Point
 
 
 class NamedJoint(NamedTuple):
-    """A joint that an entry names: its name, body, type, and the names of its speeds."""
+    """A joint to which an entry refers: its name, body, type, and the names of its speeds."""
 
     name: str
     body: int
@@ -22,54 +22,54 @@ class NamedJoint(NamedTuple):
 
 
 class EntryReader(Protocol):
-    """Reads the expressions and references of one entry, and reports what is wrong with them.
+    """Reads the expressions and references of one entry, and reports errors.
 
-    A path leads from the entry to a value; a key is one of length one.
+    A path leads from the entry to a value; a key is a path of length one.
     """
 
     @property
     def name(self) -> str:
-        """The entry's own name; empty if that is wrong."""
+        """The entry's own name; empty if it is wrong."""
 
     def is_whole(self, entry: Entry) -> bool:
-        """Whether nothing in it, its name included, was wrong as written."""
+        """Whether everything in the entry, including its name, is written correctly."""
 
     def bound(self, expression: Expression, *path: str | int, scope: str) -> Expression:
-        """With constants as numbers and names checked: ``parameters``, ``inputs`` or ``motion`` may stand in it, or ``measured``,
-        what points do, too."""
+        """The expression with constants as numbers, and its names checked. It may contain the names of a scope: ``parameters``,
+        ``inputs``, ``motion``, or ``measured``, which adds positions and velocities of points."""
 
     def direction(self, axis: Vector, key: str) -> Vector:
-        """An axis of parameters, which has to have a length."""
+        """An axis as an expression of parameters; an error if its length is zero."""
 
     def point(self, point: Any, key: str | tuple[str | int, ...], name: str) -> Point | None:
-        """What a mapping or a name means, or None after a problem; a point without a name gets this one."""
+        """The point that a mapping or a name denotes; None after an error. A point without a name gets `name`."""
 
     def measured(self, *expressions: Expression) -> tuple[Point, ...]:
-        """The points whose positions or velocities stand in them, each once."""
+        """The points whose positions or velocities occur in the expressions, each once."""
 
     def unmoved(self, what: str, place: Point | Face, key: str) -> bool:
-        """Whether that place is on the ground, or held by it, which is reported."""
+        """Whether a place is on the ground or rigidly connected to it; reports an error if so."""
 
     def face(self, face: Any, key: str) -> Face | None:
-        """What a mapping or a name means as a place with axes, or None after a problem."""
+        """The face that a mapping or a name denotes; None after an error."""
 
     def body(self, reference: Expression, *path: str | int) -> int | None:
-        """Index of the body that is named, `GROUND` for the ground, or None after a problem."""
+        """Index of the named body, `GROUND` for the ground; None after an error."""
 
     def mass(self, bodies: Sequence[int] | None = None) -> float | None:
-        """What bodies, or all, weigh together at the default parameters, kg; None where something is wrong with them."""
+        """Total mass of some or all bodies at the default parameters, kg; None if they have errors."""
 
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
-        """The joint that is named, or None after a problem with it or with the entry."""
+        """The named joint; None if it or the entry has errors."""
 
     def placed(self, joint: NamedJoint) -> tuple[Face, Face, tuple[Motion, ...], tuple[Vector, ...]]:
         """The frames of a joint in its body and in the parent, its motion, and its axes."""
 
     def prescribed(self, reference: Expression, key: str) -> tuple[str, str] | None:
-        """The prescribed coordinate that is named, and the unit of a force along it, or None after a problem."""
+        """The named prescribed coordinate, and the unit of a force along it; None after an error."""
 
     def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
-        """Whether two bodies cannot move against each other, which is reported."""
+        """Whether two bodies cannot move relative to each other; reports an error if so."""
 
     def report(self, path: tuple[str | int, ...], message: str) -> None:
-        """Something wrong."""
+        """Report an error."""

@@ -1,4 +1,4 @@
-"""Problems of a model: gathered with their places, printed one a line, raised all at once."""
+"""Errors and warnings of a model: collected with their places, printed one per line, raised together."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ _LONG, _MANY, _LINE = 100, 1000, 1200
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing wrong with a model.
+    """An error or a warning about a model.
 
     Attributes
     ----------
     file : str
         File name, ``<string>``, or ``builder``.
     line, column : int or None
-        Counted from 1; None where there is no text (a model built in Python).
+        Counted from 1; None if there is no text (a model built in Python).
     path : str
-        Keys that lead to the value, such as ``bodies.crank.mass``; empty for the file as a whole.
+        Keys that lead to the value, such as ``bodies.crank.mass``; empty for the whole file.
     message : str
-        What was seen; what is allowed; the nearest known name.
+        What was found; what is allowed; the nearest known name.
     severity : str
         ``error`` or ``warning``.
     """
@@ -42,7 +42,7 @@ class Problem:
 
 
 class ModelError(Exception):
-    """A model that cannot be used; its text has one line for every problem.
+    """Raised for a model with errors; its text has one line for each problem.
 
     Attributes
     ----------
@@ -59,26 +59,26 @@ class ModelError(Exception):
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """``; did you mean 'mass'?`` for a misspelt name, or nothing."""
+    """The hint ``; did you mean 'mass'?`` for a misspelt name; empty if no known name is similar."""
     if len(name) > _LONG:
         return ""
     listed = list(known)
-    if len(listed) > _MANY:  # comparing takes time; of many names the misspelt one at least begins alike
+    if len(listed) > _MANY:  # comparing all takes long: compare those with the same beginning
         listed = [n for n in listed if n[:2] == name[:2] and abs(len(n) - len(name)) <= 2][:_MANY]
     matches = difflib.get_close_matches(name, listed, n=1, cutoff=0.6)
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
 def within_a_line(text: str) -> str:
-    """A message without its middle where it is longer than anybody reads."""
+    """A message with its middle left out if it is too long to read."""
     return text if len(text) <= _LINE else f"{text[: _LINE * 2 // 3]} ... {text[-_LINE // 3 :]}"
 
 
 def count_of_values(count: int) -> str:
-    """``1 value``, ``2 values``."""
+    """The number with its noun: ``1 value``, ``2 values``."""
     return f"{count} value" + "s" * (count != 1)
 
 
 def with_article(what: str) -> str:
-    """``an input``, ``a body``."""
+    """The noun with its article: ``an input``, ``a body``."""
     return f"an {what}" if what[0] in "aeiou" else f"a {what}"

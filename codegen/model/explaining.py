@@ -1,4 +1,4 @@
-"""Entries of a model file read by Pydantic, and what is wrong with them in the words of the format."""
+"""Reads entries of a model file with Pydantic, and expresses its errors in the terms of the format."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _adapters: Final[dict[int, TypeAdapter[Any]]] = {}
 
 
 def repaired(cls: Any, value: Any, error: ValidationError) -> Any:
-    """An entry of `cls` in which everything wrong is left out or replaced, to read what else is in it; or None."""
+    """An entry of `cls` without its errors: wrong parts are left out or replaced, so that the rest can be checked; or None."""
     if not isinstance(value, dict):
         return None
     choices = _models(cls)
@@ -61,7 +61,7 @@ def _copied(value: Any) -> Any:
 
 
 def _at(value: Any, path: Path_) -> Any:
-    """The mapping or list at a path, or None."""
+    """The mapping or list at a path; None if there is none."""
     for part in path:
         if not isinstance(value, (dict, list)):
             return None
@@ -72,22 +72,22 @@ def _at(value: Any, path: Path_) -> Any:
     return value if isinstance(value, (dict, list)) else None
 
 
-# --- pydantic's errors in our words -----------------------------------------------------------------------------
+# --- pydantic's errors in the terms of the format ----------------------------------------------------------------
 
 
 def explain(cls: Any, error: ValidationError) -> list[tuple[Path_, str, bool, int]]:
-    """What pydantic found, in the words of the format.
+    """Pydantic's errors in the terms of the format.
 
     Parameters
     ----------
     cls : type or union
-        What `validate` was asked for.
+        The class given to `validate`.
     error : ValidationError
 
     Returns
     -------
     list of (path, message, at_key, column)
-        `path` relative to the entry; `at_key` if the key is wrong and not its value; `column` inside a text, or 0.
+        `path` is relative to the entry. `at_key` means that the key is wrong, not its value. `column` is a place in a text, or 0.
     """
     result: list[tuple[Path_, str, bool, int]] = []
     said: set[tuple[Path_, str]] = set()
@@ -109,7 +109,7 @@ def explain(cls: Any, error: ValidationError) -> list[tuple[Path_, str, bool, in
             message = f"{seen(value)}; {_wanted(loc)}"
         elif kind == "missing":
             if (loc[:-1], f"did you mean {loc[-1]!r}?") in misspelt:
-                continue  # said at the misspelt key
+                continue  # already reported at the misspelt key
             message = f"key {loc[-1]!r} is missing; keys here: {_keys(here)}"
             shown = shown[:-1]
         elif kind == "extra_forbidden":
@@ -149,7 +149,7 @@ def _wanted(loc: Path_) -> str:
 
 
 def _fields(cls: type[Entry]) -> dict[str, Any]:
-    """What an entry may hold, by the keys of the file."""
+    """Fields of an entry class by the keys of the file."""
     return {f.alias or name: f for name, f in cls.model_fields.items()}
 
 
@@ -159,9 +159,9 @@ def _keys(cls: type[Entry]) -> str:
 
 def _unknown_key(key: str, here: type[Entry]) -> str:
     if key in ("first", "last"):
-        return f"{key!r} stands only directly inside an entry of a repeat block"
+        return f"{key!r} is only allowed directly inside an entry of a repeat block"
     if issubclass(here, LoopJointEntry) and key in PlacedEntry.model_fields:
-        return f"{key!r} is not a key of a loop's joint; from and to place it: from: {{body: arm, {key}: ...}}"
+        return f"{key!r} is not a key of a loop's joint; write it in from or to: from: {{body: arm, {key}: ...}}"
     meant = here.misspelt.get(key)
     hint = f"; did you mean {meant!r}?" if meant else nearest(key, _fields(here))
     return f"unknown key {key!r}; keys here: {_keys(here)}{hint}"
@@ -199,7 +199,7 @@ def _models(annotation: Any) -> list[type[Entry]]:
 
 
 def _steps(cls: Any, loc: Path_) -> list[tuple[Any, list[type[Entry]], bool]]:
-    """For every part of a location: the part, the entry classes that its value may have, and whether it names one."""
+    """For every part of a location: the part, the possible entry classes of its value, and whether it names one of them."""
     steps: list[tuple[Any, list[type[Entry]], bool]] = []
     classes = _models(cls)
     for part in loc:
@@ -224,7 +224,7 @@ def _alternatives(cls: Any, loc: Path_) -> list[type[Entry]]:
 
 
 def _entry_at(cls: Any, loc: Path_) -> type[Entry]:
-    """The class of the mapping that holds (or is) the value at `loc`."""
+    """The class of the mapping that contains (or is) the value at `loc`."""
     entry = _models(cls)[0]
     for _, classes, _alternative in _steps(cls, loc):
         if len(classes) == 1:

@@ -149,8 +149,8 @@ def _freedoms(joint: Joint, rng: Random, value: Value) -> tuple[np.ndarray, np.n
     # random numbers of Python's: to import those of NumPy takes longer than the whole check
     q = np.array([[rng.uniform(0.3, 2.8) for _ in kind.coordinates]])
     R, d = chain.transforms(q)
-    w, v = (screw[0].T.copy() for screw in chain.unit_screws(set(range(len(kind.motion))) - set(chain.seen)))
-    for i, (w_own, v_own) in zip(chain.seen, chain.screws(q), strict=True):
+    w, v = (screw[0].T.copy() for screw in chain.unit_screws(set(range(len(kind.motion))) - set(chain.altered)))
+    for i, (w_own, v_own) in zip(chain.altered, chain.screws(q), strict=True):
         for total, own in ((w, w_own), (v, v_own)):
             if own is not None:
                 total[:, chain.steps[i].speeds] += own.reshape(-1, 3).T

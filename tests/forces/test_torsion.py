@@ -103,7 +103,7 @@ forces:
             "to",
             "torsion 's' joins 'b' to 'c', which the fixed joint of c*",
         ),
-        ("{type: torsion, from: a, to: b, axis: w, stiffness: 1}", "axis", "'w' is no axis; x, y, z*"),
+        ("{type: torsion, from: a, to: b, axis: w, stiffness: 1}", "axis", "'w' is not an axis; x, y, z*"),
         ("{type: torsion, from: a, to: b, axis: [0, 0, w - 1.2], stiffness: 1}", "axis", "the axis is zero*"),
         ("{type: torsion, from: a, to: b, stiffness: 1}", "", "key 'axis' is missing*"),
         ("{type: torsion, from: a, to: b, axis: y}", "", "key 'stiffness' is missing*"),

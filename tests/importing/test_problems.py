@@ -70,7 +70,7 @@ WRONG = [
         robot(BASE, A, B, joint("j", "base", "a"), joint("k", "a", "b", "fixed", at="1e200 0 0")),
         "the combined numbers of link 'a' and of links fixed to it are not finite, or above 1e+150",
     ),
-    (robot(BASE, link("a", 1, (0, 0, 0)), joint("j", "base", "a")), "no inertia about the axis|point mass in its centre"),
+    (robot(BASE, link("a", 1, (0, 0, 0)), joint("j", "base", "a")), "no inertia about the axis|point mass about its centre"),
     (
         robot(BASE, A, joint("j", "base", "a", more='<mimic joint="k"/>')),
         "robot.urdf:4:125: joint 'j' follows 'k', which is not a joint of this file",

@@ -47,7 +47,7 @@ def swapped(old, new):
 
 def test_the_model_the_others_are_made_from_is_good():
     assert parse_model(GOOD).warnings == ("<string>:11:14: warning: bodies.arm.inertia: the principal moments of 'arm', "
-        "0, 0, 0.1, break the triangle inequality (0.1 > 0 + 0), which no real body does; harmless in a planar model",)  # fmt: skip
+        "0, 0, 0.1, violate the triangle inequality (0.1 > 0 + 0), which is impossible; it has no effect in a planar model",)  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("2*L", "-2*L", "m.yaml:10:11: bodies.arm.mass: mass of 'arm', (-2)*L = -2, is negative*"),
         ("yy: 1,", "yy: -1,", "m.yaml:16:14: bodies.hand.inertia: the inertia of 'hand' has the negative principal moment -1*"),
         ("axis: y}", "axis: [0, 0, L - 1]}", "m.yaml:9:35: bodies.arm.joint.axis: the axis is zero*"),
-        ("axis: y}", "axis: w}", "m.yaml:9:35: bodies.arm.joint.axis: 'w' is no axis*"),
+        ("axis: y}", "axis: w}", "m.yaml:9:35: bodies.arm.joint.axis: 'w' is not an axis*"),
         ("  hand:", "  arm:", "m.yaml:12:3: bodies: key 'arm' is there already, on line 7*"),
         ("inputs: [motor]", "inputs: [L]", "m.yaml:5:10: inputs[0]: name 'L' is already taken by a parameter*"),
         ("  hand:", "  3rd:", "m.yaml:12:3: bodies.3rd: '3rd' is not a valid name*"),
@@ -95,7 +95,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("gravity: [0, 0, -9.81]", "gravity: -9.81", "m.yaml:2:10: gravity: '-9.81'; three numbers are needed*"),
         ("    mass: 2*L", "    mass:", "m.yaml:10:10: bodies.arm.mass: nothing; a number or an expression is needed"),
         ("mass: 2*L", "mass: !!python/name:os.system 2", "m.yaml:10:11: bodies.arm.mass: tag *; a model file has no tags*"),
-        ("inertia: {yy: 0.1}", "first: {mass: 1}", "m.yaml:11:5: bodies.arm.first: 'first' stands only directly inside*"),
+        ("inertia: {yy: 0.1}", "first: {mass: 1}", "m.yaml:11:5: bodies.arm.first: 'first' is only allowed directly inside*"),
     ],
 )  # fmt: skip
 def test_each_mistake_has_its_place_and_its_cure(old, new, line):

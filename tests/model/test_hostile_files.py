@@ -173,7 +173,7 @@ def test_warnings_of_any_number_are_no_mistakes() -> None:
 def test_a_warning_in_a_loop_does_not_keep_massless_joints_from_being_found() -> None:
     text = BARS.replace("loops:\n", "  d: {parent: ground, joint: {type: revolute, axis: y}, mass: 1}\nloops:\n")
     (expected,) = refused(text)
-    assert "the revolute joint of 'd' turns a point mass in its centre" in expected
+    assert "the revolute joint of 'd' rotates a point mass about its centre" in expected
     assert refused(text.replace("at: [1.1, 0, 0]", "at: [1.1, 0, 0], rpy: [0, 1.5708, 0]")) == [expected]
 
 

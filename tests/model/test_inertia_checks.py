@@ -54,7 +54,7 @@ def test_the_inertia_of_what_fixed_joints_hold_together_counts() -> None:
     )
     (warning,) = [w for w in made.warnings if "sensor" in w]
     assert (
-        "bodies.sensor.inertia: the inertia of 'sensor' has the negative principal moment -3.5e-08; with what it is"
+        "bodies.sensor.inertia: the inertia of 'sensor' has the negative principal moment -3.5e-08; with the bodies fixed to it"
         in warning
     )
     assert "('root', 'arm')" in warning
@@ -68,14 +68,14 @@ def test_merging_turns_the_inertia() -> None:
     turned = (
         "sensor: {{parent: carrier, joint: {{type: fixed, rpy: [0, {angle}, 0]}}, inertia: {{xx: 1, yy: 1, zz: -1}}}}"
     )
-    assert "with what it is fixed to" in model(carrier.format(), turned.format(angle=0)).warnings[0]
+    assert "with the bodies fixed to it" in model(carrier.format(), turned.format(angle=0)).warnings[0]
     assert "negative principal moment -1;" in errors(carrier.format(), turned.format(angle="pi/2"))[0]
 
 
 def test_an_impossible_inertia_names_its_way_out() -> None:
     body = "{{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1, inertia: {{xx: -1e-3, yy: 1, zz: 1{}}}}}"
     (line,) = errors("arm: " + body.format(""))
-    assert "check: warn beside xx, yy, ... lets it pass" in line
+    assert "if it is intended, write check: warn beside xx, yy, ..." in line
     made = model("arm: " + body.format(", check: warn"))
     assert (
         "warning: bodies.arm.inertia: the inertia of 'arm' has the negative principal moment -0.001" in made.warnings[0]

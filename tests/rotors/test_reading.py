@@ -31,7 +31,7 @@ def read(joint: str) -> codegen.Model:
         (HINGE + "J - 1", "J - 1 = -0.9 is negative; the reflected inertia"),
         ("type: prismatic, axis: x, armature: -1", "at least 0 kg"),
         (HINGE + "[1, 2]", "2 values for a revolute joint; one is needed, for turning (kg m^2)"),
-        (HINGE, "nothing after the colon; a value is needed, or leave the key out"),
+        (HINGE, "there is nothing after the colon; write a value, or leave the key out"),
         (HINGE + "q.arm", "'q.arm', which changes with the motion, is not allowed here"),
         (HINGE + "3 kg", "3 kg is a mass (kg); a moment of inertia (kg*m**2) is needed"),
         ("type: cylindrical, axis: z, armature: [1 kg*m^2, 0]", "1 kg*m^2 is a moment of inertia (kg*m**2); a mass (kg) is"),
@@ -112,6 +112,6 @@ def test_a_joint_that_moves_no_mass_needs_a_rotor_for_each_freedom(arm: str, han
 
 def test_a_point_mass_in_its_own_joint_may_have_a_rotor() -> None:
     body = "model: point\nbodies:\n  b: {parent: ground, joint: {type: revolute, axis: y ROTOR}, mass: 1}\n"
-    with pytest.raises(ModelError, match="turns a point mass in its centre"):
+    with pytest.raises(ModelError, match="rotates a point mass about its centre"):
         parse_model(body.replace(" ROTOR", ""))
     assert DenseEngine(parse_model(body.replace(" ROTOR", ", armature: 0.5"))).mass_matrix([0.0])[0, 0] == 0.5
