@@ -1,1 +1,1 @@
-"""Printers and writers for C and NumPy: they know blocks and memory, no mechanics."""
+"""Printers and writers for C and NumPy: they use blocks and memory and know no mechanics."""

@@ -1,4 +1,4 @@
-"""Functions and lists of the generated code."""
+"""Functions and lists in generated code."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import field
 from ..records import dataclass
 
 COMMENT = 115
-"""How long lines of comments are."""
+"""Longest line of a comment."""
 
 
 SIGNATURE = 115
-"""How long lines of declarations and calls are."""
+"""Longest line of a declaration or call."""
 
 
 @dataclass(slots=True)
 class Function:
-    """A generated function: comment, signature, ready lines; further lines of the comment; when it is compiled, and declared."""
+    """A generated function: comment, signature, lines, further comment lines, conditions for compilation and declaration."""
 
     comment: str
     signature: str
@@ -27,13 +27,13 @@ class Function:
     declared: bool = False
     """Whether it is declared where it is not compiled."""
     before: list[str] = field(default_factory=list)
-    """Lines before it in any case."""
+    """Lines before it, without condition."""
     after: list[str] = field(default_factory=list)
-    """The same after it."""
+    """Lines after it, without condition."""
 
     @property
     def begin(self) -> list[str]:
-        """Lines before it: when it is compiled, if not always."""
+        """Lines before it, including its condition for compilation."""
         return [*self.before, *([f"#if {self.guard}"] if self.guard else [])]
 
     @property
@@ -50,7 +50,7 @@ class Function:
 
 
 def called_with(head: str, items: list[str], end: str = ")") -> str:
-    """A head and its arguments, in as many lines as it takes."""
+    """A head and its arguments, wrapped."""
     lines = [head]
     for i, item in enumerate(items):
         item += end if i == len(items) - 1 else ","
@@ -62,5 +62,5 @@ def called_with(head: str, items: list[str], end: str = ")") -> str:
 
 
 def in_lines(items: list[str], columns: int) -> list[str]:
-    """Items, so many a line."""
+    """Items in lines, a fixed number in each."""
     return [", ".join(items[i : i + columns]) + "," for i in range(0, len(items), columns)]

@@ -1,4 +1,4 @@
-"""What a target's language is to the writer: how a block, a loop, a table and a place in memory are written."""
+"""The interface between a writer and a target's language: blocks, loops, tables and places in memory."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from .target import Scalar, Target, TargetError, UnwritableError
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """Where a component lies, as a target writes it.
+    """Place of a component in the language of a target.
 
     Attributes
     ----------
     variable : str
         Name of a variable for the row; empty where none is needed.
     row : str
-        What the variable is.
+        Value of that variable.
     text : str
         What follows the variable.
     type : str
-        What the row consists of, where the language has types.
+        Type of the row, if the language has types.
     names : tuple of str
-        What a model calls it, if it is one thing in the model: the names that a variable may have, best first.
+        Names of the component in the model, best first, if it has one meaning there; possible names for a variable.
     """
 
     variable: str
@@ -43,9 +43,9 @@ class Located:
 
 Place = Callable[[Store, str], Located]
 Column = Callable[[int], str]
-"""The expression of an integer column of the current row of a table."""
+"""Returns the expression of an integer column for the current row of a table."""
 RowPlace = Callable[[Column, Store, str], Located]
-"""Where a component lies, for the current row of a table."""
+"""Returns the place of a component for the current row of a table."""
 
 
 class Language(ABC):
@@ -54,18 +54,18 @@ class Language(ABC):
     Parameters
     ----------
     model : Model
-        For names.
+        Model, for names.
     plan : Plan
     asked : tuple of Procedure
         The functions of the solver.
     target : Target
     scalar : Scalar
     reserved : frozenset of str
-        What variables cannot be called.
+        Words that are not allowed as names of variables.
     """
 
     numbered = True
-    """Places in memory are numbers, not names."""
+    """Whether places in memory are numbers; otherwise they are names."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class Language(ABC):
         """Whether any function reads the table of numbers that differ within a kind."""
         self._shared: dict[str, list[tuple[Kind, ...]]] = {}
         self._tables_of_numbers: dict[str, str] = {}
-        """By the numbers of a table: the function that it is called after."""
+        """For each column of a table: the function that gives the table its name."""
 
     # -- the language ----------------------------------------------------------------------------------------------
 
@@ -98,13 +98,13 @@ class Language(ABC):
     def lines(
         self, block: Block, place: Place, culprit: Callable[[str], str] | None = None, each: str = ""
     ) -> list[str]:
-        """Lines of a block; `culprit` gives the number of the link or loop to name where a pivot is zero.
+        """Lines of a block. `culprit` gives the number of the link or loop to report if a pivot is zero.
 
         `each` begins the loop over directions, where the language has one.
         """
 
     def each(self, kinds: Sequence[Kind], sweep: str) -> str:
-        """What begins the loop over directions in the function that kinds share."""
+        """Beginning of the loop over directions, in a function that kinds share."""
         return ""
 
     @abstractmethod
@@ -117,14 +117,14 @@ class Language(ABC):
 
     @abstractmethod
     def repeat(self, start: int, end: int, step: int, inward: bool, calls: list[str]) -> list[str]:
-        """Loop of i over ``start, start + step, ... < end``, or the same backwards."""
+        """Loop of i over ``start, start + step, ... < end``, or the same in reverse."""
 
     @abstractmethod
     def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[list[int], str]]) -> list[str]:
-        """Loop over all links or units that chooses the call by the kind, which `entry` gives for each i."""
+        """Loop over all links or units that selects the call by the kind, which `entry` gives for each i."""
 
     def unused_index(self) -> list[str]:
-        """Lines of a function that does not read the index that it gets."""
+        """Lines that mark the index of a function as unused."""
         return []
 
     @abstractmethod
@@ -133,35 +133,35 @@ class Language(ABC):
 
     @abstractmethod
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
-        """Table of equally long rows; asked for twice, it stands there once."""
+        """Table of equally long rows; a second request for the same table gives the first."""
 
     @abstractmethod
     def place(self, kinds: Sequence[Kind], sweep: str, store: Store, name: str) -> Located:
-        """Where a component of a store lies, in the function that kinds share."""
+        """Place of a component of a store, in a function that kinds share."""
 
     @abstractmethod
     def element(self, array: str, index: str, lanes: bool = False) -> Located:
-        """Where an entry of an argument, a seed or a result lies."""
+        """Place of an entry of an argument, a seed or a result."""
 
     @abstractmethod
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
-        """Where a component of the record, the lanes or the ground's slot of a link lies."""
+        """Place of a component in the record, the lanes or the ground's slot of a link."""
 
     @abstractmethod
     def constant(self, shape: int, constants: str, name: str) -> Located:
-        """Where a constant of the constants at a place lies."""
+        """Place of a constant, relative to the first of its owner."""
 
     @abstractmethod
     def place_of_constants(self, index: int) -> int:
-        """Where constants begin."""
+        """Place of the first constant of an owner."""
 
     @abstractmethod
     def prepared(self, what: str) -> list[str]:
-        """Lines, in a routine, for what lies outside of the sweeps; see `Prepare`."""
+        """Lines, in a routine, of a preparation outside of the sweeps; see `Prepare`."""
 
     @abstractmethod
     def number_of_row(self, table: str, row: str, index: int) -> Located:
-        """Where a number of the current row lies."""
+        """Place of a number of the current row."""
 
     def lines_of(
         self,
@@ -171,12 +171,12 @@ class Language(ABC):
         each: str = "",
         about: str = "",
     ) -> list[str]:
-        """Those of `lines`; `about` is what they compute, for messages.
+        """Same as `lines`; `about` describes the block in messages.
 
         Raises
         ------
         UnwritableError
-            The target cannot write them.
+            If the target cannot write them.
         """
         try:
             return self.lines(block, place, culprit, each)
@@ -186,7 +186,7 @@ class Language(ABC):
     # -- names -----------------------------------------------------------------------------------------------------
 
     def names_of(self, array: str, index: str) -> tuple[str, ...]:
-        """What the model calls an entry of an argument, a seed or a result: ``length``, ``q_crank``, ``dp_length``."""
+        """Name of an entry of an argument, a seed or a result in the model: ``length``, ``q_crank``, ``dp_length``."""
         known = self.plan.arguments
         of = known.get(array) or known.get(array.removeprefix("d"))
         axes = of.shape if of is not None else ()
@@ -198,7 +198,7 @@ class Language(ABC):
         return *own, f"{'input' if array == 'inputs' else array}_{name}"
 
     def called_by(self, block: Block, place: Place) -> dict[str, str]:
-        """What a function calls what a block loads, where the model has a name for it."""
+        """Variable names for loaded values that have a name in the model."""
         taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | self.reserved
         found: dict[str, str] = {}
         for symbol, (store, component) in block.loads.items():

@@ -1,4 +1,4 @@
-"""Comments of generated functions: what a block reads and writes, and how much it computes."""
+"""Comments of generated functions: inputs, outputs and operation counts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .function import COMMENT
 
 
 def notes(block: Block) -> list[str]:
-    """What a block reads and writes, and how much it computes."""
+    """Comment lines: inputs, outputs and operation counts."""
     found = []
     for word, components in (("in", list(block.loads.values())), ("out", [(s, n) for s, n, _ in block.stores])):
         by_store: dict[str, dict[str, None]] = {}
@@ -31,12 +31,12 @@ def notes(block: Block) -> list[str]:
 
 
 CALLED = {"pc": "c", "k": "numbers", "parameter": "p", "ceparameter": "p"}
-"""What stores are called in lists of what is read and written, where their names say less."""
+"""Names of stores in these comments, where they differ from the store's name."""
 
 
 @cache
 def _vector(component: str) -> str:
-    """What a component is one of, as generated code calls it."""
+    """Name of the vector or field to which a component belongs, in generated code."""
     return _COMPONENT.sub("", identifier(component))
 
 

@@ -1,4 +1,4 @@
-"""Prints expressions of statements; what languages write in different ways is left to the targets."""
+"""Prints expressions of statements; targets define the parts that differ between languages."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ HELD = {
     "HeldAtLeast": "AtLeast", "HeldFloor": "Floor", "HeldSign": "Sign", "HeldAbsolute": "Absolute",
     "HeldMaximum": "Maximum", "HeldMinimum": "Minimum", "HeldAngle": "atan2",
 }  # fmt: skip
-"""Functions that take a mode, with those that they are without."""
+"""Functions that take a mode, with the corresponding functions without mode."""
 
 OWN = ("Floor", "Choice", "Vanishing", "Along")
-"""Functions that generated files define themselves, where they call them."""
+"""Functions that generated files define themselves if they call them."""
 
 
 def _is_negative(term: Expr) -> bool:
@@ -33,7 +33,7 @@ def _is_negative(term: Expr) -> bool:
 
 
 def _without_sign(product: Expr) -> Sequence[Expr]:
-    """The factors of minus a product that begins with a negative number."""
+    """The factors of a product that begins with a negative number, with the opposite sign."""
     first, *others = product.args
     return others if first is MINUS_ONE else (-first, *others)
 
@@ -47,16 +47,16 @@ class Printer(ABC):
     Parameters
     ----------
     target : Target
-        Spells the elementary functions.
+        Spelling of the elementary functions.
     scalar : Scalar
-        Spells numbers.
+        Spelling of numbers.
     names : mapping of str to str
-        Calls symbols otherwise.
+        Other names for some symbols.
 
     Attributes
     ----------
     own : set of str
-        Those of `OWN` that have been printed.
+        Functions of `OWN` that have been printed.
     called : set of str
         Functions that have been printed.
     """
@@ -69,12 +69,12 @@ class Printer(ABC):
 
     @property
     def words(self) -> list[str]:
-        """What generated files define, for those that have been printed."""
+        """Definitions in generated files, for the functions of `OWN` that have been printed."""
         wanted = {"floor": {"Floor"}, "choice": {"Choice"}, "vanishing": {"Vanishing", "Along"}}
         return [word for word, names in wanted.items() if not names.isdisjoint(self.own)]
 
     def calling(self, names: Mapping[str, str]) -> Self:
-        """A printer that calls some symbols by other names. The order of terms and factors stays that of the symbols."""
+        """A printer with other names for some symbols. The order of terms and factors stays that of the original symbols."""
         found = copy(self)
         found.names = names
         return found
@@ -100,13 +100,13 @@ class Printer(ABC):
         return self.scalar.literal(text_of(e))
 
     def spelled(self, function: str) -> str:
-        """What an elementary function is called; it is noted that it is."""
+        """Name of an elementary function in the target; the call is recorded."""
         self.called.add(function)
         return self.target.function(function)
 
     def _sum(self, e: Expr, level: int) -> str:
         terms = [(_is_negative(t), t) for t in e.args]
-        terms.sort(key=_sign)  # a positive term first; stable, so the others stay in their order
+        terms.sort(key=_sign)  # a positive term first; the sort is stable, so the others keep their order
         text = ""
         for negative, t in terms:
             printed = self._unsigned(t) if negative else self._print(t, PRODUCT)
@@ -122,7 +122,7 @@ class Printer(ABC):
         return f"({text})" if level == ATOM or (negative and level > SUM) else text
 
     def _unsigned(self, term: Expr) -> str:
-        """A negative term without its sign, as a term."""
+        """A negative term without its sign."""
         factors = _without_sign(term) if term.is_Mul else (-term,)
         return self._factors(factors) if len(factors) > 1 else self._print(factors[0], PRODUCT)
 
@@ -193,4 +193,4 @@ class Printer(ABC):
 
     @abstractmethod
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
-        """A function whose branch a mode chooses; `free` is the function without."""
+        """A function whose branch is selected by a mode; `free` is the function without mode."""

@@ -1,4 +1,4 @@
-"""The targets that solvers are written in."""
+"""The available targets."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from .target import Target
 TARGETS: dict[str, Target] = {t.name: t for t in (C, NUMPY)}
 
 RESERVED = frozenset[str]().union(*(t.reserved for t in TARGETS.values()), ("number", "status"))
-"""Names that no target can give variables, or that generated tables and types have: all targets use the same names."""
+"""Names that no target may use for variables, or that generated tables and types have; all targets use the same names."""
 
 BESIDE_C = {"_numpy.py": write_numpy}
-"""What is printed beside the C: endings of files, and what writes them."""
+"""Files beside the C: endings, and the functions that write them."""
 
 __all__ = ["BESIDE_C", "RESERVED", "TARGETS"]

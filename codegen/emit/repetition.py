@@ -1,7 +1,7 @@
-"""Long lists of names and numbers in few words: what ``repeat`` of a model file repeats is not listed a hundred thousand times.
+"""Compact form of long lists of names and numbers: repetitions that come from ``repeat`` in a model file are written once.
 
-A stretch of a list that repeats some items, with integers in them going up in equal steps, is written as a `Repeated`; the
-run time (`codegen.runtime.standalone.files.manifest.unrolled`) makes the list again.
+A stretch of a list that repeats some items, in which integers grow in equal steps, is written as a `Repeated`. The run time
+(`codegen.runtime.standalone.files.manifest.unrolled`) restores the list.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from ..records import dataclass
 
 SHORT = 24
-"""Lists of at most so many items are left as they are: a person may want to read them."""
+"""Lists up to this length are written in full, because people may want to read them."""
 
 LONGEST = 16
-"""Items that are repeated together, at most."""
+"""Most items in a repeated pattern."""
 
 Item = str | int | float
 
@@ -28,17 +28,17 @@ _INTEGER = re.compile(r"(?<!\d)(?:0|[1-9]\d*)(?!\d)")
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """Items over and over.
+    """Repeated items.
 
     Attributes
     ----------
     count : int
-        How many times.
+        Number of repetitions.
     items : tuple
-        The first time. In names, integers that change are written ``{0}``, ``{1}``, ...; an item that is itself such an
-        integer is its number alone, as ``(0,)``.
+        The pattern. In names, changing integers are written ``{0}``, ``{1}``, ...; an item that is itself a changing integer is
+        written by its number alone, as ``(0,)``.
     start, step : tuple of int
-        Of these integers.
+        First value and step of these integers.
     """
 
     count: int
@@ -69,7 +69,7 @@ def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
             if count > 2 and count * period > best[0] * best[1]:
                 best = count, period
             if i + (count + 1) * period > len(values):
-                break  # it goes on to the end
+                break  # it continues to the end
         count, period = best
         if count * period <= SHORT:
             result.append(values[i])
@@ -81,7 +81,7 @@ def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
 
 
 def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
-    """An item without its integers, and these."""
+    """An item without its integers, and the integers."""
     if isinstance(value, str):
         return "{}".join(_INTEGER.split(value)), tuple(map(int, _INTEGER.findall(value)))
     if isinstance(value, int):
@@ -90,7 +90,7 @@ def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
 
 
 def _count(forms: Sequence[tuple[Form, tuple[int, ...]]], start: int, period: int) -> int:
-    """How many times a period goes on."""
+    """The number of repetitions of a period."""
     steps = []
     for k in range(start, start + period):
         (form, integers), (next_form, next_integers) = forms[k], forms[k + period]
@@ -132,7 +132,7 @@ def _repeated(forms: Sequence[tuple[Form, tuple[int, ...]]], i: int, period: int
 
 
 def condensed(value: object) -> object:
-    """JSON data with long lists of names and numbers in few words."""
+    """JSON data with long lists in compact form."""
     if isinstance(value, dict):
         return {key: condensed(v) for key, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -143,7 +143,7 @@ def condensed(value: object) -> object:
 
 
 def json_text(data: object) -> str:
-    """JSON of condensed data, with a line for each entry of dictionaries inside dictionaries, and lists in one line."""
+    """JSON of compact data, with a line for each entry of nested dictionaries, and each list in one line."""
     return _json(condensed(data), 0) + "\n"
 
 

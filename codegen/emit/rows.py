@@ -1,4 +1,4 @@
-"""Functions of constants and formulas: one for all that differ by rows of tables only."""
+"""Functions of constants and formulas: those that differ only by rows of tables are one function."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ class RowWriter(SweepWriter):
         of_values: str = "",
         of_numbers: str = "",
     ) -> tuple[Function, list[str]]:
-        """A function for blocks that are the same but for table rows, and the statements that call it for all rows.
+        """A function for blocks that differ only by table rows, and the statements that call it for all rows.
 
-        `place` gets a function that makes the expression of an integer column; `about` is what it computes. Its tables are
-        called after itself, or after the functions of values and of numbers that have the same ones.
+        `place` gets a function that returns the expression of an integer column; `about` describes what it computes. Its tables
+        have the name of the function, or of an earlier function with the same tables.
         """
         single = len(integers) == 1
         numbered = any(store is NUMBER for store, _ in block.loads.values())
         of = of_numbers or name
-        if numbered:  # tables of equal numbers are one
+        if numbered:  # equal tables of numbers are shared
             of = self._tables_of_numbers.setdefault(repr(numbers), of)
         table = f"rows_of_{of_values or name}"
         used = [False]
@@ -70,7 +70,7 @@ class RowWriter(SweepWriter):
         return f, self.repeat_rows(name, lanes, len(integers))
 
     def constants_functions(self) -> tuple[list[Function], list[str]]:
-        """Functions that compute constants from parameters, and the calls."""
+        """Functions that compute constants from parameters, and their calls."""
         functions, calls = [], []
         places = self.parameter_places
         for shape in self.plan.shapes:
@@ -93,7 +93,7 @@ class RowWriter(SweepWriter):
         return functions, calls
 
     def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
-        """Functions of the formulas of a target: for values, tangents and their transposes, as far as they are called."""
+        """Functions of the formulas of a target: for values, tangents and their transposes, if they are called."""
         result: dict[str, Any] = {
             f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls", "names")
         }
@@ -132,7 +132,7 @@ class RowWriter(SweepWriter):
             more = len(kind.places) - 3
             about = f"{', '.join(kind.places[:3])}{f' and {more} more' if more > 0 else ''} of the model"
         made = [("", name, kind.value, about), ("lane_", f"d{name}", kind.tangent, f"tangent of {about}")]
-        if "back_" in parts and kind.transposed.stores:  # a formula of numbers hands nothing back
+        if "back_" in parts and kind.transposed.stores:  # a formula of numbers has no adjoint
             made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
         for part, called, block, what in made:
             if part in parts:
@@ -145,14 +145,14 @@ class RowWriter(SweepWriter):
                 result[f"{part}names"].append(called)
 
     def owners(self, constants: Sequence[Constants]) -> str:
-        """Whose constants some are, in words."""
+        """The owners of some constants, in words."""
         those = {id(c) for c in constants}
         found = [name for name, c in self.plan.owners if id(c) in those]
         return ", ".join(found[:3]) + (f", ... ({len(found)})" if len(found) > 3 else "") if found else "gravity"
 
 
 def entry_from(first: str, further: int) -> str:
-    """Index of an entry that is a given number after another one."""
+    """Index of an entry that is a given number of entries after another one."""
     if first.isdigit():
         return str(int(first) + further)
     return f"{first} + {further}" if further else first

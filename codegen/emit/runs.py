@@ -1,4 +1,4 @@
-"""What functions run: sweeps, formulas and routines by name, and for how many directions at once."""
+"""What functions run: sweeps, formulas and routines by name, with the numbers of directions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..program.procedure import (
 
 
 def part_of(step: Formulas) -> str:
-    """Which of the functions of a formula a step calls: for values, tangents, or their transpose."""
+    """Prefix of the function of a formula that a step calls: for values, tangents, or their transpose."""
     return "back_" if step.backwards else "lane_" if step.lanes else ""
 
 
@@ -34,12 +34,12 @@ def name_of(step: Run | Formulas) -> str:
 
 
 def widest_first(procedure: Procedure) -> tuple[int, ...]:
-    """For how many directions at once a function is written."""
+    """Numbers of directions for which a function is written, largest first."""
     return tuple(sorted((*procedure.widths, *procedure.apart), reverse=True))
 
 
 def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
-    """What a procedure runs over directions, by name, and for how many at once; by which of its functions, by their widths."""
+    """What a procedure runs over directions, by name and width, with the widths of the functions that call it."""
     found: dict[tuple[str, int], set[int]] = {}
     own = (*procedure.widths, *procedure.apart)
 
@@ -47,7 +47,7 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
         found.setdefault((name, width), set()).update(own if within is None else (within,))
 
     def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
-        """Add steps; `anyhow` if they run for so many directions whatever the function's own width is."""
+        """Add steps; `anyhow` if they run for these widths whatever the function's own width is."""
         for step in steps:
             match step:
                 case Run() | Formulas() if over_directions(step):

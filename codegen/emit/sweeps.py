@@ -1,4 +1,4 @@
-"""Functions of links and loops over them: which a block becomes, and in which order they are called."""
+"""Functions of links and the loops that call them in the order of a sweep."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .language import Language, Located
 from .notes import notes
 
 MAX_STRETCHES = 24
-"""More different stretches of links than this, and a sweep dispatches on the kind instead."""
+"""With more distinct stretches of links than this, a sweep dispatches on the kind instead."""
 
 
 IDLE = -1
-"""In the place of a kind that has nothing to do in a sweep."""
+"""Placeholder for a kind without a block in a sweep."""
 
 
 class SweepWriter(Language):
@@ -28,13 +28,13 @@ class SweepWriter(Language):
 
     @cached_property
     def blocks(self) -> dict[str, dict[int, Block]]:
-        """Blocks by sweep and kind, of the sweeps that are run and have something to do."""
+        """Blocks by sweep and kind, for sweeps that are run and have something to store."""
         run = sweeps_run(self.asked)
         found = self.plan.sweeps.items()
         return {s: of.blocks for s, of in found if s in run and any(block.stores for block in of.blocks.values())}
 
     def shared(self, sweep: str) -> list[tuple[Kind, ...]]:
-        """The kinds of a sweep that have something to do there, those together whose functions differ by nothing but rows."""
+        """The kinds that have a block in a sweep, grouped if their functions differ only in rows."""
         if sweep not in self._shared:
             found: dict[object, list[Kind]] = {}
             for kind in self.plan.sweeps[sweep].kinds:
@@ -45,7 +45,7 @@ class SweepWriter(Language):
         return self._shared[sweep]
 
     def _form(self, kind: Kind, sweep: str, block: Block) -> object:
-        """A block and where its components lie, rows apart."""
+        """A block with the places of its components, without rows."""
 
         def form(store: Store, name: str) -> tuple[object, ...]:
             if store.memory is MARGIN:
@@ -57,25 +57,25 @@ class SweepWriter(Language):
         return block.title, loads, tuple(block.statements), stores
 
     def instances(self, kinds: Sequence[Kind], sweep: str) -> list[int]:
-        """The values that i takes in the function that kinds share."""
+        """The values of i in a function that kinds share."""
         return [i for kind in kinds for i in self.addresses.instances(kind, sweep)]
 
     def link_function(self, sweep: str, kinds: tuple[Kind, ...]) -> Function:
-        """The function of kinds of links, ears or regions; it has the number of the first."""
+        """The function of kinds of links, ears or regions; its name has the number of the first kind."""
         block = self.blocks[sweep][kinds[0].index]
         single = len(self.instances(kinds, sweep)) == 1
         signature = self.signature(f"{sweep}_{kinds[0].index}", self.plan.sweeps[sweep].lanes, not single)
-        place = cache(partial(self.place, kinds, sweep))  # asked for several times for each component
+        place = cache(partial(self.place, kinds, sweep))  # requested several times for each component
         lines = self.lines_of(block, place, self.addresses.culprit(kinds, sweep), self.each(kinds, sweep))
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
     def called(self, kinds: tuple[Kind, ...]) -> str:
-        """What the function that kinds share is for, in words."""
+        """Comment that names the units for which a function is called."""
         (what, first), count = self.plan.called[kinds[0]], sum(len(kind.members) for kind in kinds)
         return first if count == 1 else f"{count} {what}: {first}, ..."
 
     def merged_function(self, sweep: str, merged: Merged) -> Function:
-        """The function of a sweep whose blocks are one."""
+        """The function of a sweep whose blocks are combined into one."""
         spec, variables = self.plan.sweeps[sweep], dict[str, str]()
         kinds = {str(kind.index): kind for kind in spec.kinds}
 
@@ -95,7 +95,7 @@ class SweepWriter(Language):
         return Function(spec.title, self.signature(sweep, spec.lanes, False), lines, notes(merged.block))
 
     def loop(self, sweep: str) -> Function:
-        """The loop over the links, or the units, of a sweep; or all that it does, where its blocks are one."""
+        """The loop over the links or units of a sweep; if its blocks are combined, the whole sweep."""
         spec = self.plan.sweeps[sweep]
         if spec.merged is not None:
             return self.merged_function(sweep, spec.merged)
@@ -132,7 +132,7 @@ class SweepWriter(Language):
         return f
 
     def loop_of_two(self, sweep: str, then: str) -> Function:
-        """The loop over all links of two sweeps by turns."""
+        """A loop over all links that alternates between two sweeps."""
         both: list[list[Kind | None]] = []
         for name in (sweep, then):
             of = {kind: kinds[0] for kinds in self.shared(name) for kind in kinds}
@@ -167,11 +167,11 @@ class SweepWriter(Language):
             return [self.loop(sweep)]
         functions = [f for kinds in self.shared(sweep) for f in self.link_functions(sweep, kinds)]
         if any(of.then == sweep for of in self.plan.sweeps.values()):
-            return functions  # called by turns with another
+            return functions  # called alternately with another sweep
         return [*functions, self.loop(sweep)]
 
     def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:
-        """That of `link_function`, after the parts that it is made of."""
+        """The function of `link_function`, preceded by its parts."""
         return [self.link_function(sweep, kinds)]
 
 

@@ -1,4 +1,4 @@
-"""The contract of a target: what its language calls scalars and functions, what its vectors hold, which words it reserves.
+"""The interface of a target: names of scalars and functions, vector sizes, reserved words.
 
 A target is a folder beside this file with a `Target` in its ``__init__.py``; `registry.TARGETS` lists them. Everything that
 depends on the scalar type, such as literals, margins for rounding and the dtype of arrays in Python, follows from its `Scalar`.
@@ -26,7 +26,7 @@ class TargetError(ValueError):
 
 
 class UnwritableError(TargetError):
-    """The same for a model: `place` is the entry of its file, where that is known."""
+    """A target cannot write a model; `place` is the entry of the model file, if known."""
 
     def __init__(self, target: str, what: str, error: TargetError):
         super().__init__(f"{what}: {error} (target {target})")

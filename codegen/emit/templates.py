@@ -1,4 +1,4 @@
-"""Renders the templates. They live in ``templates/`` of the checkout, inside the package in a wheel."""
+"""Renders the templates. They are in ``templates/`` of the checkout, and inside the package in a wheel."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from typing import BinaryIO
 import jinja2
 
 OPTIONS: dict[str, bool] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
-"""How templates are compiled."""
+"""Options with which templates are compiled."""
 
 
 class KeptBeside(jinja2.BytecodeCache):
-    """Keeps compiled templates where Python would keep what modules in their folder are compiled to, if it keeps that.
+    """Keeps compiled templates in the folder where Python keeps compiled modules, if it does.
 
-    A template is compiled anew when it has changed, or the options here, Jinja or Python have. To compile them takes a fifth of
-    the time for which gcc waits; where nothing can be written it is done each time. What is kept is code that runs: a file that
-    belongs to another user than the templates and this process, or that others can write to, is not read.
+    A template is compiled again when the template, the options here, Jinja or Python have changed. Compilation takes a fifth of
+    the time during which gcc waits; it is repeated each time if nothing can be written. The kept files are code that runs. So a
+    file is not read if it belongs to a user other than the owner of the templates or this process, or if others can write to it.
 
     Parameters
     ----------
     folder : Path
-        That of the templates.
+        Folder of the templates.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -48,14 +48,14 @@ class KeptBeside(jinja2.BytecodeCache):
         return found.st_uid in self.owners and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        """Fill a bucket with what is kept, if that is of the same source."""
+        """Fill a bucket with kept code, if that comes from the same source."""
         damaged = EOFError, ValueError, pickle.UnpicklingError
         with contextlib.suppress(OSError, *damaged), open(self._file(bucket), "rb") as file:
             if self._is_ours(file):
                 bucket.load_bytecode(file)
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        """Keep what a bucket holds."""
+        """Keep the code of a bucket."""
         if sys.dont_write_bytecode:
             return
         file = self._file(bucket)

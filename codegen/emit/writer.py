@@ -1,6 +1,6 @@
-"""What the targets have in common: functions of sweeps, constants and formulas, in the order of a file.
+"""Common part of all targets: functions of sweeps, constants and formulas, in the order of a file.
 
-A target adds the language: see `language.Language`.
+A target adds its language: see `language.Language`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Writer(RowWriter):
 
     @cached_property
     def widths(self) -> dict[str, tuple[int, ...]]:
-        """For how many directions at once sweeps, formulas and routines over directions are called, widest first."""
+        """Widths for which sweeps, formulas and routines over directions are called, widest first."""
         found: dict[str, set[int]] = {}
         for p in self.asked:
             for name, width in called_for(p):
@@ -52,7 +52,7 @@ class Writer(RowWriter):
 
     @cached_property
     def sets_of_widths(self) -> list[tuple[int, ...]]:
-        """All of these, the largest sets first."""
+        """All sets of widths, the largest first."""
         sets = {*self.widths.values(), *(widest_first(p) for p in self.asked if p.widths)}
         return sorted(sets, key=lambda widths: (-len(widths), widths))
 
@@ -69,12 +69,12 @@ class Writer(RowWriter):
         return any(store.memory is MARGIN for stores in of_outputs for store, _, _ in stores)
 
     def prepares(self, what: str) -> bool:
-        """Whether any function prepares something."""
+        """Whether any function runs a preparation."""
         return any(isinstance(s, Prepare) and s.what == what for p in self.asked for s in walk(p.steps))
 
     @cached_property
     def groups(self) -> dict[Formulas, list[Function]]:
-        """The functions of formulas: those of each form, and last the one that calls them. Nothing of those without formulas."""
+        """The functions of each formula, then the function that calls them; empty without formulas."""
         _ = self.constants
         found: dict[Formulas, list[Function]] = {}
         steps = {s for p in self.asked for s in walk(p.steps) if isinstance(s, Formulas)}
@@ -90,7 +90,7 @@ class Writer(RowWriter):
                 of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
                 title = f"{of}{step.name.replace('_', ' ')}"
                 signature = self.signature(name_of(step), step.lanes, False)
-                if lines == [self.call(names[0], step.lanes, None)]:  # the one that there is may have the name of all
+                if lines == [self.call(names[0], step.lanes, None)]:  # a single function may have the name of the whole
                     found[step] = [replace(functions[0], signature=signature)]
                 else:
                     found[step] = [*functions, Function(title, signature, lines)]
@@ -98,11 +98,11 @@ class Writer(RowWriter):
 
     @cached_property
     def procedures(self) -> tuple[Procedure, ...]:
-        """The functions of the solver, without steps that have nothing to do."""
+        """The functions of the solver, without steps that have no effect."""
         return tuple(pruned(p, self.lives) for p in self.asked)
 
     def lives(self, step: Run | Formulas | Prepare) -> bool:
-        """Whether a step has something to do."""
+        """Whether a step has an effect."""
         match step:
             case Run():
                 return step.sweep in self.blocks
@@ -112,11 +112,11 @@ class Writer(RowWriter):
                 return bool(self.prepared(step.what))
 
     def where_run(self, named: Iterable[tuple[str, list[Function]]]) -> list[Function]:
-        """Functions of sweeps and formulas, by name, as they are printed; targets that are compiled in parts say in which."""
+        """Functions of sweeps and formulas by name, as they are printed; targets that compile parts separately add conditions."""
         return [f for _, functions in named for f in functions]
 
     def shared_context(self) -> dict[str, Any]:
-        """What the templates of every target are rendered with."""
+        """The data for the templates of every target."""
         model = self.model
         parts = self.swept | {name_of(step): functions for step, functions in self.groups.items()}
         lanes = {name_of(s) for s in self.groups if s.lanes} | {s for s in self.swept if self.plan.sweeps[s].lanes}
@@ -147,4 +147,4 @@ FORMULA_ORDER = (
     "tau", "outputs", "switches", "energy", "coefficient", "drive", "prescribed", "held_force", "initial_q", "initial_u",
     "frames", "frame_accelerations", "point_places",
 )  # fmt: skip
-"""The order in which the tables of formulas stand."""
+"""Order of the tables of formulas."""

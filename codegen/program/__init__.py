@@ -1,1 +1,1 @@
-"""Statements, blocks, passes, derivatives: symbolic programs that know no mechanics."""
+"""Statements, blocks, passes and derivatives: symbolic programs without any knowledge of mechanics."""

@@ -1,9 +1,9 @@
-"""Addresses: where a component of a store lies, decided once for every target.
+"""Addresses: where a component of a store lies in memory, decided once for every target.
 
-An address is the name of a region of memory (or of an argument), the row in it that belongs to the unit whose memory is accessed,
-and the place in the row. Rows are known for each unit that a function is called for, whose number is ``i`` there; they become an
-expression in i where the function is written, and integers that are not a function of i stand in tables (`IndexTable`), which
-grow by what is asked for. So kinds that differ by nothing but rows can share a function.
+An address has three parts: a region of memory (or an argument), a row of this region, and a place in the row. The row belongs
+to the unit whose memory is accessed. A function is called for several units, and ``i`` is the number of the unit. Where the
+function is written, its rows become an expression in i; integers that are no simple function of i are stored in tables
+(`IndexTable`), which get a column when one is needed. So kinds that differ only in their rows share a function.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .store import Store
 
 
 class Kind(Hashable, Protocol):
-    """Units of equal structure, which share every block: `members` by their numbers, `units` by their places in the order."""
+    """Units of equal structure, which share every block: `members` by number, `units` by place in the order."""
 
     index: int
     members: list[int]
@@ -26,7 +26,7 @@ class Kind(Hashable, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """An integer for each of the units that a function is called for, and the column of a table that may hold it."""
+    """An integer for each unit for which a function is called, and the column of a table that may store it."""
 
     column: str
     values: tuple[int, ...]
@@ -39,15 +39,15 @@ class Address:
     Attributes
     ----------
     variable : str
-        A name for the row.
+        Name of the variable that points to the row.
     region : str
-        Region of memory, ``numbers``, ``constants`` or an argument or result.
+        Region of memory, ``numbers``, ``constants``, or an argument or result.
     row : Row or None
-        Number of the row, or, of arguments, where it begins; none where there is one row.
+        Number of the row; of an argument, its first entry. None if there is only one row.
     component : str or Row
-        Name of the component; of arguments, ``numbers`` and results an integer, which may differ.
+        Name of the component. For arguments, results and ``numbers`` an integer, which may differ between units.
     form : int
-        Of constants: which components there are; see `layout.Layout.forms`.
+        For constants: the set of components; see `layout.Layout.forms`.
     """
 
     variable: str
@@ -58,14 +58,14 @@ class Address:
 
     @property
     def form_of_code(self) -> tuple[object, ...]:
-        """What functions that are to be one must agree in."""
+        """The properties in which addresses must agree for functions to be shared."""
         component = "" if isinstance(self.component, Row) else self.component
         return self.variable, self.region, self.row is None, component, self.form
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """An address with expressions in i in the place of rows."""
+    """An address whose rows are expressions in i."""
 
     variable: str
     region: str
@@ -75,13 +75,14 @@ class Placed:
 
 
 class IndexTable:
-    """A table of integers with a row for each link or unit: a column is added when something uses it, and none where the
-    integers of a kind are the same, or go up in equal steps.
+    """A table of integers with a row for each link or unit.
+
+    A column is added when a function needs it. Integers of a kind that are equal, or grow in equal steps, need no column.
 
     Parameters
     ----------
     name : str
-        The table's.
+        Name of the table.
     rows : int
     """
 
@@ -91,7 +92,7 @@ class IndexTable:
         self.columns: dict[str, list[int]] = {}
 
     def entry(self, column: str, instances: list[int], values: list[int]) -> str:
-        """Expression, in i, of the values that belong to the instances i of a kind."""
+        """Return an expression in i for values that belong to the instances i of a kind."""
         if len(set(values)) == 1:
             return str(values[0])
         step, rest = divmod(values[1] - values[0], instances[1] - instances[0])
@@ -122,37 +123,37 @@ class Addresses(ABC):
 
     @abstractmethod
     def table(self, sweep: str) -> IndexTable:
-        """The table of what a sweep goes over."""
+        """Return the table of the units of a sweep."""
 
     @abstractmethod
     def of_units(self, sweep: str) -> bool:
-        """Whether i is a place in the order of units, not a number of a member."""
+        """Return whether i is a place in the order of units; otherwise it is the number of a member."""
 
     @abstractmethod
     def find(self, kind: Kind, sweep: str, store: Store, name: str) -> Address:
-        """Where a component of a store lies, in the functions of a kind; see `address`."""
+        """Return the address of a component in the functions of a kind, without the cache of `address`."""
 
     @abstractmethod
     def number(self, kind: Kind, sweep: str) -> Row:
-        """Numbers of the links that a kind's functions are called for."""
+        """Return the numbers of the links for which the functions of a kind are called."""
 
     @abstractmethod
     def stopped_at(self, kind: Kind, sweep: str, name: str) -> Row:
-        """Number to report when a margin is not positive, by the margin's name."""
+        """Return the number to report when a margin, given by name, is not positive."""
 
     def instances(self, kind: Kind, sweep: str) -> list[int]:
-        """The values that i takes in the functions of a kind."""
+        """Return the values of i in the functions of a kind."""
         return kind.units if self.of_units(sweep) else kind.members
 
     def address(self, kind: Kind, sweep: str, store: Store, name: str) -> Address:
-        """Where a component of a store lies, in the functions of a kind."""
+        """Return the address of a component in the functions of a kind."""
         key = kind, sweep, store, name
         if key not in self._addresses:
             self._addresses[key] = self.find(kind, sweep, store, name)
         return self._addresses[key]
 
     def placed(self, kinds: Sequence[Kind], sweep: str, store: Store, name: str) -> Placed:
-        """Where a component of a store lies, in the function that kinds share."""
+        """Return the address of a component in a function that several kinds share."""
         found = [self.address(kind, sweep, store, name) for kind in kinds]
         first = found[0]
         rows = [a.row for a in found if a.row is not None]
@@ -166,13 +167,13 @@ class Addresses(ABC):
         )
 
     def culprit(self, kinds: Sequence[Kind], sweep: str) -> Callable[[str], str]:
-        """Expression of the number to report when a margin is not positive."""
+        """Return a function from the name of a margin to the expression of the number to report when it is not positive."""
         return lambda name: self.expression(kinds, sweep, [self.stopped_at(kind, sweep, name) for kind in kinds])
 
     def expression(self, kinds: Sequence[Kind], sweep: str, rows: Sequence[Row]) -> str:
-        """Expression of integers that belong to the instances of kinds, from those of each; each is looked for once."""
+        """Return an expression in i for integers that are given for each kind; results are cached."""
         key = (self.table(sweep).name, self.of_units(sweep), *kinds, *map(id, rows))
-        if key not in self._expressions:  # which keeps the rows, so that no others get their identities
+        if key not in self._expressions:  # the entry keeps the rows alive, so that their identities stay unique
             instances = [i for kind in kinds for i in self.instances(kind, sweep)]
             pairs = sorted(zip(instances, (v for row in rows for v in row.values), strict=True))
             entry = self.table(sweep).entry(rows[0].column, [i for i, _ in pairs], [v for _, v in pairs])

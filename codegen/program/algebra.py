@@ -1,12 +1,12 @@
 """Expressions of statements: sums, products, powers and functions of symbols and numbers, each kept once.
 
-Statements are short, and there are many: a general algebra system takes most of the time of generation to find out about every
-product that it is commutative. What is needed here is little: terms and factors in one order, equal ones put together, zeros and
-ones left out. Two expressions that are equal are the same object, so comparing them and finding them in tables is quick.
+Statements are short, and there are many. A general algebra system would spend most of the generation time on questions such as
+whether a product commutes. Only a few operations are needed here: terms and factors are sorted, equal ones combined, zeros and
+ones dropped. Equal expressions are the same object, so comparison and lookup are fast.
 
-Rules, those of sympy where it has one: terms of a sum that differ in their number are one term; powers of one base are one power;
-a number times a sum is put into the sum, when it is all that it is multiplied with; otherwise nothing is multiplied out. What
-`raw_sum` and `raw_product` make stays as written until something is put into it.
+The rules are those of sympy where it has one. Terms that differ only in their numerical factor are combined, and so are powers of
+one base. A product of a number and a sum is multiplied out; other products are not. Results of `raw_sum` and `raw_product` keep
+their order until something is substituted into them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import mpmath
 from ..records import dataclass
 
 Real = int | Fraction | float
-"""What a number is: whole, a fraction, or a double; with more digits an ``mpmath.mpf`` in the place of the last."""
+"""A number: an integer, a fraction, or a double; with extended precision an ``mpmath.mpf`` replaces the double."""
 
 T = TypeVar("T")
 _SYMBOL, _POWER, _PRODUCT, _SUM, _FUNCTION = range(13, 18)
@@ -38,7 +38,7 @@ class Expr:
     ----------
     args : tuple of Expr
     key : tuple
-        Its place in the order of terms and factors.
+        Sort key among terms and factors.
     free_symbols : frozenset of Symbol
     """
 
@@ -88,19 +88,19 @@ class Expr:
         raise TypeError("expressions are of one process")
 
     def xreplace(self, rule: Mapping[Symbol, Expr]) -> Expr:
-        """The expression with other expressions in the place of symbols."""
+        """Return the expression with symbols replaced by other expressions."""
         if self.free_symbols.isdisjoint(rule):
             return self
         args = [a.xreplace(rule) for a in self.args]
         return self if all(a is b for a, b in zip(args, self.args, strict=True)) else self.rebuilt(args)
 
     def rebuilt(self, args: list[Expr]) -> Expr:
-        """The same operation of other operands."""
+        """Return the same operation on other operands."""
         raise NotImplementedError
 
 
 class Symbol(Expr):
-    """A name; there is one symbol of each."""
+    """A symbol; each name has exactly one."""
 
     __slots__ = ("__weakref__", "name")
     is_Symbol = True
@@ -129,10 +129,10 @@ def _compared(by: Callable[[Real, Real], bool]) -> Callable[[Number, object], bo
 
 
 class Number(Expr):
-    """A number. Doubles that are whole are the whole numbers.
+    """A number. A double with an integer value is stored as the integer.
 
-    It equals plain numbers of its value, and hashes like them. Two numbers of one kind and value are the same object. A double
-    and a fraction of one value are two numbers, for sums of them round differently.
+    It equals plain numbers of the same value and has their hash. Two numbers of the same type and value are the same object. A
+    double and a fraction of the same value are different numbers, because their sums round differently.
     """
 
     __slots__ = ("hash", "value")
@@ -157,7 +157,7 @@ class Number(Expr):
 
     @property
     def is_finite(self) -> bool:
-        """Whether it is a number that a double can be."""
+        """Return whether a double can represent the number."""
         try:
             return math.isfinite(float(self.value))
         except OverflowError:
@@ -203,7 +203,7 @@ class Add(Expr):
 
 
 class Mul(Expr):
-    """A product; a number among its factors is the first."""
+    """A product; a numerical factor comes first."""
 
     __slots__ = ()
     is_Mul = True
@@ -244,22 +244,22 @@ class Function(Expr):
 
 
 class Made(Protocol):
-    """What makes the value of a function, of expressions or numbers."""
+    """A function from operands, expressions or numbers, to the value of an elementary function."""
 
     def __call__(self, *arguments: object) -> Expr: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a function is.
+    """Definition of an elementary function.
 
     Attributes
     ----------
     make : callable
-        Its value of expressions or numbers.
+        Returns the value for expressions or numbers.
     value : callable (numbers) -> number
     slope : callable (Function, int) -> Expr
-        Its derivative by one of its arguments.
+        Returns the derivative with respect to one argument.
     """
 
     make: Made
@@ -268,19 +268,19 @@ class Meaning:
 
 
 MEANINGS: dict[str, Meaning] = {}
-"""Functions by their names; `functions` has them."""
+"""Elementary functions by name; `functions` fills the table."""
 
 _NONE: frozenset[Symbol] = frozenset()
 _symbols: WeakValueDictionary[str, Symbol] = WeakValueDictionary()
 _numbers: dict[tuple[type, object], Number] = {}
 _made: dict[tuple[object, ...], Expr] = {}
-"""Sums, products, powers and functions by what they are of; and what sums and products of some operands have come to."""
+"""Caches: sums, products, powers and functions by their operands, and the results of adding or multiplying operands."""
 _remembered: list[Callable[[], None]] = []
 _users, _changing = 0, threading.Lock()
 
 
 def remembered(f: Callable[[Expr], T]) -> Callable[[Expr], T]:
-    """A function of an expression that computes each value once, while expressions are kept."""
+    """Decorate a function of an expression so that each value is computed once, as long as expressions are kept."""
     known: dict[Expr, T] = {}
     _remembered.append(known.clear)
 
@@ -295,7 +295,7 @@ def remembered(f: Callable[[Expr], T]) -> Callable[[Expr], T]:
 
 @contextmanager
 def expressions_kept() -> Iterator[None]:
-    """While this lasts equal expressions are the same; when nobody needs that any longer, they are let go."""
+    """Keep equal expressions identical inside the context; release them when the outermost context ends."""
     global _users
     with _changing:
         _users += 1
@@ -333,7 +333,7 @@ def _value(other: object) -> float:
 
 
 def _number_key(value: Real) -> tuple[object, ...]:
-    """The place of a number in the order."""
+    """The sort key of a number."""
     place = (
         {0: 0, 1: 1, Fraction(1, 2): 2, -1: 5}.get(value) if not isinstance(value, float) or value == value else None
     )
@@ -361,7 +361,7 @@ def _node(kind: type[Expr], rank: int, args: tuple[Expr, ...]) -> Expr:
 
 
 def function(name: str, *args: Expr) -> Expr:
-    """The value of a function, as it stands."""
+    """The value of a function, without simplification."""
     entry = (_FUNCTION, name, *args)
     found = _made.get(entry)
     if found is None:
@@ -374,7 +374,7 @@ def function(name: str, *args: Expr) -> Expr:
 
 
 def expression(value: object) -> Expr:
-    """An expression, of one or of a number."""
+    """Convert a number to an expression; expressions are returned unchanged."""
     if isinstance(value, Expr):
         return value
     if isinstance(value, (int, float, Fraction, mpmath.mpf)):
@@ -387,17 +387,17 @@ def _key(e: Expr) -> tuple[object, ...]:
 
 
 def raw_sum(*args: Expr) -> Expr:
-    """A sum of terms in their order, as it stands."""
+    """A sum of terms in the given order, without simplification."""
     return _node(Add, _SUM, args)
 
 
 def raw_product(*args: Expr) -> Expr:
-    """A product of factors in their order, as it stands."""
+    """A product of factors in the given order, without simplification."""
     return _node(Mul, _PRODUCT, args)
 
 
 def replaced_in_order(e: Expr, rule: Mapping[Symbol, Expr]) -> Expr:
-    """What `Expr.xreplace` gives, with terms and factors in the order in which they were: so it rounds as before."""
+    """Substitute as `Expr.xreplace` does, but keep the order of terms and factors, so that rounding does not change."""
     if isinstance(e, Symbol) or e.free_symbols.isdisjoint(rule):
         return e.xreplace(rule)
     args = [replaced_in_order(a, rule) for a in e.args]
@@ -409,7 +409,7 @@ def replaced_in_order(e: Expr, rule: Mapping[Symbol, Expr]) -> Expr:
 
 
 def coefficient(e: Expr) -> tuple[Number, Expr]:
-    """The number that an expression is multiplied with, and the rest."""
+    """Split an expression into its numerical factor and the rest."""
     if isinstance(e, Number):
         return e, ONE
     if e.is_Mul:
@@ -467,7 +467,7 @@ def _sum(args: tuple[Expr, ...]) -> Expr:
 
 
 def _are_apart(terms: tuple[Expr, ...]) -> bool:
-    """Whether terms of a sum stay as they are: none is a number or a sum, and no two differ in a number alone."""
+    """Return whether the terms of a sum need no combining: none is a number or a sum, and no two differ only in a number."""
     found = set()
     for e in terms:
         if e.is_Add or e.is_Number:
@@ -483,7 +483,7 @@ def _are_apart(terms: tuple[Expr, ...]) -> bool:
 
 
 def _with_digits(a: Real, b: Real, add: bool) -> Real:
-    """Sum or product of numbers; a fraction beside a double becomes one."""
+    """The sum or product of numbers; a fraction becomes a double if the other operand is one."""
     if isinstance(a, (float, mpmath.mpf)) and isinstance(b, (Fraction, int)):
         b = _as_double(b, a)
     elif isinstance(b, (float, mpmath.mpf)) and isinstance(a, (Fraction, int)):
@@ -600,7 +600,7 @@ def _product(args: tuple[Expr, ...]) -> Expr:
 
 
 def power(base: Expr, exponent: Expr) -> Expr:
-    """A power by a number."""
+    """A power with a numerical exponent."""
     if not isinstance(exponent, Number):
         raise TypeError(f"{base}**{exponent}: exponents are numbers")
     n = exponent.value
@@ -662,7 +662,7 @@ def ratio(a: Number, b: Number) -> Number:
 
 
 def numbers_of(e: Expr) -> Iterator[Number]:
-    """The numbers that stand in an expression."""
+    """The numbers in an expression."""
     if isinstance(e, Number):
         yield e
     for a in e.args:
@@ -670,7 +670,7 @@ def numbers_of(e: Expr) -> Iterator[Number]:
 
 
 def value_of_number(e: Expr) -> float:
-    """The value of an expression without symbols; with the digits of ``mpmath`` where these are more than a double's."""
+    """The value of an expression without symbols, in the precision of ``mpmath`` where it exceeds that of a double."""
     long = mpmath.mp.prec > 53
     if isinstance(e, Number):
         if long and isinstance(e.value, Fraction):
@@ -724,7 +724,7 @@ def derivative(e: Expr, by: Symbol) -> Expr:
 
 
 def _text(e: Expr) -> str:
-    """As it is written in Python, for messages and tests."""
+    """The expression in Python syntax, for messages and tests."""
     if isinstance(e, Number):
         return f"({e.value})" if isinstance(e.value, Fraction) or e.value < 0 else str(e.value)
     if isinstance(e, Symbol):

@@ -1,11 +1,11 @@
 """Blocks: short straight-line programs of scalar statements, and the two ways to run the code that writes them.
 
-A block is a list of assignments ``symbol = small expression of earlier symbols``. It reads fields of stores
-(`Scope.load`) and writes fields (`Scope.store`); where a field lies in memory is decided later, by the layout.
+A block is a list of assignments ``symbol = small expression of earlier symbols``. It reads fields of stores (`Scope.load`) and
+writes fields (`Scope.store`). The layout decides later where a field lies in memory.
 
-The functions in `codegen.mechanics` that write blocks are run twice: once with a `StructuralExpansion`, which only
-finds out which fields can differ from zero, and then with an `Expansion`, which writes the statements.
-Supported: sums, products, integer powers, quotients and elementary functions. Not supported: branches, loops.
+The functions in `codegen.mechanics` that write blocks run twice. The first run, with a `StructuralExpansion`, only finds the
+fields that can differ from zero. The second, with an `Expansion`, writes the statements. Supported: sums, products, integer
+powers, quotients and elementary functions. Not supported: branches, loops.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .store import Store
 V = TypeVar("V")
 V_co = TypeVar("V_co", covariant=True)
 Component = tuple[Store, str]
-"""A component of a field, such as ``w.x``, and the store that it is in."""
+"""A component of a field, such as ``w.x``, with its store."""
 
 
 def symbols_of(e: Expr) -> frozenset[Symbol]:
@@ -39,12 +39,12 @@ def symbols_of(e: Expr) -> frozenset[Symbol]:
 
 
 def up_to_sign(e: Expr) -> Hashable:
-    """Something that an expression and its negative have in common, for less than it costs to negate it."""
+    """A key that an expression shares with its negative; it is cheaper than negating the expression."""
     return frozenset(map(_unsigned, e.args)) if e.is_Add else _unsigned(e)
 
 
 def _unsigned(term: Expr) -> Hashable:
-    """A term without its number."""
+    """A term without its numerical factor."""
     if term.is_Mul:
         factors: tuple[Expr, ...] = term.args[1:] if term.args[0].is_Number else term.args
         return factors if len(factors) > 1 else factors[0]
@@ -53,7 +53,7 @@ def _unsigned(term: Expr) -> Hashable:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One assignment; `tag` names the equation it comes from, `lanes` tells that it is one per direction."""
+    """One assignment. `tag` names its equation; `lanes` is true if there is one value per direction."""
 
     target: Symbol
     expression: Expr
@@ -69,15 +69,15 @@ class Block:
     ----------
     name : str
     title : str
-        What the block computes and its equations, for the comment in the generated code.
+        What the block computes, with its equations; printed as a comment in generated code.
     loads : dict of Symbol to (Store, str)
-        Symbols that are read, with store and component.
+        Symbols that the block reads, with store and component.
     statements : list of Statement
     stores : list of (Store, component, expression)
     otherwise : dict of Symbol to Expr
-        Of values that `Scope.either` names: the second expression, until one of the two is chosen.
+        For values named by `Scope.either`: the alternative expression, until one of the two is chosen.
     early : bool
-        Over directions, values are stored as soon as they are known; otherwise at the end.
+        If true, values per direction are stored as soon as they are known; otherwise at the end.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Block:
 
     @property
     def length(self) -> int:
-        """How many symbols statements and stores read."""
+        """The number of symbols that statements and stores read."""
         values = (*(s.expression for s in self.statements), *(e for _, _, e in self.stores))
         return sum(len(symbols_of(e)) for e in values)
 
@@ -105,33 +105,33 @@ RESERVED = frozenset(
     ["pow", *named("c")]
     + "a h i l y0 y1 yn j0 j1 jn np int double const static link numbers call values handed_on".split()
 )
-"""Names that generated code uses for other things."""
+"""Names with another meaning in generated code."""
 
 
 class FieldError(Exception):
-    """A block reads or writes what is in no table of fields, reads what nobody writes, or writes what nobody reads.
+    """A block uses a field that is not in the tables, reads one that is never written, or writes one that is never read.
 
-    An error of ordernm's own.
+    This is an internal error of ordernm.
     """
 
 
 class Scope(ABC):
-    """What the code that writes a block gets: fields to read and write, and names for values.
+    """Interface for code that writes a block: reads and writes fields, and names values.
 
     Attributes
     ----------
     tangents : bool
-        The block is to be differentiated.
+        Whether the block will be differentiated.
     units : bool
-        Its sweep goes over units of several links.
+        Whether the units of its sweep have several links.
     structural : bool
-        Values are zero patterns; otherwise they are expressions.
+        Whether values are zero patterns; otherwise they are expressions.
     title : str
-        Of the block.
+        Title of the block.
     asked : dict of (Store, str) to Field
-        Components that have been read, and the field that each is of.
+        Components that have been read, with their fields.
     told : dict of (Store, str) to Field
-        The same of those that have been written.
+        Components that have been written, with their fields.
     """
 
     structural: bool
@@ -145,27 +145,28 @@ class Scope(ABC):
 
     @abstractmethod
     def component(self, store: Store, name: str) -> Value:
-        """The value of a component: a symbol, or a number where it is known."""
+        """The value of a component: a symbol, or a number if the value is known."""
 
     @abstractmethod
     def set_component(self, store: Store, name: str, value: Value) -> None:
-        """Write a component. Zeros are written too; a pass removes what nobody reads."""
+        """Write a component. Zeros are written too; a pass removes unread ones."""
 
     @abstractmethod
     def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Value:
-        """Name an intermediate: returns its symbol, or the value itself where naming would cost a copy."""
+        """Name an intermediate value. Returns its symbol, or the value itself where a name would only be a copy."""
 
     @abstractmethod
     def name(self, name: str, value: Value, tag: str = "") -> Value:
-        """A symbol for a value even where that costs a copy; copy propagation removes it again."""
+        """Name a value even if this is only a copy; copy propagation removes it again."""
 
     def either(self, name: str, value: Value, otherwise: Value, tag: str = "") -> Value:
-        """A name for a value, or for `otherwise` where that costs less, or the value reads what no other result needs."""
+        """Name a value, or the alternative `otherwise` where that is cheaper or the value reads something that nothing else
+        needs."""
         return self.let(name, value, tag)
 
     @abstractmethod
     def number(self, value: float | Number) -> Value:
-        """A number, as generated code writes it; on zero patterns 0, 1 and -1 are kept apart."""
+        """A number as generated code writes it; zero patterns distinguish 0, 1 and -1."""
 
     @abstractmethod
     def sqrt(self, value: Value) -> Value:
@@ -173,7 +174,7 @@ class Scope(ABC):
 
     @abstractmethod
     def call(self, function: str, *arguments: Value) -> Value:
-        """An elementary function, by its name in the expression grammar, without a name for its value."""
+        """An elementary function, by its name in the expression grammar; its value is not named."""
 
     @property
     def half(self) -> Value:
@@ -181,12 +182,12 @@ class Scope(ABC):
         return self.number(algebra.HALF)
 
     def let_vector(self, name: str, v: Sequence[Value], tag: str = "", lanes: bool = False) -> Vector:
-        """Names for the three components of a vector."""
+        """Name the three components of a vector."""
         return [self.let(f"{name}_{i}", value, tag, lanes) for i, value in zip(XYZ, v, strict=True)]
 
     @abstractmethod
     def recall(self, store: Store, field: Field[V], value: V) -> None:
-        """A value that an earlier block has stored: it is loaded, not computed, but still differentiated."""
+        """Mark a value as stored by an earlier block: it is loaded instead of computed, but still differentiated."""
 
     def load(self, store: Store, field: Readable[V_co]) -> V_co:
         """The value of a field."""
@@ -208,7 +209,7 @@ class Scope(ABC):
             raise FieldError(f"{self.title}: {store} has no field {field}: it is not in the table of fields")
 
     def entry(self, store: Store, index: int) -> Value:
-        """An entry of an argument, a seed or the like: those of a link are counted from its first."""
+        """An entry of an argument, a seed or the like; entries of a link are numbered from its first."""
         return self.component(store, str(index))
 
     def set_entry(self, store: Store, index: int, value: Value) -> None:
@@ -217,17 +218,17 @@ class Scope(ABC):
 
 
 class Expansion(Scope):
-    """Writes a block: folds zeros and ones, names intermediates, gives equal expressions one name.
+    """Writes a block: drops zeros and ones, names intermediate values, and gives equal expressions one name.
 
     Parameters
     ----------
     name, title : str
     nonzero : callable (store, component) -> bool
-        Whether a component can differ from zero; the others are loaded as the number 0.
+        Returns whether a component can differ from zero; otherwise it is loaded as the number 0.
     number : callable (store, component) -> Number or None
-        Components whose value is known at generation time.
+        Returns the value of a component that is known at generation time.
     alias : callable (store, component) -> str
-        Components of equal value: the one to load.
+        Returns the component to load among those of equal value.
     tangents, units : bool
         See `Scope`.
     """
@@ -278,7 +279,7 @@ class Expansion(Scope):
         return self.component(store, str(index))
 
     def symbol(self, store: Store, index: int) -> Symbol:
-        """The symbol of an entry that is no known number."""
+        """The symbol of an entry whose value is not known."""
         found = self.entry(store, index)
         assert isinstance(found, Symbol), f"{store}[{index}] is {found}"
         return found
@@ -331,11 +332,11 @@ class Expansion(Scope):
                 self._recalled[part] = (store, name)
 
     def reserve(self, names: Iterable[str]) -> None:
-        """Names that no symbol made from now on may have."""
+        """Exclude names from the symbols that are made from now on."""
         self._taken.update(names)
 
     def finish(self) -> Block:
-        """The block: recalled statements are loads, of several stores to one place the last is left, and zero is not added."""
+        """Complete the block: recalled values become loads, each place keeps its last store, and added zeros are dropped."""
         last = {(store, name): i for i, (store, name, _) in enumerate(self.block.stores)}
         self.block.stores = [
             (store, name, value)
@@ -366,7 +367,7 @@ class Expansion(Scope):
 
 
 class Nonzero:
-    """The structural value "may differ from zero"; the other one is the int 0."""
+    """The structural value "may differ from zero"; its counterpart is the integer 0."""
 
     __slots__ = ()
 
@@ -396,9 +397,9 @@ ANY = Nonzero()
 
 
 class StructuralExpansion(Scope):
-    """Runs block-writing code on zero patterns only; `stored` receives the fields that are written.
+    """Runs block-writing code on zero patterns only; `stored` receives the patterns of written fields.
 
-    The numbers 1 and -1 pass through as they are: the axis of a planar mechanism is one in every link.
+    The numbers 1 and -1 are kept: the joint axis of a planar mechanism has the same components in every link.
     """
 
     structural = True
@@ -415,7 +416,7 @@ class StructuralExpansion(Scope):
         self._nonzero = nonzero
         self._known = known
         self.stored: dict[Component, int | None] = {}
-        """The 0, 1 or -1 that a component is whatever the state, or None."""
+        """The constant value 0, 1 or -1 of each component, or None if it varies."""
 
     def component(self, store: Store, name: str) -> Value:
         if not self._nonzero(store, name):
@@ -426,7 +427,7 @@ class StructuralExpansion(Scope):
     def set_component(self, store: Store, name: str, value: Value) -> None:
         value = self.let(name, value)
         if store.adds:
-            # added to what others store there: what it is cannot be known from one of them
+            # another block may add to it, too, so its value is unknown
             value = ANY if value else 0
         number = value if isinstance(value, int) else None
         key = store, name
@@ -435,7 +436,7 @@ class StructuralExpansion(Scope):
     def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Value:
         if isinstance(value, Nonzero):
             return value
-        # of numbers only 0, 1 and -1 are kept apart; quotients of those are floats
+        # zero patterns distinguish only 0, 1 and -1, and a quotient of them is a float
         return int(value) if isinstance(value, (int, float)) and value in (0, 1, -1) else ANY
 
     def name(self, name: str, value: Value, tag: str = "") -> Value:

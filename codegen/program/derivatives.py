@@ -1,13 +1,13 @@
 """Derivative primitives of statements, and the tangent statements made of them.
 
-The derivative primitives of a statement are the partial derivatives of its right side with respect to its own
-operands: local, small, found once, shared by all directions. A tangent statement is their sum,
-``d symbol = sum_i primitive_i * d operand_i``, zero terms dropped.
+The derivative primitives of a statement are the partial derivatives of its right side with respect to its own operands. They are
+small, computed once, and shared by all directions. A tangent statement is their sum, ``d symbol = sum_i primitive_i * d
+operand_i``, zero terms dropped.
 
-Some operands are functions of others and carry no tangent of their own: the sine and cosine of an angle, the entries
-of a rotation matrix, the constants of a body. They are *transparent*: derivatives look through them, so that
-``d(c x + s y)`` is ``c dx + s dy + (c y - s x) dq``, one product where the plain chain rule needs two, and the factor is
-often a value that the block has named already.
+Some operands are functions of others and carry no tangent of their own: the sine and cosine of an angle, the entries of a
+rotation matrix, the constants of a body. They are *transparent*: they are differentiated with respect to the quantities they
+depend on. So ``d(c x + s y)`` is ``c dx + s dy + (c y - s x) dq``. This takes one product where the plain chain rule needs two,
+and its factor often has a name already.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def _add(into: dict[Symbol, Expr], key: Symbol, value: Expr) -> None:
 
 
 Primitives = Mapping[Value, Mapping[Value, Value]]
-"""Derivatives of values by values, of which those that are no symbols have none."""
+"""Derivatives of values with respect to values; numbers have none."""
 
 
 def of_symbols(primitives: Primitives) -> dict[Symbol, dict[Symbol, Expr]]:
-    """Those of symbols by symbols, see `Tangents`."""
+    """Derivatives of symbols with respect to symbols, see `Tangents`."""
     return {
         s: {root: algebra.expression(d) for root, d in inner.items() if isinstance(root, Symbol)}
         for s, inner in primitives.items()
@@ -68,14 +68,14 @@ class Tangents:
     expansion : Expansion
         Receives the tangent statements, and the primitives as scalar statements.
     seeds : mapping of Symbol to Expr
-        Tangent of each symbol that has one (a symbol of one value per direction).
+        Tangent of each symbol that has one; it has one value per direction.
     transparent : dict of Symbol to dict of Symbol to Expr
-        For each transparent symbol, its derivatives with respect to the symbols that it is a function of; those
-        need no statement of their own, only an entry in `seeds`.
+        For each transparent symbol, its derivatives with respect to the symbols on which it depends. Those symbols need no
+        statement, only an entry in `seeds`.
     lanes : bool
         Whether the tangent statements are one per direction.
     known : dict of Symbol to list of (Expr, Expr)
-        Of targets of statements whose derivative is known: operands, and the derivatives by them, which may be infinite.
+        For targets with known derivatives: pairs of an operand and the derivative with respect to it, which may be infinite.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Tangents:
             self.of[statement.target] = self.expansion.let(f"d_{statement.target.name}", value, tag, lanes=self.lanes)
 
     def _by(self, operands: Sequence[tuple[Expr, Expr]]) -> Expr:
-        """Tangent of what is known with its derivatives by operands."""
+        """Tangent of a value from its known derivatives with respect to operands."""
         terms = []
         for operand, slope in operands:
             along = self.value(operand)

@@ -1,6 +1,6 @@
-"""How many digits the numbers of a program have: those of a double, or more for a program that is to be evaluated in more.
+"""Precision of the numbers in a program: that of a double, or more for a program that is evaluated in extended precision.
 
-A program whose numbers have more digits is the same but for what was computed with numbers alone, such as inertias about joints.
+Extended precision changes only values that are computed from numbers alone, such as inertias about joints.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _digits: ContextVar[int] = ContextVar("digits", default=0)
 
 @contextmanager
 def long_numbers(digits: int) -> Iterator[None]:
-    """While this lasts, numbers are computed and printed with so many decimal digits."""
+    """Compute and print numbers with this many decimal digits inside the context."""
     token = _digits.set(digits)
     try:
         with mpmath.workdps(digits):
@@ -29,23 +29,23 @@ def long_numbers(digits: int) -> Iterator[None]:
 
 
 def are_long() -> bool:
-    """Whether numbers have more digits than doubles."""
+    """Return whether numbers are more precise than doubles."""
     return _digits.get() > 0
 
 
 def number(value: float) -> Number:
-    """A number that prints as the same double, or as the same long number."""
+    """A number that prints as the same double, or in extended precision with the same digits."""
     return Number(mpmath.mpf(value) if are_long() and not isinstance(value, int) else value)
 
 
 def long_number(value: float) -> float:
-    """A double, or the long number of the same value."""
+    """A double, or an extended-precision number of the same value."""
     found: float = mpmath.mpf(value) if are_long() else value
     return found
 
 
 def value_of(e: Expr) -> float:
-    """The value of a constant expression as a double, or as a long number of mpmath's."""
+    """The value of a constant expression, as a double or as an ``mpmath`` number."""
     if not are_long():
         return float(value_of_number(e))
     found: float = mpmath.mpf(value_of_number(e))
@@ -53,7 +53,7 @@ def value_of(e: Expr) -> float:
 
 
 def text_of(value: Expr | float) -> str:
-    """A number as it stands in Python: as a double, or with all its digits where it is none."""
+    """A number in Python syntax: as a double if that is exact, otherwise with all its digits."""
     if not are_long():
         return repr(value_of(value) if isinstance(value, Expr) else float(value))
     exact = value_of(value) if isinstance(value, Expr) else mpmath.mpf(value)

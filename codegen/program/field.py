@@ -1,7 +1,8 @@
-"""Fields: what a block finds in a store, with shape, unit, frame and meaning.
+"""Fields: the quantities in a store, with shape, unit, frame and meaning.
 
-A field of one of several numbered things is a family: ``Z_w(3)`` is the field of the third. Blocks keep *components*, the
-strings that a layout gives places to: ``w.x``, ``Z3.w.x``. The tables of fields are in `codegen.mechanics.fields`.
+A family has a field for each of several numbered objects: ``Z_w(3)`` is the field of the third. Blocks refer to *components* by
+strings such as ``w.x`` and ``Z3.w.x``, to which the layout assigns places. The tables of fields are in
+`codegen.mechanics.fields`.
 """
 
 from __future__ import annotations
@@ -23,29 +24,30 @@ V = TypeVar("V")
 V_co = TypeVar("V_co", covariant=True)
 F = TypeVar("F", bound="AnyField")
 Read = Callable[[str], Value]
-"""Gives the value of a component."""
+"""Returns the value of a component."""
 
 
 class Readable(ABC, Generic[V_co]):
-    """A field, or (with ``{}`` in its name) a family of fields, as far as it is read.
+    """A field, or (with ``{}`` in its name) a family of fields, that can be read.
 
     Attributes
     ----------
     name : str
         Beginning of its components.
     unit, frame, meaning : str
-        For the glossary. The frame is that in whose axes components are, empty for what has none.
+        For the glossary. The frame gives the axes of the components; empty for scalars.
     propagated : bool
-        Others add to it: where there are none it is zero, and nobody has stored it.
+        Whether other units add to it; without such units it is zero and is not stored.
     unread : str
-        When nobody may read what is stored. Without it, storing what nobody reads is an error (`mechanics.expansion`).
+        The case in which the stored value may remain unread. If empty, a stored value that is not read is an error
+        (`mechanics.expansion`).
     """
 
     shape = ""
     ends: ClassVar[Sequence[str]] = ("",)
-    """What components are called after the field's name."""
+    """Endings of the component names, after the field's name."""
     called: str
-    """What memory in generated code calls it, without the components' endings; of those in a table."""
+    """Name in generated code, without the endings of components; for listed fields."""
 
     def __init__(self, name: str, unit: str, frame: str, meaning: str, *, propagated: bool = False, unread: str = ""):
         self.name = name
@@ -69,7 +71,7 @@ class Readable(ABC, Generic[V_co]):
         return found
 
     def derivative(self, parameter: int) -> Self:
-        """Of a constant with respect to one of the design parameters that it depends on."""
+        """The field of the derivative of a constant with respect to one of its design parameters."""
         found = self._members.get(f"/{parameter}")
         if found is None:
             found = self._member(self.name)
@@ -84,7 +86,7 @@ class Readable(ABC, Generic[V_co]):
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """Names for people."""
+        """Readable name."""
         return (self.name,)
 
     @cached_property
@@ -94,7 +96,7 @@ class Readable(ABC, Generic[V_co]):
 
     @property
     def identifiers(self) -> tuple[str, ...]:
-        """What generated code calls the components, in their order; of families with ``{}`` for numbers."""
+        """Names of the components in generated code, in order; those of families contain ``{}`` for numbers."""
         rest = (c.removeprefix(self.name) for c in self.components)
         return tuple(f"{self.called}{end}".replace(".", "_") for end in rest)
 
@@ -111,7 +113,7 @@ class Readable(ABC, Generic[V_co]):
         return tuple(self._part(ScalarField, name) for name in self.components)
 
     def _part(self, of: type[F], name: str) -> F:
-        """A field of some of the components."""
+        """A field of selected components."""
         part = of(name, self.unit, self.frame, self.meaning, propagated=self.propagated)
         part.family = self.family
         return part
@@ -125,7 +127,7 @@ AnyField = Readable[object]
 
 
 class Field(Readable[V], Generic[V]):
-    """A field that can be written too."""
+    """A field that can be written, too."""
 
     @abstractmethod
     def parts(self, value: V) -> Iterator[tuple[str, Value]]:
@@ -191,7 +193,8 @@ class SymmetricField(Field[Matrix]):
 
 
 class SixField(Listed):
-    """A moment and a force. The names of its two vectors, `halves`, follow its own: ``acc.`` has ``acc.n.x`` ... ``acc.f.z``."""
+    """A moment and a force. The names of its two vectors, `halves`, are appended to its own: ``acc.`` has ``acc.n.x`` ...
+    ``acc.f.z``."""
 
     shape = "six components"
     halves = ("n", "f")
@@ -243,7 +246,7 @@ class ShiftField(SixField):
 
 
 class EarShiftField(SixField):
-    """The same of links of ears, whose fields have names of their own."""
+    """The same for links of ears, whose fields have other names."""
 
     halves = ("th", "d")
     called_halves = ("rotation", "displacement")

@@ -1,6 +1,6 @@
-"""The table of fields: what memory in generated code calls components, and which field each component is of.
+"""The table of fields: the name of each component in generated code, and its field.
 
-The mechanics lists its fields here once (`list_fields`); blocks may only use fields that are listed.
+The mechanics lists its fields here once (`list_fields`); blocks may only use listed fields.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ def list_fields(fields: dict[str, AnyField], called: Mapping[str, str]) -> None:
     Parameters
     ----------
     fields : dict of str to Field
-        By name. Of several names of one field the first counts.
+        Fields by name. If a field has several names, the first one is used.
     called : mapping of str to str
-        What generated code calls a field where its name does not read well there; ``{}`` are numbers.
+        Name in generated code where it differs from the field's name; ``{}`` stands for a number.
     """
     families: dict[str, tuple[str, AnyField]] = {}
     for name, field in reversed(fields.items()):
@@ -37,7 +37,7 @@ def list_fields(fields: dict[str, AnyField], called: Mapping[str, str]) -> None:
 
 @functools.cache
 def _found(component: str) -> tuple[str, AnyField | None]:
-    """What generated code calls a component that is no derivative, and its field, if it is listed."""
+    """Name in generated code of a component that is not a derivative, and its field if listed."""
     if component in _EXACT:
         return _EXACT[component]
     for family, called, field in _FAMILIES:
@@ -49,23 +49,24 @@ def _found(component: str) -> tuple[str, AnyField | None]:
 
 @functools.cache
 def _pattern(family: str) -> re.Pattern[str]:
-    """Components of a family of fields; their numbers are its groups. Few families are in one model."""
+    """Pattern for the components of a family of fields, whose numbers are its groups. A model uses few families."""
     return re.compile(re.escape(family).replace(r"\{\}", r"(\d+|[AB])"))
 
 
 @functools.cache
 def identifier(component: str) -> str:
-    """What generated code calls a component in memory.
+    """Name of a component in generated code.
 
     Examples
     --------
-    ``w.y`` is ``omega_y``, ``Z3.w.x`` is ``per_source_3_omega_x``, and ``h.x/1``, a constant's derivative with respect to
-    one of its parameters, ``first_moment_x_d1``.
+    ``w.y`` is ``omega_y``, ``Z3.w.x`` is ``per_source_3_omega_x``, and ``h.x/1``, a constant's derivative with respect to one of
+    its
+    parameters, ``first_moment_x_d1``.
     """
     plain, _, parameter = component.partition("/")
     return f"{_found(plain)[0]}_d{parameter}" if parameter else _found(plain)[0]
 
 
 def field_of(component: str) -> AnyField | None:
-    """The field that a component is of, or a family of fields; none of what is not listed."""
+    """The field or family of fields to which a component belongs; None if it is not listed."""
     return _found(component.partition("/")[0])[1]

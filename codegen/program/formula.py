@@ -1,4 +1,4 @@
-"""Formulas: expressions that are evaluated beside the sweeps, such as joint forces and outputs."""
+"""Formulas: expressions that are evaluated outside the sweeps, such as joint forces and outputs."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from .store import MARGIN
 from .transpose import transposed
 
 Row = tuple[int, tuple[int, ...], list[int], list[float]]
-"""Target index, of several entries that of the first; links; indices for the slots; numbers."""
+"""Target index (the first, if there are several entries), links, indices for the slots, numbers."""
 
 
 @dataclass(eq=False)
 class Formula:
-    """Formulas of one form, which share one block; what each reads is data.
+    """Formulas of one form. They share one block and differ only in their data.
 
     Attributes
     ----------
     name : str
-        Of its functions.
+        Name of its functions.
     target : str
         The result whose entries are written.
     value, tangent : Block
-        From arguments, numbers and the records of links; the tangent from their seeds and lanes, too.
+        The value depends on arguments, numbers and the records of links; the tangent also on seeds and on values per direction.
     rows : list of (int, tuple of int, list of int, list of float)
         For each formula: target index, links, indices for the slots, numbers.
     places : list of str
@@ -42,9 +42,9 @@ class Formula:
 
     @cached_property
     def transposed(self) -> Block:
-        """From the adjoint of a result to what it adds to those of everything that the result is a function of.
+        """From the adjoint of a result, compute the contributions to the adjoints of everything it depends on.
 
-        What the tangent asks to be positive, it asks too.
+        A margin that must be positive in the tangent must be positive here, too.
         """
         made = transposed(self.tangent, f"{self.tangent.name}_transposed", f"transpose of {self.tangent.title}")
         made.stores += [s for s in self.tangent.stores if s[0].memory is MARGIN]

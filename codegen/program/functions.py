@@ -1,4 +1,4 @@
-"""Elementary functions of expressions, and their slopes."""
+"""Elementary functions of expressions, and their derivatives."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MULTIPLIED = 16
 
 
 def computed(compute: Callable[[], float]) -> Expr:
-    """What is computed with numbers; nan where it has no value or is no float."""
+    """Value of a function of numbers; NaN where it is undefined or overflows."""
     try:
         value = compute()
         return number(value) if math.isfinite(value) else Number(math.nan)
@@ -70,7 +70,7 @@ def value_of_function(name: str, values: Sequence[float]) -> float:
 
 
 def _elementary(name: str, parity: int = 0) -> Made:
-    """A function that has a value at once where it is of numbers, and without a sign in its argument where it is odd or even."""
+    """A function that is evaluated at once for numbers; odd and even functions drop the sign of their argument."""
 
     def of(*arguments: object) -> Expr:
         args = tuple(map(expression, arguments))
@@ -89,13 +89,13 @@ def _plain(name: str) -> Made:
 
 
 AtLeast = _plain("AtLeast")
-"""1 where the first argument is at least the second, else 0."""
+"""1 if the first argument is at least the second, else 0."""
 
 Maximum = _plain("Maximum")
-"""The larger of two numbers; where they are equal, the derivative is the first one's."""
+"""The larger of two numbers; where they are equal, it has the derivative of the first."""
 
 Minimum = _plain("Minimum")
-"""The smaller of two numbers; where they are equal, the derivative is the first one's."""
+"""The smaller of two numbers; where they are equal, it has the derivative of the first."""
 
 Sign = _plain("Sign")
 """-1, 0 or 1; its derivative is taken as zero."""
@@ -107,35 +107,35 @@ Absolute = _plain("Absolute")
 HeldAtLeast, HeldMaximum, HeldMinimum, HeldSign, HeldAbsolute, HeldTurn = map(
     _plain, ("HeldAtLeast", "HeldMaximum", "HeldMinimum", "HeldSign", "HeldAbsolute", "HeldTurn")
 )
-"""The same with a mode as the last argument. A positive mode chooses the branch of a positive difference of the arguments,
-or of a positive argument, a negative one the other; zero leaves it to the arguments, as above. The mode of a turn is an
-angle: the argument is taken within half a turn of it."""
+"""Variants with a mode as last argument. A positive mode selects the branch for a positive argument, or for a positive difference
+of the arguments; a negative mode selects the other branch. Zero leaves the choice to the arguments, as above. The mode of
+`HeldTurn` is an angle: the argument is shifted by whole turns to within half a turn of it."""
 
 HeldAngle = _plain("HeldAngle")
-"""atan2(y, x) with a mode, the sign of y, which it keeps at half a turn: it goes on beyond pi, or below -pi. Where x is zero, it
-is a quarter of a turn."""
+"""atan2(y, x) with a mode, the sign of y. With this sign the result continues beyond pi, or below -pi. For x = 0 it is a quarter
+turn."""
 
 Floor = _elementary("Floor")
-"""The largest whole number that is not above x; its derivative is taken as zero."""
+"""The largest integer not above x; its derivative is zero."""
 
 HeldFloor = _plain("HeldFloor")
-"""The same with a mode: a positive one chooses the nearest even number, a negative one the nearest odd one."""
+"""Rounding with a mode: a positive one selects the nearest even integer, a negative one the nearest odd one."""
 
 
 def Modulo(*arguments: object) -> Expr:
-    """What is left of x after whole multiples of m, ``x - m floor(x/m)``: from 0 on, below m."""
+    """The remainder of x divided by m, ``x - m floor(x/m)``, in [0, m)."""
     x, m = map(expression, arguments)
     return x - m * Floor(x / m)
 
 
 def HeldModulo(*arguments: object) -> Expr:
-    """The same with a mode, which holds the whole number."""
+    """The remainder with a mode, which holds the integer quotient."""
     x, m, mode = map(expression, arguments)
     return x - m * HeldFloor(x / m, mode)
 
 
 def Choice(*arguments: object) -> Expr:
-    """The second argument where the first, 0 or 1, is 1; else the third. The other one is passed over, infinite or not."""
+    """The second argument if the first is 1, the third if it is 0. The other one is ignored even if it is infinite."""
     c, x, y = map(expression, arguments)
     if isinstance(c, Number):
         return x if c else y
@@ -143,13 +143,13 @@ def Choice(*arguments: object) -> Expr:
 
 
 def Vanishing(*arguments: object) -> Expr:
-    """A product that is zero where its first factor is, whatever the second."""
+    """A product that is zero if its first factor is zero, whatever the second."""
     a, b = map(expression, arguments)
     return a * b if a.is_Number or b.is_Number else function("Vanishing", a, b)
 
 
 def Along(*arguments: object) -> Expr:
-    """A value per direction times a number that may be infinite: directions along which it is zero stay so.
+    """A value per direction times a number that may be infinite; the product is zero in directions where the value is zero.
 
     It is linear in the first argument; see `transpose.coefficients`.
     """
@@ -160,10 +160,9 @@ def Along(*arguments: object) -> Expr:
 
 
 def Power(*arguments: object) -> Expr:
-    """base**exponent of numbers not known before: what could be multiplied out, taken apart or put together stays as written.
+    """base**exponent for a base that is not a number; powers of products and of powers are kept unexpanded.
 
-    ``(2 q)**1000000000`` is no number of 300 million digits times a power of q, and ``(q**1000)**1000`` overflows where the
-    floats do.
+    Otherwise ``(2 q)**1000000000`` would need a number of 300 million digits, and ``(q**1000)**1000`` would overflow as a float.
     """
     b, n = map(expression, arguments)
     if isinstance(n, Number) and isinstance(n.value, int) and abs(n.value) <= MULTIPLIED:
@@ -200,7 +199,7 @@ _FUNCTIONS = SimpleNamespace(**SYMBOLIC)
 
 
 def slope(e: Function, place: int) -> Expr:
-    """The derivative of a function by one of its arguments."""
+    """The derivative of a function with respect to one of its arguments."""
     if e.name in BY_SYMBOL:
         return expression(BY_SYMBOL[e.name].slopes[place](_FUNCTIONS, e, *e.args))
     x = e.args[0]

@@ -1,4 +1,4 @@
-"""Blocks that run one after the other as one block: what one stores, the next has at hand."""
+"""Fusion: several blocks in sequence become one block, in which later ones use values of earlier ones directly."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from .store import Store
 
 
 def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store, str], bool]) -> Block:
-    """One block that does what several do in their order.
+    """Combine blocks that run in sequence into one block.
 
-    What an earlier block has stored is not loaded again, and only the last value of a place is stored. Stores that may mean the
-    same place must be the same store, so fields that blocks of one unit reach in two ways must not be replaced in between.
+    A value that an earlier block stores is not loaded again, and only the last value of each place is stored. Two stores that may
+    address the same place must be the same store. So a field that blocks of one unit reach in two ways must not be overwritten in
+    between.
 
     Parameters
     ----------
@@ -22,7 +23,7 @@ def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store,
         Of the result.
     blocks : iterable of Block
     zero : callable (store, component) -> bool
-        Before the block runs there is a zero in that place, or nothing that matters: it is neither loaded nor added to.
+        Returns whether the place holds zero, or nothing of use, before the block runs. It is then neither loaded nor added to.
     """
     x = _Fusion(name, title, zero)
     for block in blocks:
@@ -31,14 +32,14 @@ def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store,
 
 
 class _Fusion:
-    """The block so far.
+    """Builds the combined block.
 
     Attributes
     ----------
     known : dict of (Store, str) to Expr
-        What is in a place at this point, where the block knows it.
+        Current value of each place, where known.
     pending : dict of (Store, str) to (Expr, bool)
-        What is to be stored in the end, and whether it is added to what is there.
+        Value to store at the end, and whether it is added to the stored value.
     """
 
     def __init__(self, name: str, title: str, zero: Callable[[Store, str], bool]):
@@ -49,7 +50,7 @@ class _Fusion:
         self.taken: set[str] = set()
 
     def add(self, block: Block) -> None:
-        """Run a block after those before it."""
+        """Append a block."""
         new: dict[Symbol, Expr] = {}
         for symbol, (store, name) in block.loads.items():
             new[symbol] = self.value((store.plain, name), symbol)
@@ -65,7 +66,7 @@ class _Fusion:
             self.store(store, name, algebra.replaced_in_order(algebra.expression(e), new))
 
     def value(self, at: Component, symbol: Symbol) -> Expr:
-        """What is in a place: loaded at most once."""
+        """The current value of a place; loaded at most once."""
         if at not in self.known and at not in self.pending and self.zero(*at):
             self.known[at] = algebra.ZERO
         if at not in self.known:
@@ -78,7 +79,7 @@ class _Fusion:
         return self.named(at)
 
     def named(self, at: Component) -> Expr:
-        """What is known to be in a place, with a name from now on: others read it."""
+        """The known value of a place, named so that others can read it."""
         e = self.known[at]
         if self.pending.get(at, (None,))[0] is e:
             self.known[at] = self.let(f"{at[0].label}_{at[1]}", e, at[0].lanes)
@@ -86,7 +87,7 @@ class _Fusion:
         return self.known[at]
 
     def store(self, store: Store, name: str, e: Expr) -> None:
-        """Replace what is in a place, or add to it."""
+        """Replace the value of a place, or add to it."""
         at = store.plain, name
         if store.adds and at not in self.known and at not in self.pending and self.zero(*at):
             self.known[at] = algebra.ZERO
@@ -99,7 +100,7 @@ class _Fusion:
         self.pending[at] = e, False
 
     def let(self, name: str, e: Expr, lanes: bool) -> Expr:
-        """A name for a value that has none."""
+        """Name a value that has no name."""
         if e.is_Symbol or e.is_Number or (-e).is_Symbol:
             return e
         target = self.fresh(name.replace(".", "_").replace("/", "_d").replace("#", ""))
@@ -107,7 +108,7 @@ class _Fusion:
         return target
 
     def fresh(self, name: str) -> Symbol:
-        """A symbol of a name that nothing has, the given one if possible."""
+        """A symbol with an unused name, the given one if possible."""
         unique, n = name, 0
         while unique in self.taken:
             n += 1

@@ -1,46 +1,46 @@
-"""Where the values of a program lie in rows of memory: decided before anything is printed."""
+"""Layout: the place of each value of a program in its row of memory, decided before printing."""
 
 from __future__ import annotations
 
 Fields = dict[str, int]
-"""Places of components in a row, by their names."""
+"""Places of components in a row, by name."""
 
 
 class Layout:
-    """Places of the values of a program.
+    """Places of all values of a program.
 
     Attributes
     ----------
     fields : dict of str to dict of str to int
-        By region of memory (see `store.Memory`) but slots: the place of each component in a row.
+        By region of memory (see `store.Memory`), slots excepted: the place of each component in a row.
     rows : dict of str to int
-        By region, slots and `near` among them: how many rows there are.
+        By region, including slots and `near`: the number of rows.
     slots : dict of str to dict of str to int
-        The same as `fields` for slots, by sweep: slots are used anew by every sweep.
+        Like `fields`, for slots, by sweep: every sweep reuses the slots.
     near : dict of str to dict of str to int
-        The same for scratch shared by neighbouring links, by sweep.
+        Like `fields`, for the scratch that neighbouring links share, by sweep.
     slot_forms, near_forms : dict of str to str
-        By sweep: the first one with the same fields there, in the same order.
+        By sweep: the first sweep with the same fields in the same order.
     near_size : int
-        Places in a row of `near`.
+        Number of places in a row of `near`.
     constant_fields : dict of int to dict of str to int
-        By shape: index of a constant among those of its links.
+        By shape: place of each constant among the constants of a link.
     forms : dict of int to int
         By shape: the first shape with the same constants, in the same order.
     constant_offsets : dict of int to int
-        By constants: where they begin.
+        By index of `Constants`: the first place.
     constants_size : int
-        How many there are.
+        Total number of constants.
     numbers : list of float
-        Constants that differ within a kind but depend on no parameter.
+        Constants that differ within a kind but do not depend on parameters.
     angles : list of int
         Coordinates that are angles.
     driven_angles : list of int
-        What of prescribed motion is an angle; these have the numbers after the others.
+        Prescribed coordinates that are angles, numbered after those of `angles`.
     added_angles : list of float
-        What is added to each of both, rad.
+        Constant offset of each angle of both lists, rad.
     angles_padded : int
-        How many of both there are, rounded up for vectors.
+        Number of angles of both lists, rounded up to the vector width.
     """
 
     fields: dict[str, Fields]
@@ -65,7 +65,7 @@ class Layout:
 
 
 def numbered(names: list[str]) -> Fields:
-    """Places of components that stand one after the other."""
+    """Consecutive places for components."""
     return {name: i for i, name in enumerate(names)}
 
 

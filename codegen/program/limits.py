@@ -1,4 +1,4 @@
-"""What numbers the scalar type of a program can hold: margins that blocks are written with follow from it."""
+"""Range and precision of a program's scalar type, from which the margins in its blocks follow."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from ..records import dataclass
 
 EPSILON = 2.0**-52
-"""Of double precision, for which margins are stated."""
+"""Limits of double precision, for which margins are stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class Limits:
     Attributes
     ----------
     epsilon : float
-        Distance from 1 to the next number.
+        Distance from 1 to the next larger number.
     smallest : float
         The smallest normal number.
 
@@ -33,11 +33,11 @@ class Limits:
     smallest: float
 
     def rounding(self, margin: float, power: int = 1) -> float:
-        """A margin for rounding errors, or a power of one, that is stated for double precision, to one digit."""
+        """Convert a rounding margin (or a power of one) from double precision, to one significant digit."""
         return float(f"{margin * (self.epsilon / EPSILON) ** power:.0e}")
 
     def tiny(self, size: float, root: float) -> float:
-        """A size that is stated for double precision, but such that this power of it is a normal number in any case."""
+        """Convert a size from double precision, such that this power of it remains a normal number."""
         return max(size, float(f"{2 * self.smallest ** (1 / root):.0e}"))
 
 
@@ -48,7 +48,7 @@ _limits: ContextVar[Limits] = ContextVar("limits", default=DOUBLE)
 
 @contextmanager
 def limited(limits: Limits) -> Iterator[None]:
-    """While this lasts, blocks are written for a scalar type with these limits."""
+    """Write blocks for a scalar type with these limits inside the context."""
     token = _limits.set(limits)
     try:
         yield
@@ -57,5 +57,5 @@ def limited(limits: Limits) -> Iterator[None]:
 
 
 def limits() -> Limits:
-    """Those of the program that is being written."""
+    """Limits of the program that is being written."""
     return _limits.get()

@@ -10,7 +10,7 @@ from .block import Block
 
 @dataclass(frozen=True, slots=True)
 class Operations:
-    """Counts; sums and multiples are formed with + and *."""
+    """Operation counts; they can be added with + and multiplied with *."""
 
     additions: int = 0
     multiplications: int = 0
@@ -23,7 +23,7 @@ class Operations:
         return self.additions + self.multiplications + self.divisions
 
     def words(self) -> str:
-        """The counts that are not zero: ``3 additions, 1 division``."""
+        """The non-zero counts as text: ``3 additions, 1 division``."""
         counts = {name: getattr(self, name) for name in ("additions", "multiplications", "divisions", "functions")}
         return ", ".join(f"{n} {name[:-1] if n == 1 else name}" for name, n in counts.items() if n)
 
@@ -41,7 +41,7 @@ class Operations:
 
 @algebra.remembered
 def count_expression(e: Expr) -> Operations:
-    """Operations of one right side, as the printers write it. Signs are free."""
+    """Operations of one right side as it is printed. Changes of sign are not counted."""
     if e.is_Symbol or e.is_Number:
         return Operations()
     additions = multiplications = divisions = functions = 0
@@ -52,7 +52,7 @@ def count_expression(e: Expr) -> Operations:
         below = [a for a in factors if isinstance(a, Pow) and isinstance(a.exp.value, int) and a.exp < 0]
         if below:
             multiplications = max(0, len(factors) - len(below) - 1) + len(below) - 1
-            divisions = 1 - len(below)  # their own are counted with them
+            divisions = 1 - len(below)  # its own operations are counted with the arguments
         else:
             multiplications = len(factors) - 1
     elif isinstance(e, Pow):
@@ -75,8 +75,8 @@ def count_expression(e: Expr) -> Operations:
 def count(block: Block) -> tuple[Operations, Operations]:
     """Operations of a block: once per call, and once per direction.
 
-    What is stored counts like a statement, and a store that adds is an addition. That a margin is positive is found by a
-    comparison, which counts as the subtraction that it is.
+    Stores count like statements, and a store that adds counts as an addition. The test of a margin is a comparison, which counts
+    as a subtraction.
     """
     found = [0, 0, 0, 0], [0, 0, 0, 0]
     values = [(s.lanes, s.expression) for s in block.statements]

@@ -1,4 +1,4 @@
-"""A long block as several that run one after the other: compilers take more than twice the time for code twice as long."""
+"""Division of a long block into parts that run in sequence: compile time grows faster than linearly with the length of code."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from .block import Block, Component, Statement, symbols_of
 from .passes import Step, in_order
 
 LONGEST = 3000
-"""Of values that statements and stores read; longer blocks are divided. It is by operations that compilers take longer: a sum of
-forty products is one statement."""
+"""Longest undivided block, in values that statements and stores read. Compile time depends on operations, and a sum of forty
+products is one statement."""
 
 PART = 1000
-"""So long a part is, about."""
+"""Approximate length of a part."""
 
 WINDOW = 200
-"""It may be so much longer or shorter, where less is handed on then."""
+"""A part may be longer or shorter by this much if fewer values are then carried over."""
 
 
 def in_parts(
     block: Block, handed_on: Callable[[int, bool], Component], is_stored: Callable[[Component], bool]
 ) -> tuple[list[Block], dict[bool, int]]:
-    """The parts of a block, and how many places later parts need for values of earlier ones; the block itself where it is short.
+    """Divide a block into parts; a short block is returned unchanged.
 
     Parameters
     ----------
     block : Block
     handed_on : callable (int, bool) -> (Store, component)
-        The places of values that later parts need; whether they are values per direction.
+        Returns the place of a value that later parts need, from its number and whether there is one value per direction.
     is_stored : callable ((Store, component)) -> bool
-        Whether the block itself stores something there: what it loads is what was there before.
+        Returns whether the block stores to this place; its loads then mean the former value.
 
     Returns
     -------
     parts : list of Block
     places : dict of bool to int
-        How many are needed, of values that all directions share and of values per direction.
+        Number of places for values that later parts need: shared by all directions (False) and per direction (True).
     """
     values = (*(s.expression for s in block.statements), *(value for _, _, value in block.stores))
     if sum(len(symbols_of(e)) for e in values) <= LONGEST:
@@ -82,7 +82,7 @@ def _value(step: Step) -> Expr:
 
 
 class _HandedOn:
-    """Where values lie that later parts need; those that nobody needs any more leave their places to others."""
+    """Places of values that later parts need; a place is reused when its value is no longer needed."""
 
     def __init__(self, at: Callable[[int, bool], Component]):
         self.at = at
@@ -107,7 +107,7 @@ class _HandedOn:
 
 
 def _ends(lengths: list[int], lives: list[tuple[int, int]]) -> list[int]:
-    """Where parts begin and end, where few of the values are made before and used behind."""
+    """Boundaries of parts, where few values are carried over."""
     count = len(lengths)
     change = [0] * (count + 1)
     for begin, end in lives:
@@ -122,6 +122,6 @@ def _ends(lengths: list[int], lives: list[tuple[int, int]]) -> list[int]:
         first = bisect_left(before, middle - WINDOW, ends[-1] + 1)
         near = range(
             first, max(bisect_left(before, middle + WINDOW), first + 1)
-        )  # one statement may be longer than that
+        )  # one statement may be longer than the window
         ends.append(min(near, key=lambda i: (alive[i], abs(before[i] - middle))))
     return ends if ends[-1] == count else [*ends, count]

@@ -1,4 +1,4 @@
-"""Passes: plain functions from block to block, in the order of `PASSES`; numbers stay, operations go down."""
+"""Passes: functions from block to block, in the order of `PASSES`. They preserve values and reduce operations."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Step = Statement | tuple[Store, str, Expr]
 """A statement, or a store."""
 
 MOST_FACTORS = 5
-"""Products of more factors are not searched for parts that have a name."""
+"""Longest product that is searched for named parts."""
 
 
 def propagate_copies(block: Block) -> Block:
-    """Replace symbols that are another symbol, its negative or a number, and fold what becomes trivial by that."""
+    """Replace symbols that equal another symbol, its negative or a number, and simplify."""
     known: dict[Symbol, Expr] = {}
     statements = []
     for s in block.statements:
@@ -38,7 +38,7 @@ def propagate_copies(block: Block) -> Block:
 
 
 def _with(block: Block, statements: list[Statement]) -> Block:
-    """A block with other statements; itself if they are the same ones."""
+    """A block with other statements; the same block if the statements are unchanged."""
     if len(statements) == len(block.statements) and all(map(operator.is_, statements, block.statements)):
         return block
     return Block(block.name, block.title, block.loads, statements, block.stores)
@@ -52,7 +52,7 @@ def _replace(e: Expr, known: dict[Symbol, Expr]) -> Expr:
 
 
 def share_values(block: Block) -> Block:
-    """Give equal right sides, and right sides equal up to sign, one name."""
+    """Give equal right sides one name, also if they differ only in sign."""
     named: dict[Expr, Expr] = {}
     unsigned: set[Hashable] = set()
     known: dict[Symbol, Expr] = {}
@@ -86,7 +86,7 @@ def _bare(term: Expr) -> Expr:
 
 
 def cancel_terms(block: Block) -> Block:
-    """``m - a -> g h`` where a is ``m - g h``: a difference that is known takes nothing and is exact."""
+    """``m - a -> g h`` where a is ``m - g h``: a known difference costs nothing and is exact."""
     sums: dict[Symbol, Expr] = {}
     statements = []
     for s in block.statements:
@@ -104,7 +104,7 @@ def cancel_terms(block: Block) -> Block:
 
 
 def share_products(block: Block) -> Block:
-    """Name products that stand in several statements."""
+    """Name products that occur in several statements."""
     count: Counter[Expr] = Counter()
     for s in block.statements:
         if not s.lanes:
@@ -131,10 +131,10 @@ def share_products(block: Block) -> Block:
             if bare in repeated:
                 if bare not in made:
                     if bare in names:
-                        terms.append(term)  # named further down: leave it
+                        terms.append(term)  # it gets its name in a later statement
                         continue
                     number = len(terms)
-                    while f"{s.target.name}_s{number}" in taken:  # by the same pass over an earlier form of the block
+                    while f"{s.target.name}_s{number}" in taken:  # an earlier run of this pass has used the name
                         number += 1
                     taken.add(f"{s.target.name}_s{number}")
                     names[bare] = Symbol(f"{s.target.name}_s{number}")
@@ -149,7 +149,7 @@ def share_products(block: Block) -> Block:
 
 
 def share_factors(block: Block) -> Block:
-    """``a b c -> d c`` where d is the name of ``a b``, which is computed earlier then."""
+    """``a b c -> d c`` where d is the name of ``a b``; its statement is moved forward if needed."""
     named = {s.expression: s for s in block.statements if s.expression.is_Mul and not s.lanes}
     if not named:
         return block
@@ -174,7 +174,7 @@ def share_factors(block: Block) -> Block:
 
 
 def _named_part(term: Expr, named: Mapping[Expr, Statement], s: Statement) -> Statement | None:
-    """The statement that names some factors of a product: that which saves most, quotients first."""
+    """The statement that names some factors of a product: the one that saves most, quotients first."""
     if not term.is_Mul or len(term.args) < 3 or len(term.args) > MOST_FACTORS:
         return None
     found = []
@@ -189,12 +189,12 @@ def _named_part(term: Expr, named: Mapping[Expr, Statement], s: Statement) -> St
 
 
 def _is_bare(product: Expr) -> bool:
-    """Whether a product has more factors than a sign and another: a name for less saves nothing."""
+    """Whether a product is more than a symbol with a minus sign, for which a name saves nothing."""
     return product.args[0] is not algebra.MINUS_ONE
 
 
 def _without(product: Expr, part: Expr) -> list[Expr]:
-    """The factors of a product that a part of it does not have."""
+    """The factors of a product that are not in a part of it."""
     return [factor for factor in product.args if factor not in part.args]
 
 
@@ -245,10 +245,10 @@ def drop_dead(block: Block) -> Block:
 
 
 def by_results(block: Block) -> list[tuple[list[Statement], list[tuple[Store, str, Expr]]]]:
-    """Every store, after the statements that it needs and no earlier one has needed, depth first.
+    """Every store, preceded by the statements that it needs and no earlier store has needed, depth first.
 
-    So few values live at a time, and what is done is stored: blocks of a hundred statements run up to 8 % faster
-    than in the order in which they were written, 16 registers or 32.
+    So few values are alive at a time. Blocks of a hundred statements run up to 8 % faster than in the order of writing, with 16
+    registers and with 32.
     """
     places = {s.target: i for i, s in enumerate(block.statements)}
     done: set[int] = set()
@@ -275,9 +275,9 @@ def by_results(block: Block) -> list[tuple[list[Statement], list[tuple[Store, st
 
 
 def in_order(block: Block) -> list[Step]:
-    """Statements in their order, each store as soon as it can be, after earlier ones to the same place.
+    """Statements in their order; each store follows as early as possible, after earlier stores to the same place.
 
-    The order goes from link to link: what a part works on is of few links, so that it copies little.
+    The order goes from link to link, so a part works on few links and copies little.
     """
     made = {s.target: i for i, s in enumerate(block.statements)}
     waiting: dict[int, list[Step]] = {}
@@ -293,7 +293,7 @@ def in_order(block: Block) -> list[Step]:
 
 
 def as_computed(block: Block) -> list[tuple[list[Statement], list[tuple[Store, str, Expr]]]]:
-    """Statements in their order, each store as soon as it can be."""
+    """Statements in their order, with each store as early as possible."""
     found: list[tuple[list[Statement], list[tuple[Store, str, Expr]]]] = []
     for step in in_order(block):
         found.append(([step], []) if isinstance(step, Statement) else ([], [step]))
@@ -315,7 +315,7 @@ PASSES: tuple[tuple[str, Callable[[Block], Block]], ...] = (
 
 
 def simplify(block: Block) -> Block:
-    """All passes, in their order."""
+    """Apply all passes in their order."""
     for _, function in PASSES:
         block = function(block)
     return block

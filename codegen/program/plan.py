@@ -1,4 +1,4 @@
-"""The plan of a solver: its statements by sweep and kind, and where values lie. Targets print it and know nothing else of it."""
+"""The plan of a solver: its statements by sweep and kind, and the places of values. Targets print it and use nothing else."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Merged:
     ----------
     block : Block
     of : dict of Store to (Kind, Store)
-        What each of its stores is in the blocks of a kind.
+        For each of its stores: the kind, and the store in the block of that kind.
     names : set of (Memory, str)
         Components that it loads or stores.
     ground : set of (Memory, str)
-        Components of the ground's records that it reads; those of gravity it reads elsewhere.
+        Components of the ground's records that it reads, except those of gravity.
     """
 
     block: Block
@@ -37,25 +37,25 @@ class Merged:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """What a sweep goes over.
+    """A sweep: its direction, kinds and blocks.
 
     Attributes
     ----------
     title : str
     lanes, inward : bool
-        It runs over directions; from the tips to the ground.
+        Whether it runs over directions; whether it runs from the tips to the ground.
     groups : str
-        Of sweeps over all columns of a matrix at once: on which of them a link works.
+        For sweeps over all columns of a matrix at once: the columns on which a link works.
     then : str
-        Sweep whose function of a link is called after each of this one.
+        Sweep whose function is called for a link after that of this sweep.
     kinds : sequence of Kind
-        Those that may have a block.
+        Kinds that may have a block.
     order : sequence of Kind
-        Of what it goes over, one after the other.
+        Kind of each unit, in the order of the sweep.
     blocks : dict of int to Block
-        By the index of a kind.
+        Blocks by index of the kind.
     merged : Merged or None
-        All of these as one block, where the sweep is printed so.
+        All blocks as one, if the sweep is printed in this form.
     """
 
     title: str
@@ -71,22 +71,22 @@ class Swept:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What is known of the ground, whose row comes after those of the links.
+    """Known values of the ground, whose row follows those of the links.
 
     Attributes
     ----------
     fields : dict of str to float or str
-        Components that are read: a number, or which component of `gravity` it is.
+        Components that are read: a number, or the name of a component of `gravity`.
     kept : set of str
-        Those of them that sweeps run backwards read again.
+        Components that transposed sweeps read again.
     gravity : dict of str to float or str
-        Minus the acceleration of gravity: a number, or which of `constants` it is. Empty without gravity.
+        Minus the acceleration of gravity: a number, or the name of one of `constants`. Empty without gravity.
     constants : Constants or None
-        Those of gravity.
+        Constants of gravity.
     tangents : list of (str, list of (float or str, int))
-        Components whose tangent is not zero: a number or constant for each parameter that it depends on.
+        Components with a non-zero tangent: a number or constant for each parameter on which it depends.
     sweeps : tuple of str
-        Those that begin with the tangent.
+        Sweeps that begin with the tangent.
     """
 
     fields: dict[str, float | str]
@@ -109,19 +109,19 @@ class Plan:
     links : list of str
         Names of links.
     called : mapping of Kind to (str, str)
-        What its members are, in the plural, and the name of the first.
+        What its members are called, in the plural, and the name of the first.
     constants, shapes : list
         In the order of their indices.
     owners : list of (str, Constants)
-        Whose constants which are.
+        Name of the owner of each `Constants`.
     ground : Ground
     arguments : dict of str to Array
         Arguments and results.
     arrays : dict of str to int
-        Arrays that are found before sweeps or by them, and their sizes.
+        Arrays that are computed before or by sweeps, with their sizes.
     layout : Layout
     addresses : callable (bool) -> Addresses
-        For a target whose places in memory are numbers, or names.
+        Returns the addresses for a target whose places in memory are numbers, or names.
     """
 
     sweeps: dict[str, Swept]

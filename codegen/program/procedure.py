@@ -1,10 +1,11 @@
-"""Procedures: what the functions of a solver do, step by step, as data.
+"""Procedures: the steps of each function of a solver, as data.
 
-A procedure takes *arguments* and *seeds* and gives *results*; its steps run sweeps and formulas, which read and write arrays by
-name. An array of the name of an argument, a seed or a result lies in the caller's memory unless a step puts it elsewhere. Steps
-that several procedures share are a `Routine`. From the same steps every target prints its functions, and operations are counted.
+A procedure takes *arguments* and *seeds* and gives *results*. Its steps run sweeps and formulas, which read and write arrays by
+name. An array with the name of an argument, a seed or a result lies in the caller's memory unless a step puts it elsewhere. A
+`Routine` holds steps that several procedures share. Every target prints its functions from these steps, and operations are
+counted from them.
 
-There are no branches: what a model does not have, a procedure does not do.
+There are no branches: a procedure has no steps for features that its model lacks.
 """
 
 from __future__ import annotations
@@ -15,30 +16,30 @@ from dataclasses import replace
 from ..records import dataclass
 
 WIDTHS = (8, 2, 1)
-"""How many directions one call of the sensitivities takes."""
+"""Directions per call of the sensitivities."""
 
 CONSTANTS, ANGLES = "constants", "angles"
 GROUND, GROUND_AT_REST = "ground", "ground at rest"
 GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
 GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
 PASSING_ADJOINTS = "adjoints that links pass on"
-"""What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
-accelerates by -g or, for the mass matrix, not at all; memory of directions, which is zero before sweeps run backwards."""
+"""Preparations outside of the sweeps: constants from parameters; sines and cosines; the state of the ground, which accelerates by
+-g or, for the mass matrix, not at all; memory of directions, set to zero before transposed sweeps."""
 
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """Numbers that a step knows by name.
+    """Named numbers that steps read and write.
 
     Attributes
     ----------
     name : str
     shape : tuple of str
-        Axes, as letters or numbers, for people; none of a number.
+        Axes, as letters or numbers, for documentation; empty for a scalar.
     size : int
         Number of entries.
     lanes : bool
-        There is one of each entry per direction.
+        Whether there is one value of each entry per direction.
     """
 
     name: str
@@ -47,7 +48,7 @@ class Array:
     lanes: bool = False
 
     def tangent(self, name: str = "") -> Array:
-        """Its seed or its derivative."""
+        """Its seed or derivative."""
         return replace(self, name=name or f"d{self.name}", lanes=True)
 
     def called(self, name: str) -> Array:
@@ -65,7 +66,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Formulas:
-    """Evaluate the model's own formulas of some targets, or their tangents, or the transpose of these."""
+    """Evaluate the model's own formulas of some targets, their tangents, or the transposes of these."""
 
     name: str
     targets: tuple[str, ...]
@@ -86,7 +87,7 @@ class Formulas:
 
 @dataclass(frozen=True, slots=True)
 class Prepare:
-    """Compute what lies outside of the sweeps, by name: constants, sines and cosines, what is known of the ground."""
+    """Prepare something outside of the sweeps, by name: constants, sines and cosines, the state of the ground."""
 
     what: str
     lanes: bool = False
@@ -101,7 +102,7 @@ class Own:
 
 @dataclass(frozen=True, slots=True)
 class Bind:
-    """From here on an array is the memory of another one, or of an argument, a seed or a result."""
+    """From here on an array uses the memory of another array, or of an argument, a seed or a result."""
 
     array: Array
     to: Array
@@ -109,7 +110,7 @@ class Bind:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """From here on an array is a copy in memory of the call, which may be changed; what was given is called `given`."""
+    """From here on an array is a copy in memory of the call, which may change; the original is called `given`."""
 
     array: Array
     given: Array
@@ -124,7 +125,7 @@ class Zero:
 
 @dataclass(frozen=True, slots=True)
 class Copy:
-    """Copy all entries; of result and array, the first has no memory but the caller's."""
+    """Copy all entries; if one of them is a result, its only memory is the caller's."""
 
     to: Array
     of: Array
@@ -160,7 +161,7 @@ class ZeroEntries:
 
 @dataclass(frozen=True, slots=True)
 class Combine:
-    """A sum of arrays, less others."""
+    """A sum of arrays, minus others."""
 
     to: Array
     plus: tuple[Array, ...]
@@ -169,19 +170,19 @@ class Combine:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Stop here if a pivot was zero."""
+    """Return here if a pivot was zero."""
 
     lanes: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerate:
-    """Nothing is solved for: zero pivots are no errors."""
+    """Ignore zero pivots: nothing is solved for."""
 
 
 @dataclass(frozen=True, slots=True)
 class Routine:
-    """Steps that procedures share: a function of its own, over directions or not."""
+    """Steps that procedures share, as a function of its own, over directions or not."""
 
     name: str
     doc: str
@@ -194,19 +195,19 @@ class Routine:
 
 @dataclass(frozen=True, slots=True)
 class Perform:
-    """Do what a routine does."""
+    """Run a routine."""
 
     routine: Routine
 
 
 @dataclass(frozen=True, slots=True)
 class Single:
-    """Sweeps over directions that serve for values: one direction, before those of the seeds.
+    """Sweeps over directions that compute a value: one direction, before those of the seeds.
 
     Attributes
     ----------
     reads, writes : tuple of (Array, Array)
-        Arrays of the sweeps, with the arguments and results that they are.
+        Arrays of the sweeps, with the arguments and results that they stand for.
     """
 
     steps: tuple[Run, ...]
@@ -216,7 +217,7 @@ class Single:
 
 @dataclass(frozen=True, slots=True)
 class Take:
-    """Columns of a matrix from an array; a symmetric one is known from its lower half."""
+    """Take the columns of a matrix from an array; a symmetric matrix is given by its lower half."""
 
     into: Array
     of: Array
@@ -225,18 +226,19 @@ class Take:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """For each entry of an array, or some: steps with a one there and zeros elsewhere. They give one column of matrices.
+    """For each entry of an array, or some entries: run steps with a one there and zeros elsewhere. They give one column of
+    matrices.
 
-    Where the array has directions, as many columns are computed at a time as there are directions.
+    If the array has directions, each pass of the steps computes one column per direction.
 
     Attributes
     ----------
     unit : Array
-        Zero before and after.
+        Array that gets the one; zero before and after.
     steps : tuple of Step
     takes : tuple of Take
     among : tuple of int, optional
-        The entries; columns of the others are zero.
+        Entries to use; the columns of the others are zero.
     """
 
     unit: Array
@@ -247,31 +249,31 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class AllColumns:
-    """Columns of matrices, all of them at once or as many as there is room for; a link works on those that concern it.
+    """Compute columns of matrices, all at once or at most `width` at a time; each link works on the columns that depend on it.
 
     Attributes
     ----------
     units : tuple of (Array, int)
-        By column: the array and its entry that are one. A link's columns stand together, in the order of the links.
+        By column: the array and the entry that is one. Columns of one link are adjacent, in the order of the links.
     starts : tuple of int
-        By link, its first column; last, how many there are.
+        By link: its first column. The last entry is the number of columns.
     parents : tuple of int
-        By link, the one that carries it, or -1.
+        By link: its parent, or -1.
     steps : tuple of Run
     of : Array
-        What the steps give per column.
+        Array that the steps compute per column.
     into : tuple of (Array, int)
-        By column: the matrix, and which of its columns it is.
+        By column: the matrix and the number of its column.
     weighted : tuple of Weighted
-        For each entry of `of`, columns of matrices that get its column, times a weight.
+        For each entry of `of`: columns of matrices that receive its column times a weight.
     width : int
-        For how many columns there is room.
+        Largest number of columns at a time.
     symmetric : bool
-        Columns of one symmetric matrix, of which each link works on those of later ones.
+        Whether these are columns of one symmetric matrix, where each link works on the columns of later links only.
     groups : str
-        Which columns a link works on in the last sweep; see `mechanics.sweeps.Sweep.groups`.
+        Columns on which a link works in the last sweep; see `mechanics.sweeps.Sweep.groups`.
     by_turns : tuple of str
-        Sweeps whose functions are called by turns with those of others.
+        Sweeps whose functions alternate with those of others.
     """
 
     units: tuple[tuple[Array, int], ...]
@@ -288,34 +290,35 @@ class AllColumns:
 
     @property
     def seeds(self) -> tuple[Array, ...]:
-        """The arrays that have ones."""
+        """The arrays that get ones."""
         return tuple(dict.fromkeys(a for a, _ in self.units))
 
     @property
     def arrays(self) -> tuple[Array, ...]:
-        """The arrays that it needs, per column."""
+        """The arrays that have one value per column."""
         return (*self.seeds, self.of)
 
     @property
     def matrices(self) -> tuple[Array, ...]:
-        """The matrices that it fills or adds to."""
+        """The matrices that are filled or added to."""
         return tuple(dict.fromkeys(a for a, _ in (*self.into, *((w.into, w.column) for w in self.weighted))))
 
 
 @dataclass(frozen=True, slots=True)
 class Weighted:
-    """A column of a matrix gets one of a symmetric matrix times the derivative of a formula by one of its arguments.
+    """Adds to a column of a matrix: a column of a symmetric matrix times the derivative of a formula with respect to one
+    argument.
 
     Attributes
     ----------
     entry : int
-        Number of the formula, and of the column.
+        Number of the formula, and of the column of the symmetric matrix.
     into : Array
     column : int
     seed : Array
-        Along which the argument's derivative is taken; its entry is the column.
+        Seed of the argument; its entry number is the column.
     direction : int
-        Which of the directions has a one there: formulas that share no argument have the same ones.
+        Direction with a one in this entry. Formulas without a common argument share directions.
     """
 
     entry: int
@@ -327,7 +330,8 @@ class Weighted:
 
 @dataclass(frozen=True, slots=True)
 class Primitives:
-    """Derivatives of formulas by single arguments, for the weights of `AllColumns`: several formulas in one direction."""
+    """Compute the derivatives of formulas with respect to single arguments, as weights of `AllColumns`; formulas share
+    directions."""
 
     formulas: Formulas
     of: Array
@@ -336,7 +340,7 @@ class Primitives:
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """Steps of targets that compute columns all at once, and `otherwise` those of targets that take one after the other."""
+    """Steps for targets that compute all columns at once, and `otherwise` steps for targets that compute one column at a time."""
 
     steps: tuple[Step, ...]
     otherwise: tuple[Step, ...]
@@ -344,7 +348,7 @@ class Together:
 
 @dataclass(frozen=True, slots=True)
 class IfAsked:
-    """Steps for some results only, that are not taken where none of these is asked for."""
+    """Steps for optional results, skipped if none of these is requested."""
 
     results: tuple[Array, ...]
     steps: tuple[Step, ...]
@@ -385,17 +389,17 @@ class Procedure:
     arguments, seeds, results : tuple of Array
     steps : tuple of Step
     widths : tuple of int
-        How many directions one call takes, of functions over directions; none for the others.
+        Directions per call, for functions over directions; otherwise empty.
     member : str
-        What a solver calls it, where that is another name.
+        Name of the solver's method, if it differs.
     basic : bool
-        States cannot be made consistent without it: a solver of chosen functions has it too.
+        Whether consistent states need it; a solver with selected functions always has it.
     apart : tuple of int
-        Further widths, for integration over time, compiled when they are first used.
+        Further widths, for integration over time; compiled on first use.
     modes : Array or None
-        It is there a second time, with this as a further argument: the modes of the model's switches.
+        If given, a variant exists with this further argument, the modes of the model's switches.
     internal : bool
-        Integrators call it, and nobody else.
+        Whether only integrators call it.
     """
 
     name: str
@@ -413,11 +417,11 @@ class Procedure:
 
     @property
     def called(self) -> str:
-        """What users call it."""
+        """Name that users call."""
         return self.member or self.name
 
     def written_apart(self) -> frozenset[str]:
-        """Results that no sweep writes: steps of the procedure copy into them, or another array is their memory."""
+        """Results that no sweep writes: steps copy into them, or another array uses their memory."""
         found: set[str] = set()
         for step in within(self.steps):
             if isinstance(step, Copy):
@@ -433,12 +437,12 @@ class Procedure:
         return frozenset(r.name for r in self.results if r.name in found)
 
     def held(self) -> dict[str, Array]:
-        """What arrays are called while they are as given, of those that routines copy."""
+        """Names of the unchanged originals of arrays that routines copy."""
         return {s.array.name: s.given for s in walk(self.steps) if isinstance(s, Hold)}
 
 
 def over_directions(step: Step) -> bool:
-    """Whether a step works on directions."""
+    """Return whether a step works on directions."""
     match step:
         case Run() | Formulas() | Prepare() | Check():
             return step.lanes
@@ -459,12 +463,12 @@ def over_directions(step: Step) -> bool:
 
 
 def stops(step: Step) -> bool:
-    """Whether what is done may end here, because of a pivot."""
+    """Return whether a step may end the call because of a zero pivot."""
     return isinstance(step, Check) or (isinstance(step, Perform) and any(map(stops, step.routine.steps)))
 
 
 def walk(steps: tuple[Step, ...]) -> Iterator[Step]:
-    """All steps in their order, those of routines and inner ones too, after what they are in."""
+    """All steps in order; those inside routines and other steps follow the step that contains them."""
     for step in steps:
         yield step
         if isinstance(step, Perform):
@@ -478,7 +482,7 @@ def walk(steps: tuple[Step, ...]) -> Iterator[Step]:
 
 
 def within(steps: tuple[Step, ...]) -> Iterator[Step]:
-    """Steps, and those that are taken if something is asked for, in their order."""
+    """Steps in order, including optional ones."""
     for step in steps:
         if isinstance(step, IfAsked):
             yield from within(step.steps)
@@ -494,9 +498,9 @@ def sweeps(procedures: tuple[Procedure, ...]) -> set[str]:
 
 
 def for_target(procedure: Procedure, together: bool) -> Procedure:
-    """A procedure as a target has it that computes all columns of matrices together, or one after the other.
+    """The procedure in the form for targets that compute all columns of matrices at once, or one at a time.
 
-    What takes one after the other computes all results, whether asked for or not.
+    In the second form all results are computed, requested or not.
     """
 
     def chosen(steps: tuple[Step, ...]) -> tuple[Step, ...]:
@@ -515,7 +519,7 @@ def for_target(procedure: Procedure, together: bool) -> Procedure:
 
 
 def routines(procedures: tuple[Procedure, ...]) -> list[Routine]:
-    """Every routine that procedures perform, after those that it performs itself."""
+    """Every routine that procedures run, each after the routines that it runs itself."""
     found: dict[Routine, None] = {}
 
     def add(steps: tuple[Step, ...]) -> None:
@@ -530,7 +534,7 @@ def routines(procedures: tuple[Procedure, ...]) -> list[Routine]:
 
 
 def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], bool]) -> Procedure:
-    """A procedure without the steps that have nothing to do, and without routines of such steps only."""
+    """A procedure without steps that have no effect, and without routines of such steps only."""
 
     def kept(steps: tuple[Step, ...]) -> tuple[Step, ...]:
         found: list[Step] = []
@@ -554,7 +558,7 @@ def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], boo
 
 
 def flat(steps: tuple[Step, ...], which: Callable[[Step], bool] = over_directions) -> tuple[Step, ...]:
-    """Steps with those of routines over directions, or of `which`, in the place of routines."""
+    """Replace routines over directions, or those of `which`, by their steps."""
     found: list[Step] = []
     for step in steps:
         found += flat(step.routine.steps, which) if isinstance(step, Perform) and which(step) else (step,)
@@ -562,11 +566,11 @@ def flat(steps: tuple[Step, ...], which: Callable[[Step], bool] = over_direction
 
 
 def counted(procedure: Procedure, outside: str) -> list[str]:
-    """What a procedure runs, in the order in which it begins: sweeps, formulas by name, and `outside` for what it prepares.
+    """Names of what a procedure runs, in order of first use: sweeps, formulas, and preparations (`outside`).
 
-    What it runs twice stands there twice. Each column of a matrix is a direction, so what computes columns counts once for all
-    matrices. A sweep that runs for values, over one direction, is called ``solve_in_1``. Values and tangents of formulas, as well
-    as what is prepared, have one name.
+    A repeated run is listed repeatedly. Each column of a matrix is a direction, so the computation of columns counts once for all
+    matrices. A sweep that computes values, over one direction, is called ``solve_in_1``. Values and tangents of formulas share a
+    name; so do values and tangents of preparations.
     """
     steps = tuple(within(procedure.steps))
     found = _names(steps, outside)
@@ -582,7 +586,7 @@ def counted(procedure: Procedure, outside: str) -> list[str]:
 
 
 def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
-    """What steps run once each, columns apart."""
+    """Steps that run once for each column are excluded."""
     found: list[str] = []
     shared: dict[tuple[str, bool], int] = {}
     for step in flat(steps, lambda step: True):

@@ -1,4 +1,4 @@
-"""What blocks compute with: expressions, or zero patterns, with the same operators."""
+"""Operands of blocks: expressions, or zero patterns, with the same operators."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Scalar(Protocol):
-    """An expression, or (`block.Nonzero`) a value of which only is known that it may differ from zero."""
+    """An expression, or (`block.Nonzero`) a value of which it is only known that it may differ from zero."""
 
     def __add__(self, other: Scalar | float, /) -> Scalar | float: ...
     def __radd__(self, other: Scalar | float, /) -> Scalar | float: ...
@@ -21,10 +21,10 @@ class Scalar(Protocol):
 
 
 Value = Scalar | float
-"""A scalar, or a plain number: 0 and 1 of the code that writes blocks. Floats are never written."""
+"""A scalar, or a plain number: 0 and 1 in code that writes blocks. Floats are not used."""
 
 Vector = list[Value]
-"""Three components, or six: angular ones, then linear ones."""
+"""Three components, or six: angular first, then linear."""
 
 Matrix = list[list[Value]]
 """Rows."""

@@ -1,4 +1,4 @@
-"""Constants of links, loops and force elements that depend on design parameters, by the form of their expressions."""
+"""Constants of links, loops and force elements that depend on design parameters, grouped by the form of their expressions."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from .block import Block
 
 @dataclass(slots=True, eq=False)
 class Shape:
-    """What links with constants of one form have in common.
+    """The form that the constants of several links share.
 
     Attributes
     ----------
     index : int
     parameters : int
-        How many design parameters.
+        Number of design parameters.
     block : Block
         Computes the constants that depend on parameters, and their derivatives: components ``r.x`` and ``r.x/0`` of `SHAPE`.
     fields : dict of str to Expr
@@ -36,14 +36,14 @@ class Shape:
 
 @dataclass(slots=True, eq=False)
 class Constants:
-    """The constants of links that are made of the same expressions.
+    """The constants of links with the same expressions.
 
     Attributes
     ----------
     shape : Shape
     parameters : tuple of str
     numbers : tuple of float
-        For the shape's slots.
+        Numbers for the shape's slots.
     values : dict of str to float
         Constants that do not depend on parameters and are not structurally zero.
     index : int

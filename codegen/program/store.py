@@ -1,7 +1,8 @@
-"""Stores: what a block calls the memory, the arguments and the results that it reads and writes.
+"""Stores: the memory, arguments and results that a block reads and writes.
 
-A store says whose memory is meant (`Owner`) and of which sort it is (`Memory`); where that lies is decided once, by the
-mechanics, whose stores are listed in `codegen.mechanics.stores`. Those that blocks of any program may have stand here.
+A store says which object's memory is accessed (`Owner`) and which sort of memory it is (`Memory`). The mechanics decides once
+where that lies; its stores are listed in `codegen.mechanics.stores`. This module has the stores that blocks of any program may
+use.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Memory:
         One value per direction.
     life : Life
     region : str
-        Of memory whose fields the layout gives places to: what targets call it.
+        Name of the region in targets, if the layout assigns places to its fields.
     """
 
     name: str
@@ -45,13 +46,13 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Owner:
-    """Whose memory a block means: its own link's, its parent's, a loop's, ...
+    """The object whose memory a block accesses: its own link, its parent, a loop, ...
 
     Attributes
     ----------
     name : str
     several : bool
-        A block may know several of them: stores of it have a place, ``ROOT[1]``.
+        Whether a block may access several of them; their stores are numbered, ``ROOT[1]``.
     """
 
     name: str
@@ -63,7 +64,7 @@ class Owner:
 
 @dataclass(frozen=True, eq=False)
 class Store:
-    """Memory as a block sees it.
+    """Memory as a block addresses it.
 
     Attributes
     ----------
@@ -72,9 +73,9 @@ class Store:
     owner : Owner
     memory : Memory
     adds : bool
-        Storing adds to what is there.
+        Whether storing adds to the stored value.
     place : int or None
-        Which one, of an owner of which a block knows several.
+        Number of the object, for owners with several.
     """
 
     name: str
@@ -95,7 +96,7 @@ class Store:
         return self.name if self.place is None else f"{self.name}#{self.place}"
 
     def __getitem__(self, place: int) -> Store:
-        """The same of one of several; the same object each time."""
+        """The store of one of several objects; the same object each time."""
         found = self._others.get(place)
         if found is None:
             found = self._others[place] = Store(self.name, self.owner, self.memory, self.adds, place)
@@ -105,7 +106,7 @@ class Store:
 
     @property
     def sum(self) -> Store:
-        """The same, added to."""
+        """The same store, added to."""
         found = self._others.get("sum")
         if found is None:
             found = self._others["sum"] = Store(self.name, self.owner, self.memory, True, self.place)
@@ -114,7 +115,7 @@ class Store:
 
     @property
     def plain(self) -> Store:
-        """The same, not added to."""
+        """The same store, overwritten."""
         return self._others["plain"] if self.adds else self
 
     def __repr__(self) -> str:
@@ -124,17 +125,17 @@ class Store:
 CONSTANT = Memory("constants", life=Life.OUTSIDE)
 ARGUMENT, ARGUMENT_LANE = Memory("arguments", life=Life.OUTSIDE), Memory("arguments", True, Life.OUTSIDE)
 MARGIN = Memory("margins")
-"""What must be positive: nothing is stored, a function stops where it is not."""
+"""Margins that must be positive: nothing is stored, and a function stops if one is not."""
 
 MODEL = Owner("model")
 SHAPE = Store("pc", MODEL, CONSTANT)
-"""The constants that a shape's block computes."""
+"""The constants that the block of a shape computes."""
 NUMBER = Store("k", MODEL, Memory("numbers", life=Life.OUTSIDE))
 """Numbers of a row of a table."""
 
 
 def argument(name: str, lanes: bool = False) -> Store:
-    """An argument or a result of the whole model, such as ``p`` or ``outputs``, by name; the same object each time."""
+    """An argument or a result of the whole model by name, such as ``p`` or ``outputs``; the same object each time."""
     found = _ARGUMENTS.get((name, lanes))
     if found is None:
         found = _ARGUMENTS[name, lanes] = Store(name, MODEL, ARGUMENT_LANE if lanes else ARGUMENT)
@@ -145,4 +146,4 @@ _ARGUMENTS: dict[tuple[str, bool], Store] = {}
 
 
 MODES = argument("modes")
-"""Of the switches of a model: the sign of each switching function that a step of an integrator goes on with, or zero."""
+"""Modes of the model's switches: the sign of each switching function that an integrator's step assumes, or zero."""

@@ -1,13 +1,13 @@
-"""The transpose of a block: the same linear map from what it reads per direction to what it writes, run backwards.
+"""The transpose of a block: the adjoint of its linear map from inputs per direction to outputs per direction.
 
-A block over directions is a part in scalars and a part that is linear in the values per direction: each of its statements of that
-part is ``t = sum_i c_i s_i`` with scalar ``c_i``. Backwards, from the last to the first, ``c_i t_bar`` is added to every
-``s_i_bar``. A field that the block stores gives its adjoint, a field that it loads gets something added to its adjoint; the
-adjoint of a field is kept where the field is. So ``lambda^T J`` costs about as much as ``J v``, whatever the number of
-parameters, and no tape is kept: the scalars are computed anew from what they were computed from.
+A block over directions has a scalar part and a part that is linear in the values per direction. Each statement of the linear part
+is ``t = sum_i c_i s_i`` with scalar ``c_i``. The transpose goes from the last statement to the first and adds ``c_i t_bar`` to
+every ``s_i_bar``. It reads the adjoints of fields that the block stores, and adds to those of fields that it loads. The adjoint
+of a field is stored in the place of the field. So ``lambda^T J`` costs about as much as ``J v``, whatever the number of
+parameters. No tape is kept: the scalars are recomputed from the same inputs.
 
-Memory is followed one step backwards, too: a store that replaces what was there ends the life of an adjoint, which is cleared
-if it may be used again (`Cleared`). A location that is loaded, added to and stored again keeps its adjoint.
+A store that overwrites a place ends the life of its adjoint, which is cleared if the place may be used again (`Cleared`). A place
+that is loaded, added to and stored again keeps its adjoint.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from .passes import drop_dead
 from .store import Store
 
 Cleared = Callable[[Store, str], bool]
-"""Whether the adjoint of something that a block stores must be zero afterwards; of results that nobody replaces it need not."""
+"""Whether the adjoint of a stored component must be zero afterwards; results that are never overwritten do not need it."""
 
 
 def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
-    """The scalar factors of an expression that is linear in some symbols.
+    """Return the scalar factors of an expression that is linear in some symbols.
 
     Raises
     ------
     ValueError
-        It is not linear in them.
+        If it is not linear in them.
     """
     if e in lanes:
         return {e: algebra.ONE}
@@ -58,22 +58,22 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
 
 
 class Operation(Protocol):
-    """Puts expressions together."""
+    """Combines expressions."""
 
     def __call__(self, *args: Expr) -> Expr: ...
 
 
 GUARDED = "Guarded"
-"""Function that marks a factor that may be infinite: what is multiplied by it stays zero where it is zero. See `Along`."""
+"""Function that marks a factor as possibly infinite: its product with zero is zero. See `Along`."""
 
 
 def guarded(factor: Expr) -> Expr:
-    """A factor that may be infinite."""
+    """Mark a factor as possibly infinite."""
     return algebra.function(GUARDED, factor)
 
 
 def _scaled(operation: Operation, *factors: Expr) -> Expr:
-    """The sum or product of factors, of which some may be infinite."""
+    """The sum or product of factors, some of which may be infinite."""
     if not any(isinstance(f, Function) and f.name == GUARDED for f in factors):
         return operation(*factors)
     return guarded(operation(*(f.args[0] if isinstance(f, Function) and f.name == GUARDED else f for f in factors)))
@@ -81,16 +81,16 @@ def _scaled(operation: Operation, *factors: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class Kept:
-    """Scalars that blocks over directions store themselves: they are computed before, and kept.
+    """Scalars that blocks over directions store themselves; they are computed in advance and kept.
 
     Attributes
     ----------
     holds : callable (store, component) -> bool
-        Whether a component is one of them.
+        Returns whether a component is one of them.
     place : callable (store) -> Store
-        Where they are kept.
+        Returns the store in which they are kept.
     final : callable (store) -> bool
-        What a block stores there is not added to by others: it need not be computed again.
+        Returns whether no other block adds to the store, so that the value need not be recomputed.
     """
 
     holds: Callable[[Store, str], bool]
@@ -98,14 +98,14 @@ class Kept:
     final: Callable[[Store], bool]
 
     def at(self, store: Store, name: str) -> Component:
-        """Where a scalar is."""
+        """The place of a scalar."""
         return (self.place(store) if self.holds(store, name) else store), name
 
 
 def values(
     block: Block, name: str, title: str, kept: Kept, also: Callable[[Store], bool] = lambda store: False
 ) -> Block:
-    """The part of a block over directions that computes scalars to be kept, and what it stores where `also` says so."""
+    """The part of a block over directions that computes kept scalars, with the stores selected by `also`."""
     found = Block(name, title)
     found.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
     found.statements = [s for s in block.statements if not s.lanes]
@@ -122,7 +122,7 @@ NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store
 def transposed(
     block: Block, name: str, title: str, cleared: Cleared = lambda store, name: False, kept: Kept = NOTHING_KEPT
 ) -> Block:
-    """The block that gives the adjoints of what `block` loads from those of what it stores.
+    """The block that computes the adjoints of the loads of `block` from the adjoints of its stores.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def transposed(
     x = Expansion(name, title, lambda store, n: True)
     x.block.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
     x.reserve(s.name for s in (*block.loads, *(t.target for t in block.statements)))
-    # a scalar that the block has stored is there: it need not be computed again
+    # a kept scalar that the block has stored need not be computed again
     there = {
         e: (kept.place(a), n)
         for a, n, e in block.stores
@@ -170,7 +170,7 @@ def transposed(
             continue
         bar = x.let(f"{symbol.name}_bar", algebra.add(*bars.get(symbol, [])), lanes=True)
         done.add((store, n))
-        if (store, n) in incoming:  # stored again: what was there is added to
+        if (store, n) in incoming:  # loaded and stored again: the adjoint is replaced
             if bar != incoming[store, n]:
                 x.block.stores.append((store, n, bar))
         elif bar is not algebra.ZERO:
@@ -187,19 +187,19 @@ def deferred(
     saved: Callable[[int], Component],
     steady: Callable[[Store, str], bool],
 ) -> tuple[Block, Block]:
-    """A block in two: what can be done at once, and what waits for scalars that are not there yet.
+    """Split a block into a part that can run now and a part that needs scalars computed later.
 
-    Values per direction that the second needs of the first are loaded from where the first has stored them, or saved.
+    The second part loads values per direction from where the first has stored them; the others are saved.
 
     Parameters
     ----------
     block : Block
     late : callable (store, component) -> bool
-        Scalars that are there later.
+        Returns whether a scalar is computed later.
     saved : callable (int) -> (Store, str)
-        Places for values.
+        Returns a place for a saved value.
     steady : callable (store, component) -> bool
-        What the block stores there is all that is there until the second block runs.
+        Returns whether the stored value remains unchanged until the second part runs.
     """
     waiting = {s for s, at in block.loads.items() if late(*at)}
     for s in block.statements:

@@ -1,4 +1,4 @@
-"""The C target: C11 in which GNU C finds vectors, in double or in single precision."""
+"""The C target: C11, with the vector extensions of GNU C where available, in double or single precision."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ C = Target(
     ),
     (InstructionSet("__AVX512F__", 64), InstructionSet("__AVX__", 32), InstructionSet("", 16)),
 )  # fmt: skip
-"""Words are reserved up to C23, with those that GNU C defines."""
+"""Reserved words of C up to C23, and names that GNU C defines."""
 
 OF_THE_LIBRARY = tuple(dict.fromkeys(f for f in C.functions.values() if f.islower()))
-"""Functions of the C library in generated code; those of other types than double have its suffix."""
+"""Functions of the C library in generated code; for types other than double a suffix is appended."""
 
 
 def library_function(name: str, scalar: Scalar) -> str:
-    """What a function of the C library is called for a scalar type."""
+    """Name of a function of the C library for a scalar type."""
     return name + scalar.suffix if name in (*OF_THE_LIBRARY, "floor") else name
 
 

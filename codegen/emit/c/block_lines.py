@@ -1,4 +1,4 @@
-"""The lines of a block in C: what is loaded when, what stands before the loop over directions, and in it."""
+"""The C lines of a block: when values are loaded, and which lines precede the loop over directions."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from .types import NUMBER_TYPE
 class BlockLines:
     """Writes the lines of one block.
 
-    Before the loop over vectors stands what is stored once for all directions. Other numbers that they share stay in the order of
-    the block: compilers take them out of the loop, and know better which to keep in registers.
+    Results that are stored once for all directions are computed before the loop over vectors. Other shared numbers stay in the
+    order of the block: compilers move them out of the loop and choose better which to keep in registers.
 
     Attributes
     ----------
     body, passes : list of str
-        Lines before that loop, and in it.
+        Lines before that loop, and lines inside it.
     pointers : dict of str to str
         Declarations of variables for rows of memory.
     waiting : dict
-        Loads that nothing has needed yet: their number, where they go, and their line.
+        Pending loads: their number, the list that receives them, and their line.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class BlockLines:
         self.printer = printer.calling({**names, **self._loads(names)})
 
     def access(self, store: Store, name: str) -> str:
-        """A component in memory."""
+        """The C expression of a component in memory."""
         at = self.place(store, name)
         along = ".at[h]" if store.lanes else ""
         if self.accesses[at.variable] == 1 or is_array(at.row):
@@ -64,7 +64,7 @@ class BlockLines:
         return f"{variable}{at.text}{along}"
 
     def _loads(self, names: dict[str, str]) -> dict[str, str]:
-        """Prepare all loads; returns the text of those that need no name."""
+        """Prepare all loads; return the expressions of those that need no variable."""
         overwritten = {(at.row, at.text) for at in self.stored}
         once = read_once(self.block) - {Symbol(name) for name in names}
         direct: dict[str, str] = {}
@@ -88,18 +88,18 @@ class BlockLines:
         return direct
 
     def load(self, symbols: Iterable[Symbol]) -> None:
-        """Load what has not been loaded yet.
+        """Load values that are not loaded yet.
 
-        What is needed late is loaded late: compilers keep the order, and move hundreds of values to the stack and back
-        otherwise, in quadratic time.
+        Values are loaded where they are first needed. Compilers keep the order of loads; early loads would move hundreds of
+        values to the stack and back, in quadratic compile time.
         """
         for _, lines, line in sorted(self.waiting.pop(s) for s in symbols if s in self.waiting):
             lines.append(line)
 
     def lines(self, each: str) -> list[str]:
-        """All lines; `each` begins the loop over directions."""
+        """All lines of the block; `each` begins the loop over directions."""
         block = self.block
-        # blocks over directions keep their order: they gain nothing by another
+        # another order gains nothing for blocks over directions
         along = any(store.lanes for store, _, _ in block.stores)
         if not along:
             order = by_results(block)
@@ -138,7 +138,7 @@ class BlockLines:
 
 
 def stored_once(block: Block) -> set[Symbol]:
-    """Symbols that what is stored for all directions together is made of."""
+    """Symbols on which the results stored once for all directions depend."""
     if not any(store.lanes for store, _, _ in block.stores):
         return {*block.loads, *(s.target for s in block.statements)}
     wanted = {s for store, _, value in block.stores if not store.lanes for s in symbols_of(value)}
@@ -149,7 +149,7 @@ def stored_once(block: Block) -> set[Symbol]:
 
 
 def read_once(block: Block) -> set[Symbol]:
-    """Symbols that the text of a block has in one place: what is loaded into them needs no name."""
+    """Symbols that occur once in the text of a block; their loads need no variable."""
     once: set[Symbol] = set()
     more: set[Symbol] = set()
     for e in (*(s.expression for s in block.statements), *(value for _, _, value in block.stores)):
@@ -162,7 +162,7 @@ def read_once(block: Block) -> set[Symbol]:
 
 
 def _parts(e: Expr) -> Iterator[Expr]:
-    """The operands of sums and products in these: symbols, powers and calls."""
+    """The operands of nested sums and products: symbols, powers and calls."""
     if not (e.is_Add or e.is_Mul):
         yield e
         return
@@ -174,7 +174,7 @@ def _parts(e: Expr) -> Iterator[Expr]:
 
 
 def in_full(at: Located) -> str:
-    """A component of a row that no variable points to."""
+    """A component of a row that has no pointer variable."""
     if at.row[0] == "&":
         return at.row[1:] + (f".{at.text[2:]}" if at.text.startswith("->") else "")
     if at.row[0] == "(":
@@ -187,13 +187,13 @@ def in_full(at: Located) -> str:
 
 
 def is_array(row: str) -> bool:
-    """Whether a row is one of the arrays of a call, from a number on: it needs no variable."""
+    """Whether a row is an array of a call at a fixed offset; it needs no variable."""
     start, _, offset = row.partition(" + ")
     return start.startswith("a->") and (offset or "0").isdigit()
 
 
 def is_not_positive(e: Expr, printer: Callable[[Expr], str], zero: str) -> str:
-    """The condition that an expression is zero or less: of a difference, that what is added is at most what is taken away."""
+    """The condition that an expression is zero or less; a difference is written as a comparison of its terms."""
     if _is_number(e):
         return f"{in_all(printer(e))} <= {zero}"
     terms = [algebra.coefficient(t) for t in (e.args if e.is_Add else (e,))]

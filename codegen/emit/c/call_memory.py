@@ -1,4 +1,4 @@
-"""What the functions of a C header keep beside what sweeps do: pointers of a call, and arrays of its own."""
+"""Memory of a call to a function of a C header, beyond that of the sweeps: pointers, and arrays of the call."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ...records import dataclass
 
 @dataclass(slots=True)
 class Memory:
-    """What procedures need beside what sweeps keep: pointers of the two structs, and the arrays of a call's own.
+    """Memory that procedures need beyond that of the sweeps: pointers of the two structs, and arrays of the call.
 
     Attributes
     ----------
     fields, lane_fields : dict of str to bool
-        Arrays by name, and whether they are written.
+        Arrays by name; the value is true if they are written.
     numbers : dict of str to bool
-        Arguments that are passed by value.
+        Arguments that are passed by value; the value is true if they are written.
     own : dict of Array to int
-        Arrays in the workspace, with their places in scalars; those that no procedure has at once share memory.
+        Arrays in the workspace, with their offsets in scalars. Arrays that no procedure uses at the same time share memory.
     size : int
     """
 
@@ -33,7 +33,7 @@ class Memory:
     def declarations(
         self, kept: dict[str, str], kept_lanes: dict[str, str], real: str
     ) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Types and names of the members of both structs; `kept` have what sweeps keep, and of which type."""
+        """Types and names of the members of both structs; `kept` gives the regions of the sweeps with their types."""
 
         def pointers(type_: str, fields: dict[str, bool]) -> list[tuple[str, str]]:
             known = kept.keys() | kept_lanes.keys()
@@ -46,7 +46,7 @@ class Memory:
 
 
 def call_memory(procedures: tuple[Procedure, ...]) -> Memory:
-    """What procedures need."""
+    """The memory that procedures need."""
     found = Memory()
     together: dict[Array, set[Array]] = {}
     for p in procedures:
@@ -91,12 +91,12 @@ def call_memory(procedures: tuple[Procedure, ...]) -> Memory:
 
 
 def read_apart(procedure: Procedure, array: Array) -> bool:
-    """Whether an argument is one direction's array."""
+    """Whether an argument is an array for one direction."""
     return any(of is array or of == array for s in procedure.steps if isinstance(s, steps.Single) for _, of in s.reads)
 
 
 def _place(found: Memory, together: dict[Array, set[Array]]) -> None:
-    """Give each array of the call's own the first place that none of those has that are in use at the same time."""
+    """Place each array of a call at the first offset where no array lies that is used at the same time."""
     for array, others in together.items():
         at = 0
         for other in sorted((o for o in others if o in found.own), key=lambda o: found.own[o]):
@@ -107,12 +107,12 @@ def _place(found: Memory, together: dict[Array, set[Array]]) -> None:
 
 
 def room(array: Array) -> int:
-    """Doubles that an array takes in the workspace: whole cache lines."""
+    """Space of an array in the workspace, in whole cache lines."""
     return -(-array.size * (8 if array.lanes else 1) // 8) * 8
 
 
 def lays_out(procedure: Procedure) -> bool:
-    """Whether a function needs all of the workspace, not what a few sweeps keep."""
+    """Whether a function needs the whole workspace, instead of the regions of a few sweeps."""
     return any(
         isinstance(s, (steps.Prepare, steps.Perform, steps.Own, steps.AllColumns)) for s in within(procedure.steps)
     )

@@ -1,4 +1,4 @@
-"""Writes ``NAME_calls.c``: the functions of the header, each with one signature, as the run time calls them from Python."""
+"""Writes ``NAME_calls.c``: the functions of the header, all with the same signature, for calls from Python."""
 
 from __future__ import annotations
 
@@ -15,25 +15,18 @@ from .vectors import words
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
-"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.standalone.calls.functions` has the same."""
+"""Arguments and seeds, except `t`, in the order of their pointers; `codegen.runtime.standalone.calls.functions` has the same
+list."""
 
 INTERNAL = ("closure", "conditions", "newton_step")
-"""What these return may be infinite and is looked at elsewhere."""
+"""Functions whose results may be infinite; they are checked elsewhere."""
 
 _WITH_DEFAULT = ("p", "inputs")
-"""What may not be given."""
+"""Optional arguments."""
 
 
 def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
-    """The C of the calls.
-
-    Parameters
-    ----------
-    manifest : dict
-        See `codegen.manifest.manifest`.
-    sizes : dict of str to int
-        Numbers of entries of arguments and results.
-    """
+    """The C text of the calls."""
     name, scalar = manifest["name"], C.scalar(manifest.get("scalar", FLOAT64.name))
     functions = [_function(name, n, f, sizes) for n, f in manifest["functions"].items()]
     functions.sort(key=lambda f: f["guard"])
@@ -72,7 +65,8 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
 
 
 def _function(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
-    """A function of the header: seeds and derivatives lie in lanes one after the other; sizes of these are negative."""
+    """The call of one header function. The lanes of seeds and derivatives are consecutive; their sizes are given as negative
+    numbers."""
     at = 0
     passed = [f"c->{a}" if a == "t" or a in _WITH_DEFAULT else f"X({a.upper()})" for a in f["arguments"]]
     entries = []
@@ -104,8 +98,8 @@ def _call(start: str, passed: list[str]) -> list[str]:
 
 
 def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[str, Any]]:
-    """The functions over points of bodies that `Solver.points` calls, of a package with the frames of these; lines compute the
-    places of the model's points, where these depend on parameters."""
+    """The functions for points of bodies that `Solver.points` calls, if the package has frames. Lines compute the positions of
+    the model's points where these depend on parameters."""
     found = []
     for name, frames, places, given, parts in (
         ("points", "frames", "point_places", "given & 1L << P", 1),
@@ -126,7 +120,7 @@ def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[st
 
 
 def _accelerated(functions: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The same with accelerations."""
+    """The functions for points, with accelerations."""
     of = (
         ("point_accelerations", "points", "frames", "frame_accelerations", 1),
         ("point_acceleration_sensitivities", "point_sensitivities", "frame_sensitivities", "frame_acceleration_sensitivities", 2),

@@ -1,7 +1,7 @@
-"""Columns of matrices computed all at once, in C: which groups of columns links work on, seeds, and where columns go.
+"""Columns of matrices computed all at once, in C: the column groups of each link, seeds, and destinations.
 
-Columns are taken four at a time: a group. A link works on groups by the bits of integers, which are found anew for every call,
-or, of matrices with more columns than there is room for, for as many as there is.
+Four columns form a group. The bits of an integer say on which groups a link works. If all columns fit into memory, these integers
+are constants; otherwise each call computes them for the columns at hand.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ GROUP = 4
 """Columns in a group."""
 
 MASKS = ("own", "below", "path", "still", "fresh")
-"""What is known of every link: see `mechanics.sweeps.Sweep.groups`."""
+"""Column groups known for every link: see `mechanics.sweeps.Sweep.groups`."""
 
 Written = Callable[[Array], str]
-"""How an array is written."""
+"""Returns the C expression of an array."""
 
 
 class ColumnsInC:
-    """What the functions of a solver that compute all columns of matrices have in common."""
+    """Data shared by the functions of a solver that compute all columns of matrices."""
 
     masks, group = MASKS, GROUP
 
@@ -50,18 +50,18 @@ class ColumnsInC:
 
     @property
     def parent(self) -> str:
-        """The parent of link i, as the preprocessor says it."""
+        """The parent of link i, for a macro."""
         return "((i) - 1)" if self.serial else "parent_of[i]"
 
     @property
     def entry(self) -> str:
-        """Row and column j of symmetric matrices, as the preprocessor says it: j, where links stand in the order of speeds."""
+        """Row and column j of symmetric matrices, for a macro: j itself if links are in the order of speeds."""
         symmetric = [s for s in self.steps if s.symmetric]
         return "(j)" if all(i == j for s in symmetric for j, (_, i) in enumerate(s.units)) else "ENTRY(of, j)"
 
     @property
     def files(self) -> list[str]:
-        """Templates of what calls over columns need."""
+        """Templates that computations over columns need."""
         wanted = {
             "regular": self.regular, "irregular": not self.regular, "groups": self.found_anew, "take": self.taken,
             "symmetric": self.symmetric, "blocks": self.in_blocks, "weighted": self.weighted_whole,
@@ -70,7 +70,7 @@ class ColumnsInC:
         return [f"c/columns_{name}.c.jinja" for name, needed in wanted.items() if needed]
 
     def regions(self, fields: int, links: int) -> list[tuple[str, bool, int]]:
-        """Memory: what links keep per column, rows of seeds and results, what is known of links, weights."""
+        """Memory: values of links per column, rows of seeds and results, groups of links, weights."""
         if not self.steps:
             return []
         rows = max(sum(a.size for a in (*(() if fits(s) else s.seeds), s.of)) for s in self.steps)
@@ -83,7 +83,7 @@ class ColumnsInC:
         ]
 
     def members(self) -> list[tuple[str, str]]:
-        """Types and names of what calls over columns have beside."""
+        """Types and names of further members of calls over columns."""
         return (
             [*(("const groups *", f"{name}_groups") for name in MASKS), ("groups ", "all_groups")] if self.steps else []
         )
@@ -137,23 +137,23 @@ def _add_rows(tables: dict[str, list[str]], name: str, rows: list[tuple[int, ...
 
 
 def reads_starts(step: AllColumns) -> bool:
-    """Whether it matters to the call where the columns of each link begin."""
+    """Whether the call needs the first column of each link."""
     return (step.symmetric and not in_blocks(step)) or not fits(step)
 
 
 def one_by_link(step: AllColumns) -> bool:
-    """Whether every link has one entry of each array, that of its number: then columns need no tables."""
+    """Whether every link has one entry of each array, the one with its number; then columns need no tables."""
     links = range(len(step.parents))
     return step.units == tuple((a, i) for i in links for a in step.seeds)
 
 
 def fits(step: AllColumns) -> bool:
-    """Whether there is room for all columns: then what links work on is known beforehand."""
+    """Whether all columns fit into memory; then the groups of each link are constants."""
     return step.starts[-1] <= step.width
 
 
 def groups_of_links(step: AllColumns) -> dict[str, list[int]]:
-    """For each link the groups of columns that it works on, as bits, by mask; see `mechanics.sweeps.Sweep.groups`."""
+    """For each link and mask, the groups of columns on which it works, as bits; see `mechanics.sweeps.Sweep.groups`."""
     every = (1 << -(-step.starts[-1] // GROUP)) - 1
     found: dict[str, list[int]] = {mask: [] for mask in MASKS}
     for parent, begin, end in zip(step.parents, step.starts, step.starts[1:], strict=False):
@@ -172,22 +172,22 @@ def groups_of_links(step: AllColumns) -> dict[str, list[int]]:
 
 
 def into_symmetric(step: AllColumns) -> bool:
-    """Whether its columns are put into a symmetric matrix."""
+    """Whether the columns are written into a symmetric matrix."""
     return bool(step.symmetric and step.into) or bool(step.weighted and fits(step))
 
 
 def in_blocks(step: AllColumns) -> bool:
-    """Whether it fills a symmetric matrix of whose blocks each is a group of columns: all are there, in the order of rows."""
+    """Whether a symmetric matrix is filled in square blocks: all columns are present, in the order of the rows."""
     return into_symmetric(step) and fits(step) and all(i == j for j, (_, i) in enumerate(step.units))
 
 
 def known_of(step: AllColumns) -> str:
-    """What the table of `known_rows` is called."""
+    """Name of the table of `known_rows`."""
     return f"{name_of(step)}_{step.groups}_known"
 
 
 def known_rows(step: AllColumns) -> list[int]:
-    """Which rows of blocks on or above the diagonal of a symmetric matrix links work on, as bits, block row by block row."""
+    """For each block on or above the diagonal of a symmetric matrix, row by row: the rows on which links work, as bits."""
     worked = groups_of_links(step)[step.groups]
     by_row = [worked[i] for i, (begin, end) in enumerate(pairwise(step.starts)) for _ in range(begin, end)]
     count = -(-len(by_row) // GROUP)
@@ -199,12 +199,12 @@ def known_rows(step: AllColumns) -> list[int]:
 
 
 def name_of(step: AllColumns) -> str:
-    """What its tables are called: by what is one, ``dq_du``."""
+    """Prefix of the names of its tables, from its seeds: ``dq_du``."""
     return "_".join(a.name for a in step.seeds)
 
 
 def all_columns(step: AllColumns, array: Written, scalar: Scalar) -> list[str]:
-    """Lines that compute columns and put them where they belong."""
+    """Lines that compute columns and write them to their destinations."""
     width, count, name, once = step.width, step.starts[-1], name_of(step), fits(step)
     lines = [f"call_{width} e;", f"open_{width}(&e, &c, work);"]
     at = 0
@@ -255,13 +255,13 @@ def all_columns(step: AllColumns, array: Written, scalar: Scalar) -> list[str]:
 
 
 def _units(step: Primitives) -> tuple[list[tuple[Array, int, int]], list[Array]]:
-    """Entries of seeds that are one, with their directions; and the seeds."""
+    """Entries of seeds that are one, with their directions, and the seeds themselves."""
     units = list(dict.fromkeys((w.seed, w.column, w.direction) for w in step.weighted))
     return units, list(dict.fromkeys(seed for seed, _, _ in units))
 
 
 def primitives(step: Primitives, array: Written, call: str, scalar: Scalar) -> list[str]:
-    """Lines that find the weights: all formulas along as many directions as it takes to tell their arguments apart."""
+    """Lines that compute the weights: all formulas, along enough directions to separate their arguments."""
     units, seeds = _units(step)
     n, of = len(units), "primitive_units[i]"
     entry = f"seeds[{of}[0]] + {of}[1]"

@@ -1,4 +1,4 @@
-"""Long functions of links in parts, in C: where values lie that parts hand on, and whose the parts are."""
+"""Long functions of links, divided into parts, in C: memory for values that parts carry over, and linkage of the parts."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from ..language import Located, Place
 
 HANDED_ON = {along: Store(name, Owner("function"), Memory("stack", along)) for along, name in
              ((False, "handed_on"), (True, "handed_lanes"))}  # fmt: skip
-"""What parts hand on to later ones: numbers that all directions share, or one value each."""
+"""Values that parts carry over to later ones: shared by all directions (False), or per direction (True)."""
 
 STACK = {False: "values", True: "lane_values"}
-"""Arrays where that lies, in the function that calls the parts."""
+"""Arrays for these values, in the function that calls the parts."""
 
 
 def _type(along: bool, real: str) -> str:
-    """What they consist of; `real` is the scalar type."""
+    """Element type of such an array; `real` is the scalar type."""
     return "LANES" if along else real
 
 
 def handed_on(number: int, along: bool) -> Component:
-    """A place for what is handed on."""
+    """The place of a value that is carried over."""
     return HANDED_ON[along], str(number)
 
 
 def in_stack(place: Place, real: str) -> Place:
-    """Where a component of a part lies: there, or where it lies in the whole function."""
+    """The place of a component in a part: in such an array, or the same as in the whole function."""
 
     def placed(store: Store, name: str) -> Located:
         for along, of in HANDED_ON.items():
@@ -41,7 +41,7 @@ def in_stack(place: Place, real: str) -> Place:
 
 
 def is_overwritten(block: Block, place: Place) -> Callable[[Component], bool]:
-    """Whether a block stores something where a component lies."""
+    """Return a function that tests whether a block stores to the place of a component."""
 
     @cache
     def stored() -> set[tuple[str, str]]:
@@ -51,12 +51,12 @@ def is_overwritten(block: Block, place: Place) -> Callable[[Component], bool]:
 
 
 def _address(at: Located) -> tuple[str, str]:
-    """Where it is, whatever the variable is called that points there."""
+    """The address of a component, without the name of the pointer variable."""
     return at.row, at.text
 
 
 def stack(places: Mapping[bool, int], real: str) -> list[str]:
-    """Declarations of the arrays; how many places each needs."""
+    """Declarations of the arrays, from the number of places."""
     return [f"{_type(along, real)} {STACK[along]}[{n}];" for along, n in sorted(places.items())]
 
 
@@ -67,12 +67,12 @@ def arrays_used(part: Block, real: str) -> list[tuple[str, str]]:
 
 
 def linkage(shared: str) -> list[str]:
-    """Lines that say whose the parts of a function are: units of a library share them under this condition."""
+    """Lines that set the linkage of parts: under this condition, the units of a library share them."""
     return ["#undef PART", f"#if {shared}", "#define PART SHARED_PART", "#else", "#define PART STATIC_PART", "#endif"]
 
 
 def reads(lines: list[str], parameter: str, macro: str = "") -> bool:
-    """Whether lines read a parameter, themselves or by a macro."""
+    """Whether lines read a parameter, directly or through a macro."""
     found = re.compile(rf"\b(?:{parameter}{'|' if macro else ''}{macro})\b")
     return any(map(found.search, lines))
 

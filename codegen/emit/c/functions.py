@@ -1,7 +1,8 @@
-"""The functions of a C header: a procedure's steps as lines, what they work on, declarations, loops over batches.
+"""The functions of a C header: the lines of a procedure's steps, their memory, declarations, and loops over batches.
 
-A call's values lie in ``c``, what it has per direction in ``d``, which is opened before the first step over directions; routines
-get one of the two as ``a``. Arrays are pointers of these, to the caller's memory or to the workspace.
+The struct ``c`` holds the values of a call, ``d`` its values per direction; ``d`` is opened before the first step over
+directions. Routines get one of the two as ``a``. Arrays are pointers in these structs, to the caller's memory or to the
+workspace.
 """
 
 from __future__ import annotations
@@ -19,36 +20,36 @@ from .libraries import guard, guard_of_width
 
 
 def symbol(procedure: Procedure, width: int | None = None) -> str:
-    """Name in C, without the model's."""
+    """Name in C, without the model's name."""
     return f"{procedure.name}_{width}" if width else procedure.name
 
 
 def parameters(procedure: Procedure, real: str) -> list[str]:
-    """Declarations of the parameters, of which `real` is the scalar type."""
+    """Declarations of the parameters; `real` is the scalar type."""
     found = [f"{real} {a.name}" if not a.shape else f"const {real} *{a.name}" for a in procedure.arguments]
     found += [f"const {real} *{a.name}" for a in procedure.seeds]
     return [*found, *(f"{real} *{a.name}" for a in procedure.results), f"{real} *work"]
 
 
 def parameters_in_modes(procedure: Procedure, real: str) -> list[str]:
-    """The same of a function that takes modes."""
+    """Declarations of the parameters of a function that takes modes."""
     assert procedure.modes is not None
     *rest, work = parameters(procedure, real)
     return [*rest, f"const {real} *{procedure.modes.name}", work]
 
 
 def in_modes(name: str) -> str:
-    """What a function is called that takes modes."""
+    """Name of the variant that takes modes."""
     return f"{name}_in_modes"
 
 
 def signature(procedure: Procedure, name: str, real: str, modes: bool = False) -> str:
-    """Declaration under a name, without the semicolon."""
+    """Declaration of a function, without the semicolon."""
     return called_with(f"int {name}(", (parameters_in_modes if modes else parameters)(procedure, real))
 
 
 def signatures(procedure: Procedure, model: str, real: str) -> list[str]:
-    """Declarations of a function for all its widths, without modes and with them."""
+    """Declarations of a function for all its widths, without and with modes."""
     found = []
     for w in procedure.widths or (None,):
         if not procedure.internal:
@@ -60,7 +61,7 @@ def signatures(procedure: Procedure, model: str, real: str) -> list[str]:
 
 
 def in_all(number: str) -> str:
-    """A number for every state, where a scalar holds several."""
+    """The same number for every state, where a scalar holds several states."""
     return f"ALL({number})"
 
 
@@ -70,14 +71,14 @@ def batch_signature(procedure: Procedure, model: str, width: int | None = None) 
 
 
 def batch_line(procedure: Procedure, width: int | None) -> str:
-    """The loop over a batch; ``BATCH`` stands for all that is the same of these."""
+    """The loop over a batch; the macro ``BATCH`` contains the lines that all such loops share."""
     arrays = (*procedure.arguments, *procedure.seeds, *procedure.results)
     passed = [f"AT({a.name})" if a.shape or a.lanes else f"*AT({a.name})" for a in arrays]
     return called_with(f"BATCH({symbol(procedure, width)}, ", [*passed, "b->work"])
 
 
 def batch_lines(procedures: Iterable[tuple[Procedure, int | None]]) -> dict[str, list[str]]:
-    """Those of functions, each with a width, by the condition under which they are compiled."""
+    """Declarations of functions, each with a width, grouped by the condition under which they are compiled."""
     found: dict[str, list[str]] = {}
     for procedure, width in procedures:
         found.setdefault(guard_of_width(procedure.name, width), []).append(batch_line(procedure, width))
@@ -85,7 +86,7 @@ def batch_lines(procedures: Iterable[tuple[Procedure, int | None]]) -> dict[str,
 
 
 def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]:
-    """What the struct of a batch has, in its order: what is only read, and what some function writes."""
+    """Arrays of the struct of a batch, in order: those that are only read, then those that some function writes."""
     procedures = list(procedures)
     written = dict.fromkeys(r.name for p in procedures for r in p.results)
     given = dict.fromkeys(a.name for p in procedures for a in (*p.arguments, *p.seeds) if a.name not in written)
@@ -93,7 +94,7 @@ def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]
 
 
 def batch_members(procedures: Iterable[Procedure], read: str, written: str) -> list[tuple[str, list[str]]]:
-    """The same as members of that struct: their type, and lines with their names."""
+    """The members of that struct: types, and lines with names."""
     both = zip((read, written), batch_arrays(procedures), strict=True)
     return [(type_, called_with("", names, ";").split("\n")) for type_, names in both if names]
 
@@ -107,9 +108,9 @@ class CFunctions:
     scalar : Scalar
     memory : Memory
     prepared : callable (str) -> list of str
-        Lines for what lies outside of the sweeps.
+        Returns lines for a preparation; see `Prepare`.
     laid_out : callable (Procedure) -> list of str
-        Lines that give a call its memory; none where it needs none.
+        Returns lines that give a call its memory, if it needs any.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class CFunctions:
         self.prepared = prepared
         self.laid_out = laid_out
         self.copied: set[str] = set()
-        """Members of a call, beside those that `lay_out` sets, that functions over directions read."""
+        """Members of a call, beyond those set by `lay_out`, that functions over directions read."""
 
     def routine(self, routine: Routine) -> Function:
         """A routine as a function."""
@@ -138,7 +139,7 @@ class CFunctions:
         return Function(routine.doc, head, [*lines, "return 0;"] if status else lines)
 
     def function(self, procedure: Procedure) -> Function:
-        """A function of the header; one over directions for the width at hand."""
+        """A function of the header; one over directions for the current width."""
         modes = procedure.modes is not None
         name = f"{self.model}_{in_modes(procedure.name) if modes else procedure.name}"
         head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name, self.scalar.word, modes)
@@ -146,7 +147,7 @@ class CFunctions:
         return Function(procedure.doc, head, lines, guard=guard(procedure.name, (*procedure.widths, *procedure.apart)))
 
     def functions(self, procedure: Procedure) -> list[Function]:
-        """The functions of the header that a procedure is: with modes, and without."""
+        """The functions of the header for a procedure: without modes, and with them where needed."""
         found = [self.function(procedure)]
         if procedure.modes is None or procedure.internal:
             return found
@@ -175,20 +176,20 @@ class Lines:
     # -- names -----------------------------------------------------------------------------------------------------
 
     def passed(self, lanes: bool) -> str:
-        """What a sweep or a routine is called with."""
+        """Argument with which a sweep or a routine is called."""
         return "a" if self.procedure is None else "&d" if lanes else "&c"
 
     def base(self, lanes: bool) -> str:
         return "a->" if self.procedure is None else "d." if lanes else "c."
 
     def array(self, a: Array) -> str:
-        """An array as an expression."""
+        """The C expression of an array."""
         if self.apart(a):
             return f"((LANES *){a.name})" if a.lanes else a.name
         return f"{self.base(a.lanes)}{a.name}"
 
     def apart(self, a: Array) -> bool:
-        """Whether an array is a result that no sweep writes: it is known as a parameter of the function only."""
+        """Whether an array is a result that no sweep writes; it is only a parameter of the function."""
         p = self.procedure
         return p is not None and a in p.results and a.name in p.written_apart()
 
@@ -223,28 +224,28 @@ class Lines:
         return [*head, *self.functions.laid_out(p), *body]
 
     def begun(self, values: dict[str, str], copied: bool) -> list[str]:
-        """Lines that declare a call with the values of its members; `copied`: it is opened over directions."""
+        """Lines that declare a call with the values of its members; if `copied`, it is opened over directions."""
         p = self.procedure
         assert p is not None
         members = [*self.memory.fields, *self.memory.numbers]
         if not lays_out(p):
-            given = [f".{name} = {values[name]}" for name in members if name in values]  # C++ wants them in this order
+            given = [f".{name} = {values[name]}" for name in members if name in values]  # C++ requires this order
             return called_with("call c = {", given or ["0"], "};").split("\n")
-        # an initializer would set the whole of it to zero first, which takes as long as a sweep over a few links
+        # an initializer would set the whole struct to zero, which takes as long as a sweep over a few links
         set_anyway = {MODES.name, *(self.functions.copied if copied else ())}
         read = [name for name in members if name in values or name in set_anyway]
         given = [f"c.{name} = {values.get(name, 0)}" for name in read]
         return ["call c;", *(called_with("", given, ";").split("\n") if given else [])]
 
     def end(self) -> list[str]:
-        """What a function of the header returns in the end."""
+        """Return value of a function of the header."""
         p = self.procedure
         assert p is not None
         last = p.steps[-1] if p.steps else None
         return [f"return {self.base(last.lanes)}singular;" if isinstance(last, steps.Check) else "return 0;"]
 
     def bound(self, given: tuple[Array, ...]) -> dict[str, str]:
-        """What arrays of the call are: arguments, or seeds."""
+        """Which arrays of the call are arguments or seeds."""
         p = self.procedure
         assert p is not None
         held = p.held()
@@ -259,14 +260,14 @@ class Lines:
         return found
 
     def bound_results(self, lanes: bool) -> dict[str, str]:
-        """What arrays of the call are: results."""
+        """Which arrays of the call are results."""
         p = self.procedure
         assert p is not None
         apart = p.written_apart()
         return {r.name: self.caller(r, True) for r in p.results if r.lanes == lanes and r.name not in apart}
 
     def open(self) -> list[str]:
-        """Lines that open the part of a call that is over directions."""
+        """Lines that open the part of a call over directions."""
         p = self.procedure
         assert p is not None
         self.opened = True
@@ -330,11 +331,11 @@ class Lines:
                 raise TypeError("which of the two is taken is said before, see procedure.for_target")
 
     def number(self, text: str) -> str:
-        """A literal."""
+        """A number as a literal."""
         return self.functions.scalar.literal(text)
 
     def nothing(self, a: Array) -> str:
-        """What entries of an array are that are zero."""
+        """Lines that set entries of an array to zero."""
         return "NOTHING" if a.lanes else in_all(self.number("0.0"))
 
     def call(self, name: str, lanes: bool) -> str:
@@ -348,7 +349,7 @@ class Lines:
 
     @staticmethod
     def each(n: int, line: str) -> list[str]:
-        """A line for each entry; none where there are no entries."""
+        """A line for each entry; none if there are no entries."""
         return [f"for (int i = 0; i < {n}; ++i) {line}"] if n else []
 
     def own(self, a: Array) -> str:
@@ -376,14 +377,14 @@ class Lines:
         return [table, *self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {self.nothing(a)};")]
 
     def single(self, step: steps.Single) -> list[str]:
-        if not step.steps:  # of no speeds
+        if not step.steps:  # without speeds
             return []
         lines = ["open_1(&one, &c, work);"]
         lines += [f"one.{a.name} = (lanes_1 *){of.name};" for a, of in (*step.reads, *step.writes)]
         return [*lines, *(f"{s.sweep}_1(&one);" for s in step.steps)]
 
     def columns(self, step: steps.Columns) -> list[str]:
-        """As many columns at a time as there are directions."""
+        """Lines that compute one column per direction at a time."""
         unit, free = step.unit, step.among
         count = unit.size if free is None else len(free)
         at = "j + l" if free is None else f"free_{unit.name}[j + l]"
@@ -422,7 +423,7 @@ class Lines:
         return [*lines, f"    for (int l = 0; l < m; ++l) {self.array(unit)}[{at}] = NOTHING;", "}"]
 
     def columns_of_values(self, step: steps.Columns) -> list[str]:
-        """One column at a time, all directions of its tangent together."""
+        """Lines that compute one column at a time, in all directions of its tangent together."""
         if not step.unit.size:
             return []
         unit = self.array(step.unit)

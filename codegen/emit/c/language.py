@@ -22,7 +22,7 @@ from .types import ENERGIES, LANE_REGIONS, NUMBER_TYPE, SHARES, TYPES, near_name
 
 
 class CLanguage(Writer):
-    """Writes blocks and loops in C, and where values lie."""
+    """Writes blocks and loops in C, and places in memory."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class CLanguage(Writer):
     # -- numbers ---------------------------------------------------------------------------------------------------
 
     def text(self, value: float) -> str:
-        """A number of a table or a statement."""
+        """A number in a table or a statement."""
         return repr(value) if isinstance(value, int) else self.scalar.literal(repr(value))
 
     @property
@@ -118,9 +118,9 @@ class CLanguage(Writer):
         return Located(array, start, f"[{index}]", type_, self.names_of(array, index))
 
     def in_row(self, variable: str, region: str, row: str, sweep: str, name: str) -> Located:
-        """Where a component lies in a row of memory that is laid out."""
+        """Place of a component in a row whose memory is laid out."""
         if region == "near":
-            # numbers, not a struct: where compilers can tell these from records, they move loads until registers are short
+            # numbers, not a struct: if compilers can distinguish these from records, they move loads until registers run out
             place = f"[{near_name(self.layout.near_forms[sweep], name)}]"
             return Located(
                 variable,
@@ -131,7 +131,7 @@ class CLanguage(Writer):
         start, type_ = f"&a->{region}[{row}]", TYPES[region]
         if region in LANE_REGIONS:
             type_ = f"DIRECTIONS({type_})"
-        # through the union, so that compilers see that sweeps share this memory
+        # through the union, so that compilers know that sweeps share this memory
         of = f"{self.layout.slot_forms[sweep]}." if region == "slots" else ""
         return Located(variable, start, f"->{of}{identifier(name)}", type_)
 
@@ -145,7 +145,7 @@ class CLanguage(Writer):
         return self.in_constants("c", constants, self.layout.forms[shape], name)
 
     def in_constants(self, variable: str, row: str, form: int, name: str) -> Located:
-        """Where a constant lies: they begin at a row."""
+        """Place of a constant, from the first constant of its row."""
         type_ = f"constants_of_shape_{form}"
         return Located(variable, f"({type_} *)(a->constants + {row})", f"->{identifier(name)}", type_)
 

@@ -1,4 +1,4 @@
-"""What a C header and its source say of names at their beginning."""
+"""Explanation of names at the beginning of a C header and its source."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..function import COMMENT
 
 
 def legend(model: Model, links: int, numbers: str, singular_outputs: bool, functions: Iterable[Procedure]) -> list[str]:
-    """Lines that say what arguments and results of the functions are."""
+    """Lines that describe the arguments and results of the functions."""
     arrays = {a.name: a for f in functions for a in (*f.arguments, *f.seeds, *f.results)}
 
     def some(names: Sequence[str]) -> str:
@@ -68,7 +68,7 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool, funct
 
 
 def about_names(loops: bool) -> list[str]:
-    """What the pointers that functions of links get are called, for the head of the file."""
+    """Description of the pointers in functions of links, for the head of the file."""
     several = "; in loops there are several links (me0, me1), those they start from (root), their region and its base"
     text = (
         f"Functions of links are called by sweeps: me is the link, up its parent, c its constants{several if loops else ''}. "

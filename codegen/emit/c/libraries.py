@@ -1,9 +1,9 @@
-"""Which functions are compiled together, and when: those of nearly everybody at first, others when they are called.
+"""Partition of the functions into libraries: the common ones are compiled first, others when they are called.
 
-The C stays one file, and compiled by hand it has everything. With the macro ``ORDERNM_LIBRARY`` it has the functions of one
-library only, with ``ORDERNM_UNIT`` beside it a part of these: parts are compiled side by side and linked. Sweeps are static, so
-each library has those that it needs and compilers drop the others. Of sweeps that are so long that they stand in parts, each
-part is compiled in one unit and the other calls it: twice the same would be most of the time.
+The C is one file; without macros it compiles all functions. The macro ``ORDERNM_LIBRARY`` selects the functions of one library,
+and ``ORDERNM_UNIT`` a part of them; such units are compiled in parallel and linked. Sweeps are static, so each library contains
+the sweeps that it needs, and compilers drop the others. Long sweeps are divided into parts. Each part is compiled in one unit and
+called from the other, because compiling it twice would take most of the time.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from typing import Any
 LIBRARIES = (
     "dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four", "frames", "few",
 )  # fmt: skip
-"""Their names; the number in C is the place here and one. The first is compiled when a package is generated or loaded; of other
-partitions each is compiled when it is called."""
+"""Names of the libraries; in C, their numbers begin at 1. The first is compiled when a package is generated or loaded, the others
+when one of their functions is called."""
 
 FRAMES = "frames"
 """Functions for motions of bodies."""
 
 FOUR = "four"
-"""Functions for four directions, which motions call: ``NAME_four.c`` has them."""
+"""Functions for four directions, which integration uses: in ``NAME_four.c``."""
 
 FEW, FEW_DIRECTIONS = "few", (1, 2)
-"""Functions of the first library over one and over two directions, which many users never call, and gcc would take a third
-of its time for. The first library calls them when a solver has opened this one."""
+"""Functions of the first library over one and two directions. Many users never call them, and they would take a third of gcc's
+time. The first library calls them once a solver has opened this one."""
 
 _OF = {
     "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",
@@ -37,14 +37,14 @@ _OF = {
 }  # fmt: skip
 
 _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions", "outputs", "output_sensitivities")
-"""Functions that motions call, and which are in another library too."""
+"""Functions for integration that are in another library, too."""
 
 _ASKED_IN_MOTIONS = ("conditions", "completion_sensitivities")
-"""Those of them that Python calls, while a motion changes its independent coordinates."""
+"""Those of them that Python calls when a motion changes its independent coordinates."""
 
 
 def library_of(function: str) -> str:
-    """The library that has a function as Python calls it."""
+    """The library of a function that Python calls."""
     if function in _OF:
         return _OF[function]
     if function.endswith("_transposed"):
@@ -55,7 +55,7 @@ def library_of(function: str) -> str:
 
 
 def _places(function: str, width: int | None) -> list[tuple[int, int]]:
-    """Libraries and units, by number, that have a function for so many directions."""
+    """Libraries and units, by number, that contain a function for a number of directions."""
     if width == 4:
         return [(number_of(FOUR), 1)]
     if width is not None and few_of(function, (width,)):
@@ -66,22 +66,22 @@ def _places(function: str, width: int | None) -> list[tuple[int, int]]:
 
 
 def few_of(function: str, widths: Collection[int]) -> list[int]:
-    """For how many directions at once a function is in another library than for many."""
+    """Numbers of directions for which a function is in the library `FEW`."""
     return sorted({*widths} & {*FEW_DIRECTIONS}) if library_of(function) == LIBRARIES[0] else []
 
 
 def number_of(library: str) -> int:
-    """What a library is called in C."""
+    """Number of a library in C."""
     return LIBRARIES.index(library) + 1
 
 
 def guard(function: str, widths: Sequence[int] = ()) -> str:
-    """The condition of the preprocessor under which a function is compiled; over directions by the macro ``WIDTH``."""
+    """The preprocessor condition under which a function is compiled; over directions it depends on the macro ``WIDTH``."""
     return _by_width({w: _condition(_places(function, w)) for w in widths or (None,)})
 
 
 def guard_of_width(function: str, width: int | None) -> str:
-    """The same for one width."""
+    """The condition for one width."""
     return guard(function, (width,) if width else ())
 
 
@@ -90,16 +90,16 @@ def guard_of_run(
     all_functions: Mapping[str, Collection[int]],
     in_all_units: bool,
 ) -> str:
-    """The condition under which something that functions run is compiled; nothing if it always is.
+    """The condition under which code that functions run is compiled; empty if it always is.
 
     Parameters
     ----------
     users : mapping
-        By width, None for what has no directions: functions that run it, and of these for how many directions at once.
+        By width (None without directions): the functions that run it, with their own widths.
     all_functions : mapping
         All functions of the solver, with their widths.
     in_all_units : bool
-        Its parts are shared among the units of a library.
+        Whether its parts are shared among the units of a library.
     """
     units = _units(all_functions)
     everywhere = {(n, u) for n in units for u in units[n]}
@@ -113,12 +113,12 @@ def guard_of_run(
 
 
 def _condition(places: Collection[tuple[int, int]]) -> str:
-    """That one of these libraries and units is compiled."""
+    """The condition that one of these libraries and units is compiled."""
     return " || ".join(f"ORDERNM_HAS({n}, {u})" for n, u in sorted(places))
 
 
 def _by_width(conditions: Mapping[int | None, str]) -> str:
-    """A condition for each width as one by the macro ``WIDTH``; they are nothing where that is always met."""
+    """Combine conditions for each width into one with the macro ``WIDTH``; empty if it always holds."""
     found: dict[str, list[int | None]] = {}
     for width, condition in conditions.items():
         found.setdefault(condition, []).append(width)
@@ -129,16 +129,17 @@ def _by_width(conditions: Mapping[int | None, str]) -> str:
 
 
 def sharing(users: Mapping[str, Collection[int]], all_functions: Mapping[str, Collection[int]]) -> str:
-    """The condition under which two units of a library share parts of a sweep, by functions that run it and all, with widths.
+    """The condition under which two units of a library share the parts of a sweep.
 
-    Elsewhere these parts are static: compilers drop them where nobody runs the sweep.
+    It follows from the functions that run the sweep, and from all functions, with their widths. Otherwise the parts are static,
+    and compilers drop them where the sweep is not run.
     """
     units = _units(all_functions)
     return f"ORDERNM_SHARED({sum(1 << n for n in _units(users) if len(units[n]) > 1):#x})"
 
 
 def _units(functions: Mapping[str, Collection[int]]) -> dict[int, set[int]]:
-    """Units of each library, by number, that have some of these functions."""
+    """Units of each library, by number, that contain some of these functions."""
     found: dict[int, set[int]] = {}
     for name, widths in functions.items():
         for w in widths or (None,):
@@ -148,17 +149,17 @@ def _units(functions: Mapping[str, Collection[int]]) -> dict[int, set[int]]:
 
 
 def guard_of_library(function: str) -> str:
-    """The condition under which ``NAME_calls.c`` has the call of a function."""
+    """The condition under which ``NAME_calls.c`` contains the call of a function."""
     found = [library_of(function), *(["motion"] if function in _ASKED_IN_MOTIONS else [])]
     return _condition([(number_of(library), 0) for library in found])
 
 
 def libraries(functions: Mapping[str, Any], divided: bool) -> dict[str, Any]:
-    """What the manifest says: of each library its number, its units, its functions, and those of another one that can be called
-    in it too; of that over few directions its functions and over how many these are.
+    """The entry of the manifest: for each library its number, units and functions, and functions of other libraries that it
+    contains, too. The library over few directions lists the widths of its functions.
 
-    The second unit of the first library runs nearly all that the first one runs. Where no sweep is `divided` among the two,
-    it is compiled in one piece: that takes no longer than the second unit alone.
+    The second unit of the first library runs almost everything that the first unit runs. If no sweep is `divided` between the
+    two, the library is compiled in one piece, which takes no longer than the second unit alone.
     """
     found: dict[str, dict[str, Any]] = {}
     units = _units({name: f.get("widths", ()) for name, f in functions.items()})

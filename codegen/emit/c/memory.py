@@ -1,4 +1,4 @@
-"""The workspace of the C functions: regions of memory, their types, and where they begin."""
+"""The workspace of the C functions: regions of memory, their types and offsets."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class CMemory(CSweeps):
 
     @cached_property
     def columns(self) -> ColumnsInC:
-        """What computes all columns of matrices at once."""
+        """The functions that compute all columns of matrices at once."""
         return ColumnsInC(self.asked, self.scalar)
 
     def regions(self) -> list[tuple[str, bool, int]]:
-        """What sweeps keep in the workspace: name, whether per direction, number of entries."""
+        """Regions of the sweeps in the workspace: name, whether per direction, number of entries."""
         layout, forced = self.layout, self.model.nu if self.model.forces else 0
-        # sweeps that only NumPy runs, column by column, have no slots here
+        # slots of sweeps that only NumPy runs, column by column, are left out
         sizes = {region: len(fields) for region, fields in layout.fields.items()} | {
             "near": layout.near_size,
             "slots": max((len(of) for sweep, of in layout.slots.items() if sweep in self.blocks), default=0),
@@ -46,16 +46,16 @@ class CMemory(CSweeps):
         return [r for r in found if r[2]]
 
     def column_regions(self) -> list[tuple[str, bool, int]]:
-        """Those of them that columns of matrices take."""
+        """Regions for columns of matrices."""
         return self.columns.regions(len(self.layout.fields["columns"]), len(self.plan.links))
 
     def _type(self, region: str, lanes: bool) -> str:
-        """What a region of memory consists of."""
+        """The element type of a region of memory."""
         type_ = TYPES.get(region, "LANES" if lanes else self.scalar.word)
         return f"DIRECTIONS({type_})" if region in LANE_REGIONS else type_
 
     def types(self, lanes: bool) -> list[Type]:
-        """Types of rows of memory, of values or of what is per direction."""
+        """Types of rows of memory, for values or for values per direction."""
         layout, number = self.layout, "LANES" if lanes else self.scalar.word
         found: list[Type] = []
 
@@ -82,12 +82,12 @@ class CMemory(CSweeps):
         return found
 
     def used_forms(self, forms: dict[str, str], fields: dict[str, dict[str, int]]) -> dict[str, list[str]]:
-        """What sweeps tell neighbours: the first sweep with some fields, and all that have these."""
+        """Sweeps by equal sets of fields: the first sweep with some fields, and all sweeps with the same ones."""
         users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
         return {sweep: found for sweep, found in users.items() if found}
 
     def near_names(self) -> list[tuple[str, list[str]]]:
-        """Places in the memory that links share with their neighbours, by sweep: who uses them, lines of an enum."""
+        """Places in the scratch that neighbouring links share: for each set, the sweeps that use it and the lines of an enum."""
         layout = self.layout
         return [
             (f"In {', '.join(users)}.", members(layout.near[sweep], "", ",", partial(near_name, sweep)))
@@ -95,7 +95,7 @@ class CMemory(CSweeps):
         ]
 
     def laid_out(self, procedure: Procedure, places: dict[str, int]) -> list[str]:
-        """Lines that give a call the memory of the workspace: all of it, or what a few sweeps need."""
+        """Lines that give a call its memory: the whole workspace, or the regions of a few sweeps."""
         if lays_out(procedure):
             return ["lay_out(&c, work);"]
         touched = set[str]().union(*(self.touched.get(s.sweep, ()) for s in procedure.steps if isinstance(s, Run)))

@@ -1,4 +1,4 @@
-"""The files of a solver in C: what the templates in ``templates/c`` are rendered with."""
+"""The files of a solver in C: the data with which the templates in ``templates/c`` are rendered."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class CWriter(CPrepared):
     """C source of a program."""
 
     def context(self) -> dict[str, Any]:
-        """What the templates are rendered with."""
+        """The data for the templates."""
         model = self.model
         context = self.shared_context()
         found = context["interfaces"]
         memory = call_memory(found)
         switching = model.switches.have_modes
-        if switching:  # functions that nobody calls with modes read that there are none
+        if switching:  # functions that are never called with modes read a null pointer
             memory.fields.setdefault(MODES.name, False)
         of_memory, in_workspace = self._memory(memory)
         lines = CFunctions(model.name, self.scalar, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
@@ -79,12 +79,12 @@ class CWriter(CPrepared):
         }  # fmt: skip
 
     def _memory(self, memory: Memory) -> tuple[dict[str, Any], dict[str, int]]:
-        """What is said of memory, and where regions of values begin in the workspace."""
+        """Description of memory, and offsets of the regions of values in the workspace."""
         layout = self.layout
         _ = self.swept
         of_sweeps = self.regions()
         own = [("own", False, memory.size)] if memory.size else []
-        # the call's own arrays before the lanes: behind them they would cost some functions a tenth
+        # the call's own arrays come before the lanes: after them, some functions would be a tenth slower
         regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
         values: dict[str, int] = {}
         lanes: dict[str, int] = {}
@@ -150,7 +150,7 @@ class CWriter(CPrepared):
         }
 
     def inclusions(self, used: list[int], apart: list[int], states: list[Procedure]) -> list[str]:
-        """Lines that include the functions over directions, by what the file that includes this one wants."""
+        """Lines that include the functions over directions, according to what the including file requests."""
         name, lines = self.model.name, []
         if states:
             lines += [
@@ -164,7 +164,8 @@ class CWriter(CPrepared):
         return [*lines, *inclusions(name, [w for w in used if w not in apart], guards)]
 
     def flat_tables(self) -> list[tuple[str, list[str]]]:
-        """Declarations and lines of tables without rows: numbers; coordinates that are angles if they are not the first."""
+        """Declarations and lines of tables without rows: numbers, and the list of angles unless these are the first
+        coordinates."""
         numbers, angles = [self.text(v) for v in self.layout.numbers], self.layout.angles
         found = (
             [(f"static const {NUMBER_TYPE} numbers[{len(numbers)}]", in_lines(numbers, 6))]
@@ -184,7 +185,7 @@ class CWriter(CPrepared):
 
 
 def _reads_work(lines: list[str]) -> bool:
-    """Whether lines that give a call its memory give it any."""
+    """Whether the lines that give a call its memory do anything."""
     return bool(lines) and lines != UNUSED_WORK
 
 
@@ -195,16 +196,16 @@ def fills_lanes(procedure: Procedure) -> bool:
 
 
 def guard(widths: tuple[int, ...], used: list[int]) -> tuple[list[str], list[str]]:
-    """Lines around what only some widths need."""
+    """Guard lines around code that only some widths need."""
     if sorted(widths) == sorted(used):
         return [], []
     return [f"#if {' || '.join(f'WIDTH == {w}' for w in widths)}"], ["#endif"]
 
 
 def inclusions(name: str, used: list[int], guards: Mapping[int, str] = MappingProxyType({})) -> list[str]:
-    """Lines that include the functions over directions once for every width; the last one stays.
+    """Lines that include the functions over directions once for every width; the last definition remains.
 
-    Those of some widths are in libraries of their own, by the conditions of `guards`.
+    Some widths are in libraries of their own, by the conditions of `guards`.
     """
     lines = []
     for w in used:
@@ -215,7 +216,7 @@ def inclusions(name: str, used: list[int], guards: Mapping[int, str] = MappingPr
 
 
 def write_c(context: dict[str, Any]) -> dict[str, str]:
-    """The C files of a solver, by name, but for those that are compiled apart."""
+    """The C files of a solver by name, except those that are compiled separately."""
     name = context["name"]
     files = {f"{name}.c": "c/module.c.jinja", f"{name}.h": "c/module.h.jinja"}
     if any(line.startswith("#include") for line in context["inclusions"]):

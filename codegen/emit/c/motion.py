@@ -1,4 +1,4 @@
-"""Writes ``NAME_motion.c``: the functions of a solver as the integrators of ``motion/`` call them, each with one signature."""
+"""Writes ``NAME_motion.c``: the functions of a solver for the integrators in ``motion/``, all with the same signature."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from .functions import in_modes
 from .libraries import FOUR, number_of
 
 VALUES = ("state_rates", "closing_step", "completion", "outputs", "switches")
-"""Functions of values that integration calls, those of them that a solver has."""
+"""Functions of values that integration calls, if the solver has them."""
 
 ALONG = (
     "state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "sensitivities_transposed",
     "coordinate_rate_sensitivities_transposed", "completion_sensitivities_transposed", "output_sensitivities_transposed",
     "switch_sensitivities", "switch_sensitivities_transposed",
 )  # fmt: skip
-"""Those over directions."""
+"""Functions over directions that integration calls."""
 
 WIDTHS = (1, 8)
-"""How many directions are integrated together."""
+"""Numbers of directions that are integrated together."""
 
 
 COUNTERS = {
@@ -34,7 +34,7 @@ COUNTERS = {
     "kept": ("nkept", 1, True), "dropped": ("ndropped", 1, True), "moving": ("nmoving", 1, False),
     "switch_of_output": ("nswitch_outputs", 2, False),
 }  # fmt: skip
-"""Of tables: the member with their length, how many numbers an entry has, and whether the member is written where it is 0."""
+"""Tables: the member with their length, the size of an entry, and whether an empty table is written."""
 
 MEMBERS = (
     "nq", "nu", "np", "ninputs", "noutputs", "nclosure", "nloops", "plain_rates", "workspace", "nfree_q", "nfree_u", "free_q",
@@ -43,16 +43,16 @@ MEMBERS = (
     "completion", "outputs", "switches", "state_rate_sensitivities", "completion_sensitivities", "output_sensitivities",
     "switch_sensitivities",
 )  # fmt: skip
-"""Members of an ``ordernm_system`` as it declares them: C++ has initialisers in that order."""
+"""Members of ``ordernm_system`` in the order of its declaration, which C++ initialisers require."""
 
 
 def has_motion(functions: Mapping[str, Any]) -> bool:
-    """Whether a solver of these functions can be integrated over time."""
+    """Whether a solver with these functions can be integrated over time."""
     return "state_rates" in functions
 
 
 def by_name(procedures: Iterable[Procedure]) -> dict[str, dict[str, Any]]:
-    """Functions as integration calls them: names of arguments, seeds and results, and whether they take modes."""
+    """Functions for integration: names of arguments, seeds and results, and whether they take modes."""
     return {
         p.name: {
             "arguments": [a.name for a in p.arguments], "seeds": [a.name for a in p.seeds],
@@ -63,16 +63,16 @@ def by_name(procedures: Iterable[Procedure]) -> dict[str, dict[str, Any]]:
 
 
 def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable[Procedure], allowed: float) -> str:
-    """The C of the calls.
+    """The C text of the calls.
 
     Parameters
     ----------
     manifest : dict
         See `codegen.manifest.manifest`.
     procedures : iterable of Procedure
-        The functions of the solver, those among them that only integration calls.
+        All functions of the solver, including those that only integration calls.
     allowed : float
-        How far a dropped condition may open while a motion goes on.
+        Largest residual of a dropped loop condition during a motion.
     """
     name, functions = manifest["name"], by_name(procedures)
     tables = _tables(model, manifest, functions)
@@ -106,7 +106,7 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
 
 
 def _tables(model: Model, manifest: Mapping[str, Any], functions: Mapping[str, Any]) -> dict[str, list[int]]:
-    """Tables of an ``ordernm_system`` by their members."""
+    """Tables of an ``ordernm_system`` by member."""
     dropped = set(manifest.get("dropped", ()))
     tables = {
         "free_q": [model.coordinate_names.index(n) for n in manifest["independent_names"]],
@@ -127,7 +127,7 @@ def _tables(model: Model, manifest: Mapping[str, Any], functions: Mapping[str, A
 def _sizes(
     model: Model, manifest: Mapping[str, Any], tables: Mapping[str, Sequence[int]], functions: Mapping[str, Any], allowed: float
 ) -> dict[str, Any]:  # fmt: skip
-    """Members of an ``ordernm_system`` but for its functions."""
+    """Members of an ``ordernm_system`` except its functions."""
     free_u = set(tables["free_u"])
     shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in free_u}
     split = any(model.coordinate_names[i].partition(".")[0] in shared for i in tables["free_q"])
@@ -153,13 +153,13 @@ def _sizes(
 
 
 OWN = ("sin", "cos")
-"""Those that ``NAME_precise.c`` has of its own."""
+"""Functions that ``NAME_precise.c`` defines itself."""
 
 
 def write_precise(
     model: Model, manifest: Mapping[str, Any], procedures: Iterable[Procedure], library: Sequence[str]
 ) -> str:
-    """The C of closure, rates and outputs, their derivatives and transposes, in long double, of a model with loops."""
+    """The C text of closure, rates and outputs in long double, with derivatives and transposes, for a model with loops."""
     name, functions = manifest["name"], by_name(procedures)
     sizes = {
         "q": model.nq, "u": model.nu, "p": len(model.parameters), "inputs": len(model.inputs), "qdot": model.nq, "udot": model.nu,
@@ -168,7 +168,7 @@ def write_precise(
     }  # fmt: skip
 
     def function(f: str, lanes: int, width: int) -> dict[str, Any]:
-        """A function over so many directions of the caller's in so many lanes; 0, 0 of one without."""
+        """Wraps a function over several directions of the caller in a number of lanes; 0, 0 for a function without directions."""
         seeds, results = (functions[f].get(key, ()) for key in ("seeds", "results"))
         along = [r for r in results if r.removeprefix("d") in sizes and r not in sizes]
         return {
@@ -188,7 +188,7 @@ def write_precise(
             members.append(f".{f} = precise_{f}")
     for f in ALONG:
         if f in functions:
-            # four in the lanes of eight: it is seldom called
+            # four directions in eight lanes: it is rarely called
             widths = [(w, w) for w in WIDTHS] + ([] if f.endswith("_transposed") else [(4, 8)])
             called += [function(f, lanes, width) for lanes, width in widths]
             members.append(f".{f} = {{{', '.join(f'precise_{f}_{lanes}' for lanes, _ in widths)}}}")
@@ -214,7 +214,7 @@ def write_precise(
 
 
 def write_four(manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> str:
-    """The C of the functions that integration calls, for four directions at once."""
+    """The C text of the functions for integration with four directions at once."""
     name, functions = manifest["name"], by_name(p for p in procedures if 4 in p.apart)
     found = [f for f in ALONG if f in functions]
     return render(

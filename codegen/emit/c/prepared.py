@@ -1,4 +1,4 @@
-"""What functions need beside their sweeps, in C: the ground, sines and cosines, adjoints."""
+"""Preparations of functions before their sweeps, in C: the ground, sines and cosines, adjoints."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .memory import CMemory
 from .types import TYPES, near_name
 
 FEW_ANGLES = 16
-"""Of so many angles sines wait for the last ones to be written, one by one; of more, most have been written long before."""
+"""Up to this many angles are passed to the sine evaluation as they are written; a longer list has long been written by then."""
 
 
 class CPrepared(CMemory):
-    """Writes what is computed before sweeps run."""
+    """Writes computations that precede sweeps."""
 
     def loop(self, sweep: str) -> Function:
         f = super().loop(sweep)
@@ -27,7 +27,7 @@ class CPrepared(CMemory):
 
     @cached_property
     def keeping(self) -> set[str]:
-        """Sweeps that keep scalars for those that run backwards."""
+        """Sweeps that keep scalars for transposed sweeps."""
         return {
             s
             for s, of in self.blocks.items()
@@ -35,7 +35,7 @@ class CPrepared(CMemory):
         }
 
     def ground(self, sweep: str | None = None) -> list[str]:
-        """Lines that set what is read of the ground: at rest, accelerating by -g. For a sweep, or for all of them."""
+        """Lines that set the state of the ground, at rest and accelerating by -g, for a sweep or for all of them."""
         lines = []
         near = self.layout.near.get(sweep, {}) if sweep else {}
         kept = self.plan.ground.kept if sweep in self.keeping else ()
@@ -63,7 +63,7 @@ class CPrepared(CMemory):
         return [f"a->gravity[{i}] = {v if v.startswith('a->') else in_all(v)};" for i, v in enumerate(found)]
 
     def _gravity(self, value: float | str) -> str:
-        """A number, or a constant of gravity's."""
+        """A number, or a constant of gravity."""
         if not isinstance(value, str):
             return self.text(value)
         g = self.plan.ground.constants
@@ -72,7 +72,7 @@ class CPrepared(CMemory):
         return f"a->constants[{index}]"
 
     def ground_tangent(self) -> tuple[list[str], list[str]]:
-        """Lines that set the ground's tangent where gravity depends on parameters, and that set it to zero."""
+        """Lines that set the ground's tangent if gravity depends on parameters, and lines that set it to zero."""
         lines: list[str] = []
         zero: list[str] = []
         for name, terms in self.plan.ground.tangents:
@@ -83,11 +83,11 @@ class CPrepared(CMemory):
         return lines, zero
 
     def _ground_slot(self) -> str:
-        forms = self.layout.slot_forms  # those of all these sweeps are alike
+        forms = self.layout.slot_forms  # all these sweeps have the same form
         return f"a->slots[0].{next(forms[s] for s in self.plan.ground.sweeps if s in forms)}"
 
     def ground_transposed(self) -> list[str]:
-        """Lines that add to adjoints of parameters what those of the ground's tangent give."""
+        """Lines that add the contributions of the ground's tangent to the adjoints of parameters."""
         return [
             f"EACH_VECTOR a->dp[{p}].at[h] += {self._gravity(factor)}*{self._ground_slot()}.{identifier(name)}.at[h];"
             for name, terms in self.plan.ground.tangents
@@ -98,11 +98,11 @@ class CPrepared(CMemory):
 
     @property
     def few_angles(self) -> bool:
-        """Whether angles are few enough to be named one by one."""
+        """Whether there are few enough angles to pass each by name."""
         return len(self.layout.angles) + len(self.layout.driven_angles) <= FEW_ANGLES
 
     def sines(self) -> list[str]:
-        """Templates of what sines and cosines take."""
+        """Templates that sines and cosines need."""
         if not self.layout.angles_padded or not self.prepares(procedures.ANGLES):
             return []
         return [

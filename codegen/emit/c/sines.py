@@ -1,4 +1,4 @@
-"""Numbers of the sines and cosines that generated C works out in vectors, by scalar type."""
+"""Coefficients of the sines and cosines that generated C computes in vectors, by scalar type."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from ..target import Scalar
 
 @dataclass(frozen=True, slots=True)
 class Sines:
-    """How angles are reduced to [-pi/4, pi/4], and the polynomials there.
+    """Reduction of angles to [-pi/4, pi/4], and the polynomials there.
 
     Attributes
     ----------
     quarter_turns : str
         2/pi.
     shift : str
-        Rounds to whole numbers, which are then the last bits of the sum.
+        Number whose addition rounds to an integer, which is then in the last bits of the sum.
     parts : tuple of str
-        Of pi/2; products of the first two with numbers of quarter turns are exact.
+        Summands of pi/2; products of the first two with a number of quarter turns are exact.
     limit, exact : str
-        Larger angles go to the C library; up to which power of two of quarter turns products are exact.
+        Angle above which the C library is used; power of two of quarter turns up to which products are exact.
     sine, cosine : tuple of str
-        Coefficients, by powers of the square, behind ``r`` and ``1 - r^2/2``.
+        Coefficients of powers of the square, after the terms ``r`` and ``1 - r^2/2``.
     accuracy : str
-        Of the results, in words.
+        Accuracy of the results, in words.
     sign : int
-        By how many bits the bit that says which half turn it is is shifted to the sign.
+        Shift, in bits, from the bit of the half turn to the sign bit.
     """
 
     quarter_turns: str
@@ -70,7 +70,7 @@ def horner(coefficients: Sequence[str], scalar: Scalar) -> list[str]:
 
 
 def words(scalar: Scalar) -> dict[str, object]:
-    """What templates read of them."""
+    """The values that templates read."""
     of, number = SINES.get(scalar.name, SINES["float64"]), scalar.literal  # without vectors none are read
     return {
         "quarter_turns": number(of.quarter_turns), "shift": number(of.shift), "parts": [*map(number, of.parts)],

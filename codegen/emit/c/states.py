@@ -1,8 +1,8 @@
 """Writes ``NAME_states.c``: functions over a batch with several states at once, in the lanes of vectors, and
 ``NAME_threads.c``, which shares such a batch among threads.
 
-The first includes ``NAME.c`` with vectors in the place of doubles, so that every statement is that of one state. What this
-needs of ``NAME.c`` are the few words that ``module.c.jinja`` defines for one state and ``states.c.jinja`` for several.
+The first includes ``NAME.c`` with vectors in place of doubles, so every statement is the same as for one state. It needs only a
+few macros, which ``module.c.jinja`` defines for one state and ``states.c.jinja`` for several.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from .functions import CFunctions, Lines, batch_members, parameters
 from .vectors import most_lanes
 
 OVER_STATES = ("accelerations", "sensitivities")
-"""Functions that are to be had for several states at once."""
+"""Functions that exist for several states at once."""
 
 DIRECTIONS = 8
-"""So many directions are worked on together, one after the other in each statement."""
+"""Number of directions per statement, one after the other."""
 
 OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
 """Functions of the C library with two arguments."""
 
 
 def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
-    """Those of the functions of a solver."""
+    """Those of the solver's functions that exist for several states."""
     return [p for p in procedures if p.name in OVER_STATES]
 
 
@@ -55,7 +55,7 @@ class StateLines(Lines):
         return lines
 
     def found(self) -> str:
-        """What is returned: for every state 0, or the number of what was singular first."""
+        """Return value: for every state 0, or the number of the first singular link, loop or element."""
         return "FIRST(c.singular, d.singular)" if self.opened else "c.singular"
 
     def end(self) -> list[str]:
@@ -64,7 +64,7 @@ class StateLines(Lines):
 
 @dataclass(frozen=True, slots=True)
 class StateArray:
-    """An array of a function: its name, its entries, and where its states lie in the workspace, in vectors."""
+    """An array of a function: name, number of entries, and its offset in the workspace, in vectors."""
 
     name: str
     size: int
@@ -74,7 +74,7 @@ class StateArray:
 def states_context(
     lines: CFunctions, procedures: list[Procedure], workspace: int, scalar: Scalar, library: list[str]
 ) -> dict[str, Any]:
-    """What ``NAME_states.c`` and its part of the header are rendered with; nothing where no function is over states."""
+    """The data for ``NAME_states.c`` and its part of the header; empty if no function is over states."""
     found = []
     room = 0
     for p in procedures:
@@ -128,12 +128,12 @@ def states_context(
 
 
 def write_states(context: dict[str, Any]) -> str:
-    """The C of the functions over states."""
+    """The C text of the functions over states."""
     return render("c/states.c.jinja", context)
 
 
 def write_threads(context: dict[str, Any], arrays: Iterable[str]) -> str:
-    """What ``on_threads.h`` of the run time needs to run them on threads; `arrays` are those of their struct."""
+    """The data that ``on_threads.h`` of the run time needs to run them on threads; `arrays` are the arrays of their struct."""
     each = [f"DO({array})" for array in arrays]
     rows = [" ".join(each[i : i + 8]) for i in range(0, len(each), 8)]
     return render("c/threads.c.jinja", {**context, "arrays": rows})

@@ -1,4 +1,4 @@
-"""Functions of sweeps in C: long ones in parts, each compiled where it is called."""
+"""Functions of sweeps in C: long ones are divided into parts, and each part is compiled in one unit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .types import SHARES, of_width
 
 
 class CSweeps(CLanguage):
-    """Writes functions of links, and when they are compiled."""
+    """Writes functions of links, with the conditions for their compilation."""
 
     def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:
         block = self.blocks[sweep][kinds[0].index]
@@ -63,12 +63,12 @@ class CSweeps(CLanguage):
 
     @cached_property
     def all_widths(self) -> dict[str, tuple[int, ...]]:
-        """For how many directions at once each function is written."""
+        """Widths for which each function is written."""
         return {p.name: widest_first(p) for p in self.asked}
 
     @cached_property
     def runs(self) -> dict[str, dict[int | None, dict[str, set[int]]]]:
-        """Which functions run something, by its name and width; of each function for how many directions at once."""
+        """Functions that run a sweep, formula or routine, by its name and width, with their own widths."""
         found: dict[str, dict[int | None, dict[str, set[int]]]] = {}
         for p in self.asked:
             for name in called_once(p):
@@ -89,12 +89,12 @@ class CSweeps(CLanguage):
         return found
 
     def condition(self, name: str, functions: list[Function]) -> str:
-        """When the functions of a sweep, of formulas or of a routine are compiled; nothing if always."""
+        """The condition under which the functions of a sweep, formula or routine are compiled; empty if always."""
         if name not in self.runs:
             return ""
         shared = any(f.declared for f in functions)
         return guard_of_run(self.runs[name], self.all_widths, shared)
 
     def shared_by_units(self, sweep: str) -> str:
-        """The condition under which units of a library share the parts of a sweep."""
+        """The condition under which the units of a library share the parts of a sweep."""
         return sharing(self.runs[sweep][None], self.all_widths)

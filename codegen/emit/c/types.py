@@ -1,4 +1,4 @@
-"""Types of rows of memory in C: what they are called, and lines of their declarations."""
+"""Types of rows of memory in C: names and declarations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TYPES = {
     "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
     "kept_regions": "region_kept", "columns": "link_columns",
 }  # fmt: skip
-"""What a row of each region of memory is called."""
+"""Type name of a row of each region of memory."""
 
 ABOUT = {
     "records": "A link, for one call.", "ears": "An ear of loops, for one call.",
@@ -25,32 +25,32 @@ ABOUT = {
     "columns": "A link, for every column of a matrix.",
     "slots": "Values that neighbouring links exchange, for every direction: scratch memory of each sweep.",
 }  # fmt: skip
-"""What it is, for a comment."""
+"""Description of each region, for a comment."""
 
 ENERGIES = ("KINETIC", "POTENTIAL")
-"""Places in the array of energies."""
+"""Names of the entries in the array of energies."""
 
 LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns")
 """Regions with a value for every direction."""
 
 
 NUMBER_TYPE = "number"
-"""What tables of numbers consist of: they are the same where a double holds several states."""
+"""Element type of tables of numbers, which does not change where a double holds several states."""
 
 UNUSED_WORK = ["(void)work;"]
-"""Lines of a function that needs no memory."""
+"""Body of a function that needs no memory."""
 
 MEMBERS, COMMENTED = 100, 120
-"""How long lines of members of structs are, and those with a comment."""
+"""Longest line of struct members, without and with a comment."""
 
 
 SHARES = {1: 3, 2: 2}
-"""How many of the parts of long functions each unit of a library compiles: the second has more functions over directions."""
+"""Parts of long functions that each unit of a library compiles; the second unit has more functions over directions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """A type of rows of memory: what it is, struct or union, its lines, its name."""
+    """A type of rows of memory: description, struct or union, member lines, name."""
 
     about: str
     kind: str
@@ -59,14 +59,14 @@ class Type:
 
 
 def near_name(sweep: str, component: str) -> str:
-    """The place of a component in the memory that links share with their neighbours."""
+    """Name of a component's place in the scratch that neighbouring links share."""
     return f"{sweep}_{identifier(component)}".upper()
 
 
 def members(
     components: Iterable[str], type_: str, end: str = ";", called: Callable[[str], str] = identifier
 ) -> list[str]:
-    """Lines of a struct or an enum: the components of a field together, with its meaning."""
+    """Lines of a struct or an enum: the components of each field together, with its meaning."""
     found: list[tuple[AnyField | None, list[str]]] = []
     for component in components:
         field = field_of(component)
@@ -92,5 +92,5 @@ def of_width(name: str, lanes: bool) -> str:
 
 
 def cast(region: str) -> str:
-    """What makes a region of memory of numbers."""
+    """The cast from numbers to a region of memory."""
     return f"({TYPES[region]} *)" if region in TYPES else ""

@@ -1,4 +1,4 @@
-"""What templates say of vectors of a scalar type, from the instruction sets of the target: lanes, squares, rows in part."""
+"""Vector types of a scalar type for the templates, by instruction set: numbers of lanes, transposes, partial rows."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from ..target import InstructionSet, Scalar
 from . import C
 
 Lines = Callable[[int], list[str]]
-"""Lines for vectors of a given number of lanes."""
+"""Returns lines for vectors of a given number of lanes."""
 
 
 def lanes(scalar: Scalar) -> list[int]:
-    """How many scalars the vectors of each instruction set hold."""
+    """Number of scalars in a vector, by instruction set."""
     return [s.bytes // scalar.bytes if scalar.integer else 1 for s in C.vectors]
 
 
 def most_lanes(scalar: Scalar) -> int:
-    """The same of the widest."""
+    """Number of scalars in the widest vector."""
     return max(lanes(scalar))
 
 
 def by_set(scalar: Scalar, lines: Lines) -> list[str]:
-    """Lines that the preprocessor chooses by instruction set; sets whose lines are the same stand together."""
+    """Preprocessor lines that select by instruction set; sets with equal lines are combined."""
     found: list[tuple[InstructionSet, list[str]]] = []
     for of, n in zip(C.vectors, lanes(scalar), strict=True):
         if found and found[-1][1] == lines(n):
@@ -38,22 +38,22 @@ def by_set(scalar: Scalar, lines: Lines) -> list[str]:
 
 
 def directions(scalar: Scalar) -> list[str]:
-    """How many lanes the vectors over eight and over two directions have."""
+    """Numbers of lanes for eight and for two directions."""
     return by_set(scalar, lambda n: [f"enum {{ VECTOR_8 = {min(n, 8)}, VECTOR_2 = {min(n, 2)} }};"])
 
 
 def columns(scalar: Scalar, width: int, group: int) -> list[str]:
-    """How many lanes the vectors over columns of matrices have."""
+    """Number of lanes for columns of matrices."""
     return by_set(scalar, lambda n: [f"enum {{ VECTOR_{width} = {min(n, group)} }};"])
 
 
 def states(scalar: Scalar) -> list[str]:
-    """How many states are worked on at once."""
+    """Number of states that are processed at once."""
     return by_set(scalar, lambda n: [f"enum {{ STATES = {n} }};"])
 
 
 def parts(scalar: Scalar) -> list[str]:
-    """How vectors of states are made of parts of sixteen bytes, each of one row, and what exchanges the entries of these."""
+    """How vectors of states are loaded from 16-byte parts of rows, and the exchange of their entries."""
     if not scalar.integer:
         return []
     part = 16 // scalar.bytes
@@ -74,7 +74,7 @@ def parts(scalar: Scalar) -> list[str]:
 
 
 def part_of_row(scalar: Scalar) -> dict[str, list[str]]:
-    """The first n entries of a row as such a part, where n is less than it holds, and what stores them."""
+    """Load and store of the first n entries of a row in such a part, for n less than its size."""
     some = range(1, 16 // scalar.bytes - 1)
     return {
         "first_entries": ["row[0]", *(f"n > {i} ? row[{i}] : {scalar.literal('0.0')}" for i in some)],
@@ -83,7 +83,7 @@ def part_of_row(scalar: Scalar) -> dict[str, list[str]]:
 
 
 def words(scalar: Scalar) -> dict[str, object]:
-    """What templates call of a scalar type, and of its vectors."""
+    """Names that templates use for a scalar type and its vectors."""
     return {
         "real": scalar.word,
         "reals": scalar.words,

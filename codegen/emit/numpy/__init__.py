@@ -1,4 +1,4 @@
-"""The NumPy target: arrays of double precision, a batch of states at once."""
+"""The NumPy target: arrays of double precision, over a batch of states at once."""
 
 from __future__ import annotations
 

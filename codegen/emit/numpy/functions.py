@@ -1,6 +1,6 @@
 """The functions of a NumPy module: a procedure's steps as lines.
 
-All arrays of a call are attributes of ``a``; lists of entries, which sweeps replace one by one.
+All arrays of a call are attributes of ``a``. They are lists of entries, which sweeps replace one by one.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from ...records import dataclass
 from ..function import Function
 
 AXES = {"nq": "NQ", "nu": "NU"}
-"""Numbers that the module has a name for."""
+"""Constants with a name in the module."""
 
 WIDEST = 110
 """Longest line of results."""
 
 
 def made(procedures: tuple[Procedure, ...]) -> list[Array]:
-    """Arrays that a call has from the beginning: results that sweeps write."""
+    """Arrays that exist from the beginning of a call: results that sweeps write."""
     found: dict[Array, None] = {}
     for p in procedures:
         apart = p.written_apart()
@@ -43,9 +43,9 @@ class NumpyFunctions:
     Parameters
     ----------
     prepared : callable (str) -> list of str
-        Lines for what lies outside of the sweeps.
+        Returns lines for a preparation; see `Prepare`.
     pivots : callable (str) -> bool
-        Whether a sweep checks pivots: it divides by them before they are told.
+        Returns whether a sweep checks pivots; it divides by them before zero ones are reported.
     """
 
     def __init__(self, prepared: Callable[[str], list[str]], pivots: Callable[[str], bool]):
@@ -84,7 +84,7 @@ def count(a: Array) -> str:
 
 
 class _Lines:
-    """Writes the lines of one function; `zero` are arrays that have nothing but zeros yet."""
+    """Writes the lines of one function; `zero` are the arrays that are still zero."""
 
     def __init__(self, of: NumpyFunctions, zero: frozenset[str], procedure: Procedure | None = None):
         self.functions = of
@@ -140,12 +140,12 @@ class _Lines:
                 raise TypeError("NumPy takes columns one after the other, see procedure.for_target")
 
     def guarded(self, name: str) -> list[str]:
-        """A call; what is divided by a zero pivot is told afterwards."""
+        """A call; division by a zero pivot is reported afterwards."""
         line = f"{name}(a)"
         return ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(name) else [line]
 
     def _of_lanes(self) -> set[str]:
-        """Derivatives: what values alone do not write."""
+        """Lines for derivatives, which functions of values do not need."""
         return {r.name for r in self.procedure.results if r.lanes} if self.procedure else set()
 
     def fresh(self, a: Array) -> list[str]:
@@ -199,10 +199,10 @@ class _Lines:
             if t.symmetric:
                 name = f"a.{t.into.name}"
                 lines.append(f"{name} = np.tril({name}) + np.swapaxes(np.tril({name}, -1), -1, -2)")
-        return [*lines, *self.fresh(unit)]  # a unit vector no more
+        return [*lines, *self.fresh(unit)]  # reset the unit vector
 
     def returned(self) -> list[str]:
-        """Statement that gives the results."""
+        """Statement that returns the results."""
         assert self.procedure is not None
         parts = []
         for r in self.procedure.results:

@@ -1,6 +1,6 @@
 """Writes the NumPy module of a solver: the statements of the C, elementwise over a batch of states.
 
-Memory is named instead of numbered: every link has a record, slots and lanes, and each is a dict of arrays.
+Memory is addressed by name instead of number: every link has a record, slots and lanes, each a dict of arrays.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class NumpyWriter(Writer):
                 body.append(f"check_pivot(a, {text}, {culprit(name)})")
                 continue
             if store.memory.region and not store.lanes and value.is_Number:
-                # NumPy's numbers: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check
+                # NumPy numbers: 1.0/0.0 raises in Python, while NumPy gives infinity, which the pivot check finds
                 text = "ZERO" if value is ZERO else f"np.float64({text})"
             where = access(store, name)
             body.append(f"{where} = {where} + {text}" if store.adds else f"{where} = {text}")
@@ -141,7 +141,7 @@ class NumpyWriter(Writer):
     # -- the file --------------------------------------------------------------------------------------------------
 
     def _gravity(self, value: float | str) -> str:
-        """A number, or a constant of gravity's."""
+        """A number, or a constant of gravity."""
         if not isinstance(value, str):
             return text_of(value)
         assert self.plan.ground.constants is not None
@@ -188,7 +188,7 @@ class NumpyWriter(Writer):
         return []
 
     def angles(self) -> list[str]:
-        """Lines that compute cosines and sines of the coordinates that are angles, which come before their batch axes."""
+        """Lines that compute cosines and sines of the angles among the coordinates; these come before the batch axes."""
         angles, driven = self.layout.angles, self.layout.driven_angles
         if not angles and not driven:
             return []
@@ -206,7 +206,7 @@ class NumpyWriter(Writer):
         ]
 
     def adjoints(self) -> list[str]:
-        """Lines that empty the memory of the directions: what is not there is zero."""
+        """Lines that empty the memory of the directions; missing entries count as zero."""
         lines = [f"a.{name} = [Adjoints() for _ in a.{name}]" for name in ("slots", "lanes")]
         if self.layout.rows["regions"]:
             lines.append("a.region_lanes = [Adjoints() for _ in a.region_lanes]")
@@ -258,7 +258,7 @@ class NumpyWriter(Writer):
         return found
 
     def context(self) -> dict[str, Any]:
-        """What the templates are rendered with."""
+        """The data for the templates."""
         context = self.shared_context()
         lines = NumpyFunctions(self.prepared, self.pivots)
         model = self.model
@@ -298,7 +298,7 @@ class NumpyWriter(Writer):
 
 
 def listed(names: list[str]) -> list[str]:
-    """Lines of a tuple of names; what is repeated is generated when the module is loaded."""
+    """Lines of a tuple of names; repeated names are generated when the module is loaded."""
     lines = []
     for item in repeated(names):
         if isinstance(item, Repeated):
@@ -313,7 +313,7 @@ def listed(names: list[str]) -> list[str]:
 
 
 def _key(component: str) -> str:
-    """The entry of a dict that a component is."""
+    """The dict entry of a component."""
     return f'["{identifier(component)}"]'
 
 
@@ -329,7 +329,7 @@ def write_numpy(
     asked: tuple[Procedure, ...],
     reserved: frozenset[str] = frozenset(),
 ) -> str:
-    """The text of ``<name>_numpy.py``; needs NumPy only.
+    """The text of ``<name>_numpy.py``, which needs only NumPy.
 
     Parameters
     ----------

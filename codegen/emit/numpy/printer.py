@@ -18,5 +18,5 @@ class NumpyPrinter(Printer):
         return angle
 
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
-        """No integrator calls NumPy, so no mode is ever given."""
+        """Integrators do not call NumPy functions, so there are no modes."""
         return free
