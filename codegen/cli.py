@@ -284,6 +284,13 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
     return _how_it_ended(run, options.ending.received)
 
 
+def run_view(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm view``: a mechanism in a browser, on a page, or in a picture."""
+    from .viewing import run
+
+    return run(options, status)
+
+
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
     from .reporting.command import run
@@ -453,6 +460,7 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
     generate.set_defaults(run=run_generate)
     for name, run, module, help_text in (
         ("simulate", run_simulate, ".simulating", "compute a motion, with derivatives by parameters"),
+        ("view", run_view, ".viewing", "show a mechanism and its motion in a browser, or write a page or a picture"),
         ("import", run_import, ".importing.command", "make a model file of a robot's: URDF, MJCF, SDF"),
         (
             "report",

@@ -172,7 +172,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
 
     def moved(solver: Solver) -> Trajectory:
         status("simulating", 0, 0)
-        with _motion_errors():
+        with motion_errors():
             return solver.simulate(
                 times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method,
                 on_failure="return", progress=progress, **steps,
@@ -235,7 +235,7 @@ def _remarks(remarks: list[str]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _motion_errors() -> Iterator[None]:
+def motion_errors() -> Iterator[None]:
     """Sort what `Solver.simulate` raises: the request is wrong, or the motion cannot be computed."""
     from numpy.linalg import LinAlgError
 

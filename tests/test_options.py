@@ -52,6 +52,15 @@ MADE = {
     ("simulate", "--output"): "-o run.npz",
     ("simulate", "--plot"): "--plot run.svg",
     ("simulate", "--force"): "--force",
+    ("view", "--time"): "-t 2",
+    ("view", "--trajectory"): "--trajectory run.npz",
+    ("view", "--parameter"): "-p length=2",
+    ("view", "--html"): "--html page.html",
+    ("view", "--picture"): "--picture pose.png",
+    ("view", "--animate"): "-t 1 --animate run.gif",
+    ("view", "--port"): "--port 8123",
+    ("view", "--no-browser"): "--no-browser",
+    ("view", "--force"): "--force",
     ("import", "--output"): "-o -",
     ("import", "--force"): "-o - --force",
     ("import", "--name"): "--name other",
@@ -104,7 +113,8 @@ MADE = {
 BASES = {
     "generate": "generate swing.yaml", "simulate": "simulate swing.yaml -t 1", "import": "import robot.urdf",
     "report": "report swing.yaml", "bench": "bench pendulum", "show": "show large.yaml", "new": "new there.yaml",
-    "check": "check swing.yaml", "equations": "equations swing.yaml", "statements": "statements swing.yaml",
+    "check": "check swing.yaml", "view": "view swing.yaml",
+    "equations": "equations swing.yaml", "statements": "statements swing.yaml",
 }  # fmt: skip
 
 
@@ -154,6 +164,17 @@ def recorded(tmp_path, monkeypatch):
                        stats={"reason": FINISHED, "t": 1.0})  # fmt: skip
     solver = SimpleNamespace(simulate=keep("simulate", still), partitions=[1], input_names=("torque",), ninputs=1)
     monkeypatch.setattr(simulating, "solver_of", lambda *a, **k: contextlib.nullcontext(solver))
+    view = SimpleNamespace(url="somewhere", html=keep("page of a state"), wait=keep("wait"), close=keep("close"))
+    shown = SimpleNamespace(
+        view=keep("view", view), picture=keep("picture"), simulate=keep("simulate", still), initial=(0, 0),
+        parameter_names=("length",), assemble=keep("assemble", (0, 0)),
+    )  # fmt: skip
+    monkeypatch.setattr("codegen.viewing.solver_of", lambda *a, **k: contextlib.nullcontext(shown))
+    monkeypatch.setattr("codegen.viewing.webbrowser.open", keep("browser"))
+    monkeypatch.setattr("codegen.runtime.standalone.display.viewer.need", keep("viser"))
+    monkeypatch.setattr(Trajectory, "load", classmethod(keep("load", still)))
+    for name in ("view", "html", "animate"):
+        monkeypatch.setattr(Trajectory, name, keep(f"{name} of a motion", view))
     for name in ("save", "plot"):
         monkeypatch.setattr(Trajectory, name, lambda _, *a, name=name, **k: calls.append(f"{name} {a} {k}"))
     imported = SimpleNamespace(
@@ -205,6 +226,11 @@ TOGETHER = {
     "import robot.urdf -o - --force": "--force is for a file",
     "statements swing.yaml --force": "--force is for a file",
     "equations swing.yaml --values --set length=2": "leave out one of them",
+    "view swing.yaml -t 1 --trajectory run.npz": "not allowed with",
+    "view swing.yaml --trajectory run.npz -p length=2": "has its own parameters",
+    "view swing.yaml --animate run.gif": "--animate draws a motion",
+    "view swing.yaml --html page.html --port 8000": "nothing is served",
+    "view swing.yaml --force": "--force is for files",
     "bench --list --quick -o x.json": "leave out --quick, --output",
     "bench pendulum --plots pictures": "only families at several sizes (not with --quick) and robots",
     "bench --results x.json --peers": "--peers are of a new one",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..files.whole_file import suffix_among, write_whole
+from ..files.whole_file import MARK, suffix_among, write_whole
 from ..trajectory.plot import COLOURS, FORMATS, SETTINGS, PlotError, need, png_of
 from ..warning import warn
 from .meshes import Meshes
@@ -66,8 +66,12 @@ def animate(scene: Scene, poses: Poses, path: str | os.PathLike[str], view: str,
         matplotlib.rcParams.update(SETTINGS)
         figure = _Figure(scene, poses, view, folder)
         images = list(_images(figure, chosen))
-    options: dict[str, Any] = {"disposal": 2} if Path(path).suffix.lower() == ".gif" else {}
-    kind = "GIF" if options else "PNG"
+    from PIL.PngImagePlugin import PngInfo
+
+    kind = "GIF" if Path(path).suffix.lower() == ".gif" else "PNG"
+    mark = PngInfo()
+    mark.add_text("Software", MARK)
+    options: dict[str, Any] = {"disposal": 2, "comment": MARK.encode()} if kind == "GIF" else {"pnginfo": mark}
     options |= {"save_all": True, "append_images": images[1:], "duration": 1000.0 / rate, "loop": 0}
     write_whole(Path(path), lambda file: images[0].save(file, kind, **options))
 

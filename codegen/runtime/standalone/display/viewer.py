@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
 import os
 import socket
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Indices
-from ..files.whole_file import suffix_among, write_whole
+from ..files.whole_file import MARK, suffix_among, write_whole
 from ..warning import warn
 from .meshes import Meshes
 from .picture import LINES, MARKS, SOLID_COLORS
@@ -150,16 +152,16 @@ class Viewer:
     def __init__(self, title: str, scene: Scene, poses: Poses, folder: Path, port: int = 0):
         viser = need()
         self.title, self.poses, self.meshes = title, poses, Meshes(folder)
-        self.server = viser.ViserServer(
-            host="127.0.0.1", port=port or _free_port(), label=f"ordernm: {title}", verbose=False
-        )
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner
+            self.server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), label=f"ordernm: {title}")
         self.url = f"http://127.0.0.1:{self.server.get_port()}"
         self.server.scene.set_up_direction("+z")
         low, high = _box(scene, poses)
         self.size = float(np.linalg.norm(high - low)) or 1.0
         centre = (low + high) / 2
         self.server.initial_camera.look_at = centre
-        self.server.initial_camera.position = centre + self.size * np.array([0.9, -1.4, 0.7])
+        self.server.initial_camera.position = centre + self.size * np.array([0.7, -1.2, 0.5])
+        self.server.initial_camera.fov = math.radians(45.0)
         self.server.scene.add_grid("/ground", 4 * self.size, 4 * self.size, cell_size=self.size / 10, section_size=self.size / 2,
                                    position=(float(centre[0]), float(centre[1]), min(float(low[2]), 0.0)))  # fmt: skip
         self.nodes = Nodes(self.server, scene, self.meshes, self.size)
@@ -187,7 +189,7 @@ class Viewer:
                 self.nodes.show(self.poses, i)
                 recording.insert_sleep(pause)
             text = recording.as_html()
-        write_whole(Path(path), lambda file: file.write(text.encode()))
+        write_whole(Path(path), lambda file: file.write(f"{text}\n<!-- {MARK} -->\n".encode()))
 
     def wait(self) -> None:
         """Return when the user presses Ctrl-C."""
@@ -199,7 +201,8 @@ class Viewer:
 
     def close(self) -> None:
         """Stop the view."""
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="480" style="border: 0"></iframe>'

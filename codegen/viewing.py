@@ -1,0 +1,158 @@
+"""``ordernm view``: a mechanism in a browser, as a page, as a picture or as an animation."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .cached_solver import read, solver_of
+from .ending import OK, Failure
+from .own_files import add_force, refuse_foreign_file
+from .simulating import RequestError, motion_errors, numbers_by_name
+from .terminal import StatusLine
+
+if TYPE_CHECKING:
+    from .runtime import Solver, Trajectory
+
+RATE = 30
+"""Results of a motion per second, as a browser shows them."""
+
+MOST_RESULTS = 100_000
+"""Number of results of a motion that is shown."""
+
+LARGEST_PORT = 65535
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``ordernm view``."""
+    parser.add_argument("model", help="model file (YAML), or generated package with frames")
+    motion = parser.add_mutually_exclusive_group()
+    motion.add_argument("-t", "--time", type=float, metavar="SECONDS", help="simulate, and play the motion")
+    motion.add_argument("--trajectory", metavar="FILE", help="play the motion of a file: .npz, .parquet")
+    parser.add_argument("-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
+                        help="a design parameter, if not as in the model; may be repeated")  # fmt: skip
+    parser.add_argument("--html", metavar="FILE", help="write a page that needs no server and no network: .html")
+    parser.add_argument("--picture", metavar="FILE", help="draw the initial state: .svg, .png, .pdf")
+    parser.add_argument("--animate", metavar="FILE", help="draw the motion: .gif, .png")
+    parser.add_argument("--port", type=int, metavar="N", help="port of the view (default: any that is free)")
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+    add_force(parser)
+
+
+def run(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm view``.
+
+    Raises
+    ------
+    RequestError, FolderError, ImportError
+        Before the work, for what cannot be done.
+    """
+    _check(options)
+    model = read(options.model, status)
+    folder = Path(options.model).resolve().parent if Path(options.model).is_file() else Path()
+    with solver_of(model, status, frames=True) as solver:
+        p = _parameters(solver, options)
+        motion = _motion(solver, options, p, status)
+        written = _files(options)
+        if options.picture:
+            start = motion.q[0] if motion is not None else solver.assemble(*solver.initial, p)[0]
+            solver.picture(start, p if motion is None else motion.p, path=options.picture, folder=folder)
+        if options.animate and motion is not None:
+            motion.animate(options.animate, solver if options.trajectory else None, folder=folder)
+        if options.html and motion is not None:
+            motion.html(options.html, solver if options.trajectory else None, folder=folder)
+        if not written or (options.html and motion is None):
+            if motion is None:
+                view = solver.view(p=p, folder=folder, port=options.port or 0)
+            else:
+                view = motion.view(solver if options.trajectory else None, folder=folder, port=options.port or 0)
+            with contextlib.closing(view):
+                if options.html:
+                    view.html(options.html)
+                else:
+                    _wait(view, options, status)
+    status.close()
+    for path in written:
+        print(f"wrote {path}")
+    return OK
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options that contradict each other, and files that cannot be written."""
+    if options.animate and options.time is None and options.trajectory is None:
+        raise RequestError("--animate draws a motion: give -t SECONDS, or --trajectory FILE")
+    if options.trajectory and options.parameter:
+        raise RequestError("-p is for a motion that is computed; the one of --trajectory has its own parameters")
+    if options.port is not None and not 0 < options.port <= LARGEST_PORT:
+        raise RequestError(f"--port is {options.port}; 1 to {LARGEST_PORT} are allowed")
+    if _files(options) and (options.port is not None or options.no_browser):
+        raise RequestError(
+            "--port and --no-browser are for a view; with --html, --picture or --animate nothing is served"
+        )
+    if options.force and not _files(options):
+        raise RequestError(
+            "--force is for files, and nothing is written: leave it out, or give --html, --picture or --animate"
+        )
+    for name, suffixes in (
+        ("html", (".html", ".htm")),
+        ("picture", (".svg", ".png", ".pdf")),
+        ("animate", (".gif", ".png")),
+    ):
+        if path := getattr(options, name):
+            if Path(path).suffix.lower() not in suffixes:
+                raise RequestError(f"--{name} {path}: a name that ends in {' or '.join(suffixes)} is needed")
+            refuse_foreign_file(Path(path), options.force)
+    if options.picture or options.animate:
+        from .runtime.standalone.trajectory.plot import need as need_matplotlib
+
+        need_matplotlib()
+    if options.html or not _files(options):
+        from .runtime.standalone.display.viewer import need as need_viser
+
+        need_viser()
+
+
+def _files(options: argparse.Namespace) -> list[str]:
+    return [path for path in (options.picture, options.animate, options.html) if path]
+
+
+def _parameters(solver: Solver, options: argparse.Namespace) -> dict[str, float]:
+    """Parameters of the command line, by name."""
+    given = numbers_by_name("-p", options.parameter)
+    for name in given:
+        if name not in solver.parameter_names:
+            known = ", ".join(solver.parameter_names) or "none"
+            raise RequestError(f"-p {name}: the model has no such parameter; its parameters: {known}")
+    return given
+
+
+def _motion(solver: Solver, options: argparse.Namespace, p: dict[str, float], status: StatusLine) -> Trajectory | None:
+    """The motion of a file, or of a simulation; None for a state."""
+    from .runtime import Trajectory
+    from .runtime.standalone.trajectory.files import TrajectoryFileError
+
+    if options.trajectory:
+        try:
+            return Trajectory.load(options.trajectory)
+        except TrajectoryFileError as error:
+            raise Failure(str(error)) from None
+    if options.time is None:
+        return None
+    if not 0 < options.time < MOST_RESULTS / RATE:
+        raise RequestError(f"-t is {options.time:g}; more than 0 s and less than {MOST_RESULTS / RATE:g} s are allowed")
+    status("simulating", 0, 0)
+    n = max(2, round(options.time * RATE))
+    times = [options.time * i / n for i in range(n + 1)]
+    with motion_errors():
+        return solver.simulate(times, p=p or None)
+
+
+def _wait(view: Any, options: argparse.Namespace, status: StatusLine) -> None:
+    """Open the browser, and wait for Ctrl-C."""
+    status.close()
+    opened = not options.no_browser and webbrowser.open(view.url)
+    print(f"{view.url}" + ("" if opened else "  (open it in a browser)") + "; Ctrl-C ends the view", flush=True)
+    view.wait()
