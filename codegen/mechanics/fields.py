@@ -33,10 +33,10 @@ OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
 ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 
-NO_LINK_ASKS = "every pivot that it would measure is measured by what is computed anyway"
-NO_FORCE_ASKS = "no force element asks for it"
+NO_LINK_READS = "every pivot is compared with quantities that are computed anyway"
+NO_FORCE_READS = "no force element reads it"
 NO_EAR_STARTS = "no other ear starts from the link"
-"""Reasons why some motions of links of ears are never read."""
+"""Reasons why some fields are never read."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ face_axes = MatrixField(
 coupling_factor = ScalarField("factor{}", "u/u", "", "factor of a coordinate in a coupling")
 coupling_offset = ScalarField("offset", "u", "", "sum of the coordinates of a coupling, each times its factor")
 surface_part = ScalarField(
-    "part{}", "any", "", "part of the equation of a condition on a point without its coordinates, or its length"
+    "part{}", "any", "", "subexpression without coordinates of the equation of a condition on a point, or its length"
 )
 cosine, sine = ScalarField("cos", "1", "", "cosine of an angle"), ScalarField("sin", "1", "", "sine of an angle")
 
@@ -111,23 +111,23 @@ quaternion_matrix = MatrixField(
     "Q", "1", PARENT, "rotation matrix of a quaternion, joint components from link components"
 )
 turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
-attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", unread=NO_FORCE_ASKS)
-position = VectorField("pos", "m", GROUND, "position of the origin", unread=NO_FORCE_ASKS)
+attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", unread=NO_FORCE_READS)
+position = VectorField("pos", "m", GROUND, "position of the origin", unread=NO_FORCE_READS)
 angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
-parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes")
+parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, along the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
 applied_twist = TwistField(
     "v",
     TWIST,
     OWN,
-    "angular velocity and velocity of the origin, found before force elements",
-    unread=NO_FORCE_ASKS,
+    "angular velocity and velocity of the origin, computed for force elements",
+    unread=NO_FORCE_READS,
 )
 remainder = _motion(
-    angular_velocity, "", OWN, " with udot = 0; along directions: tangent of all of it",
-    ", of the same; along directions: tangent with all of udot",
+    angular_velocity, "", OWN, " with udot = 0; along directions: tangent of the total",
+    " with udot = 0; along directions: tangent of the total",
 )  # fmt: skip
-total = _motion(angular_velocity, "t", OWN, ", all of it", ", with all of alpha")
+total = _motion(angular_velocity, "t", OWN, ", total", " with the total alpha")
 ear_own = replace(
     total, w=VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS)
 )
@@ -136,13 +136,13 @@ explicit_acceleration = AccelerationField(
     "b",
     ACCELERATION,
     OWN,
-    "the part of the accelerations that is explicit in udot, or falls with the ground: angular, of the origin",
+    "part of the angular acceleration and the acceleration of the origin that is explicit in udot or due to gravity",
 )
 
 # -- forces on a link --------------------------------------------------------------------------------------------------
 
 needed = SixField("", WRENCH, OWN, "moment about the origin and force that a link's motion with udot = 0 requires")
-total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that all of a link's motion requires")
+total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that a link's total motion requires")
 external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the force elements on a link")
 articulated = _inertia("acc.", OWN, "articulated inertia propagated by the children", True)
 moment_scale = ScalarField(
@@ -151,10 +151,10 @@ moment_scale = ScalarField(
     "",
     "size of the children's moments of inertia (zero pivot)",
     propagated=True,
-    unread=NO_LINK_ASKS,
+    unread=NO_LINK_READS,
 )
 mass_scale = ScalarField(
-    "acc.sM", "kg", "", "size of the children's masses (zero pivot)", propagated=True, unread=NO_LINK_ASKS
+    "acc.sM", "kg", "", "size of the children's masses (zero pivot)", propagated=True, unread=NO_LINK_READS
 )
 articulated_force = SixField("acc.", WRENCH, OWN, "articulated force propagated by the children", propagated=True)
 transmitted = SixField(
@@ -170,20 +170,20 @@ gain = ScalarField(
     "G{}.{}",
     "1",
     OWN,
-    "inertia over that along the degree of freedom (Eq. 46), by degree of freedom and component; after six, those of partners",
+    "inertia divided by that along the degree of freedom (Eq. 46), by degree of freedom and component; after six, of partners",
 )
 
 driving_gain = ScalarField(
     "drive.{}",
     "[kg m^2, kg m] or [kg m, kg]",
     OWN,
-    "inertia along a prescribed coordinate, by component of the acceleration; after six, those of partners",
+    "inertia along a prescribed coordinate, by component of the acceleration; after six, of partners",
 )
 driving_rest = ScalarField(
     "drive",
     "N m or N",
     "",
-    "force along a prescribed coordinate that is needed with the explicit accelerations at zero",
+    "force that a prescribed coordinate requires with the explicit accelerations at zero",
 )
 
 # -- columns of matrices -----------------------------------------------------------------------------------------------
@@ -195,13 +195,15 @@ turning_moment = MatrixField(
 turning_push = MatrixField(
     "Tf", "N s", OWN, "change of the articulated force with the angular velocity", propagated=True
 )
-all_turning_moment = MatrixField("Wn", "N m s", OWN, "the same, the link's own moment too")
-all_turning_push = MatrixField("Wf", "N s", OWN, "the same, the link's own force too")
+all_turning_moment = MatrixField("Wn", "N m s", OWN, "change of the total moment with the angular velocity")
+all_turning_push = MatrixField("Wf", "N s", OWN, "change of the total force with the angular velocity")
 turning_gain = ScalarField(
     "tg{}.{}", "1/s", OWN, "change of udot with the parent's angular velocity, by degree of freedom and component"
 )
 column_force = SixField("P.", WRENCH, OWN, "articulated force of a column")
-column_drive = ScalarField("cD.{}", "u/s^2", "", "the same in a column (Eq. 53)")
+column_drive = ScalarField(
+    "cD.{}", "u/s^2", "", "driving force of a degree of freedom over its inertia, in a column (Eq. 53)"
+)
 column_turning = VectorField("dw", "rad/s", OWN, "change of the angular velocity in a column")
 column_acceleration = AccelerationField("dA.", ACCELERATION, OWN, "change of the accelerations in a column")
 seed_turning = VectorField(
@@ -226,7 +228,7 @@ composite_force = SixField(
 outboard_mass = ScalarField("sum.m", "kg", "", "mass of everything outboard", propagated=True)
 outboard_moment = VectorField("sum.h", "kg m", OWN, "first moment of everything outboard", propagated=True)
 
-# -- links whose motion loops close on: against the link that carries all of the loop -----------------------------------
+# -- links on whose motion loops close: relative to the link that carries the whole loop --------------------------------
 
 closing_attitude = MatrixField("cW", "1", "the origin", "attitude relative to the origin")
 closing_position = VectorField("co", "m", "the origin", "position relative to the origin")
@@ -236,7 +238,7 @@ closing_shift = ShiftField(
 )
 step = ShiftField("n", DISPLACEMENT, OWN, "rotation vector and displacement of Newton's step, relative to the origin")
 
-# -- links of ears, in the axes of their region ------------------------------------------------------------------------
+# -- links of ears, along the axes of their region ---------------------------------------------------------------------
 
 ear_attitude = MatrixField("sW", "1", REGION, "region components from link components")
 ear_position = VectorField("o", "m", REGION, "position relative to the region's base", unread=NO_EAR_STARTS)
@@ -249,9 +251,9 @@ ear_remainder = _motion(
     VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS), "s", REGION, ", with the sources at rest",
     unread=NO_EAR_STARTS,
 )  # fmt: skip
-ear_total = _motion(ear_remainder.w, "ts", REGION, ", all of it", ", with all of alpha", NO_EAR_STARTS)
+ear_total = _motion(ear_remainder.w, "ts", REGION, ", total", " with the total alpha", NO_EAR_STARTS)
 ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion requires, with the sources at rest")
-ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion requires")
+ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that a link's total motion requires")
 ear_transmitted = SixField(
     "sacc.", WRENCH, REGION, "contribution of later ears to a link from which they start", propagated=True
 )
@@ -280,7 +282,7 @@ arm_tangent = VectorField(
     "m",
     REGION,
     "tangent of the vector from the origin to a face, by loop and side",
-    unread="later blocks follow faces in the axes of their own links",
+    unread="later blocks use the axes of the faces' own links",
 )
 dependent_acceleration = ScalarField(
     "x.{}", "u/s^2", "", "tangent of udot of a dependent degree of freedom, the sources' udot held"
@@ -299,44 +301,49 @@ orthogonal_entry = ScalarField(
     "1",
     "",
     "entry of Q of the factored closure matrix, by column and condition",
-    unread="the ear has one dependent freedom, and its dependents have no remainder",
+    unread="the ear has one dependent degree of freedom, and its dependents have no remainder",
 )
 triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns")
 inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
 
 surface_share = ScalarField(
-    "share{}.{}", "any", "", "one over the size of the gradient of a condition on a point, by loop and condition"
+    "share{}.{}", "any", "", "one over the length of the gradient of a condition on a point, by loop and condition"
 )
 
 # -- regions -----------------------------------------------------------------------------------------------------------
 
 source_speed = ScalarField(
-    "s{}", "u/s", "", "independent speed that is a source", unread="no motion of a root is made of it"
+    "s{}", "u/s", "", "independent speed that is a source", unread="no motion of a root depends on it"
 )
-source_inertia = ScalarField("Q{}.{}", "kg u^2", "", "inertia over two sources (Eq. 40)")
+source_inertia = ScalarField("Q{}.{}", "kg u^2", "", "inertia along two sources (Eq. 40)")
 source_force = ScalarField("g{}", "kg u^2/s^2", "", "force along a source (Eq. 41)")
-source_to_base = SixField("K{}.", "kg u [m, 1]", REGION, "inertia over a source and the base's six components (Eq. 39)")
+source_to_base = SixField(
+    "K{}.", "kg u [m, 1]", REGION, "inertia that couples a source and the base's six components (Eq. 39)"
+)
 source_to_partner = ScalarField(
-    "P{}.{}.{}", "kg u [m, 1]", REGION, "inertia over a source and a partner's six components"
+    "P{}.{}.{}", "kg u [m, 1]", REGION, "inertia that couples a source and a partner's six components"
 )
 region_inertia = _inertia("I.", REGION, "inertia of a region that its base carries", False)
 region_force = SixField("", WRENCH, REGION, "force of a region that its base carries")
 source_inverse_pivot = ScalarField("Dinv{}", "1/(kg u^2)", "", "one over the inertia along a source (Eq. 47)")
 source_right_side = ScalarField("rD{}", "u/s^2", "", "driving force of a source over its inertia (Eq. 53)")
-source_gain = ScalarField("G{}.{}", "1", "", "inertia over that along the source (Eq. 46)")
+source_gain = ScalarField("G{}.{}", "1", "", "inertia divided by that along the source (Eq. 46)")
 source_driving_gain = ScalarField(
-    "dG{}.{}", "kg u [m, 1]", "", "inertia over a prescribed source and what is known when the region's own are found"
+    "dG{}.{}",
+    "kg u [m, 1]",
+    "",
+    "inertia that couples a prescribed source and accelerations known before the region's own",
 )
 source_driving_rest = ScalarField(
-    "dr{}", "kg u^2/s^2", "", "force along a prescribed source that is needed with those accelerations at zero"
+    "dr{}", "kg u^2/s^2", "", "force that a prescribed source requires with those accelerations at zero"
 )
-source_driving = ScalarField("drive{}", "kg u^2/s^2", "", "force that a prescribed source takes")
+source_driving = ScalarField("drive{}", "kg u^2/s^2", "", "force that a prescribed source requires")
 source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source")
 source_tangent_force = ScalarField("r{}", "kg u^2/s^2", "", "right side of the balance along a source")
 region_transmitted = SixField(
     "t.", WRENCH, "the base", "contribution of ears to the base, with all accelerations known"
 )
-region_balance = SixField("b.", WRENCH, "the base", "the tangent of that")
+region_balance = SixField("b.", WRENCH, "the base", "tangent of the contribution of ears to the base")
 
 far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link relative to the base")
 far_position = VectorField("far{}.o", "m", REGION, "position of a far link relative to the base")
@@ -359,7 +366,7 @@ far_step = ShiftField(
 far_transmitted = SixField(
     "far{}.t.", WRENCH, "the far link", "contribution of ears to a far link, with all accelerations known"
 )
-far_balance = SixField("far{}.b.", WRENCH, "the far link", "the tangent of that")
+far_balance = SixField("far{}.b.", WRENCH, "the far link", "tangent of the contribution of ears to a far link")
 
 # -- couplings ---------------------------------------------------------------------------------------------------------
 
@@ -382,7 +389,7 @@ FIELDS = _listed()
 
 CALLED = {
     "face_place": "{}_place", "face_axes": "{}_axes", "angular_velocity": "omega", "parents_velocity": "parent_omega",
-    "spring_twist": "spring", "remainder.al": "alpha", "remainder.a": "acceleration", "remainder.B": "B",
+    "remainder.al": "alpha", "remainder.a": "acceleration", "remainder.B": "B",
     "total.al": "total_alpha", "total.a": "total_acceleration", "ear_own.w": "own_omega",
     "explicit_acceleration": "explicit", "needed": "", "total_needed": "total", "articulated_force": "articulated",
     "closing_twist": "closing", "closing_shift": "closing", "ear_remainder.w": "ear_omega", "ear_remainder.al": "ear_alpha",

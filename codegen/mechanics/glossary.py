@@ -12,7 +12,7 @@ from .fields import FIELDS
 WORDS = {
     "link": "A moving rigid part: a body with everything that is fixed to it, on a joint of one kind. A universal or planar "
     "joint makes two links.",
-    "unit": "A link, an ear, a region or a force element: one call of a block works on one unit.",
+    "unit": "A link, an ear, a region or a force element. One call of a block computes one unit.",
     "kind": "Units of equal structure. They share every block and every generated function.",
     "block": "A short straight-line program for one kind and one sweep.",
     "sweep": "One pass over all units, outward (from the ground to the tips) or inward.",
@@ -26,21 +26,21 @@ WORDS = {
     "member": "A link of an ear, in the blocks of this ear.",
     "condition": "A number that is zero when a loop is closed; the joint of the loop enforces it.",
     "base": "The link along whose axes a region has its components. It carries the region if the loops close for any motion of "
-    "the link.",
-    "far link": "A root outside the region other than the base. Its motion relative to the base is six sources.",
+    "that link.",
+    "far link": "A root outside the region other than the base. Its motion relative to the base gives six sources.",
     "partner": "A link that is coupled to a unit when the unit is eliminated.",
     "coupling": "A 6x6 block of inertia between two links. (The model file uses the word for gears, belts and the like.)",
     "pivot": "The inertia along a degree of freedom or a source; its elimination divides by the pivot.",
     "dependent": "Determined by the loops (a coordinate, a speed); all others are independent.",
     "record": "Memory of a link, an ear or a region for one call.",
     "slot": "Memory per direction for values that only neighbours need during one sweep; it is reused.",
-    "lanes": "SIMD lanes: one, two or eight directions, or several states, at a time; and memory per direction that is kept "
+    "lanes": "SIMD lanes, which hold one, two or eight directions, or several states. Also memory per direction that is kept "
     "between sweeps.",
-    "store": "Memory as a block addresses it: its owner and its sort (`ME`, `UP`, `REGION`, ...).",
+    "store": "Memory that a block accesses, named by its owner and its sort (`ME`, `UP`, `REGION`, ...).",
     "field": "An entry of a store: a scalar, a vector, a matrix or six components.",
     "seed": "A direction of differentiation: dq, du, dp, dinputs, dt.",
     "primitive": "The derivative of a statement with respect to one of its operands.",
-    "origin": "The link that carries a whole closed component, or the ground: motions in loops are relative to it.",
+    "origin": "The link that carries a whole group of loops, or the ground; motions in these loops are relative to it.",
 }
 
 

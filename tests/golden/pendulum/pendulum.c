@@ -93,12 +93,12 @@ enum {
 
 /* Places in near. In kinematics. */
 enum {
-    KINEMATICS_ACCELERATION_Z, /* acceleration of the origin with udot = 0; along directions: tangent of all of it, m/s^2 */
+    KINEMATICS_ACCELERATION_Z, /* acceleration of the origin with udot = 0; along directions: tangent of the total, m/s^2 */
 };
 
 /* Places in near. In balance_out. */
 enum {
-    BALANCE_OUT_TOTAL_ACCELERATION_Z, /* acceleration of the origin, all of it, m/s^2 */
+    BALANCE_OUT_TOTAL_ACCELERATION_Z, /* acceleration of the origin, total, m/s^2 */
 };
 
 /* Constants of one shape; _d0: derivative by the first parameter that they depend on. */
@@ -120,7 +120,7 @@ typedef struct {
     double moment_y; /* moment about the origin and force that a link's motion with udot = 0 requires, [N m, N] */
     double inverse_pivot_0; /* one over the inertia along a degree of freedom (D of Eq. 47), 1/(kg u^2) */
     double right_side_0; /* driving force of a degree of freedom over its inertia (Eq. 53), u/s^2 */
-    double total_acceleration_z; /* acceleration of the origin, all of it, m/s^2 */
+    double total_acceleration_z; /* acceleration of the origin, total, m/s^2 */
 } link_record;
 
 /* What one call works on. */
