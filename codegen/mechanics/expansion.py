@@ -145,7 +145,7 @@ def expand(
     start = time.perf_counter()
     _drop_unread(program, linked)
     counter = _Counter(program)
-    program.report.append(("drop what nobody reads", counter.total(), time.perf_counter() - start))
+    program.report.append(("drop unread values", counter.total(), time.perf_counter() - start))
     for done, (name, function) in enumerate(PASSES):
         start = time.perf_counter()
         for sweep in _timed(program, chosen, "simplifying", progress, done, len(PASSES)):

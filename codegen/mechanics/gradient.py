@@ -84,7 +84,7 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
             inward.stores = [(a, n, e) for a, n, e in inward.stores if a.memory is not LANE or n in shared]
         blocks[GRADIENT_OUT][k], blocks[name_in][k] = outward, inward
     slots = {s: program.slots.get(s, []) for s in ("balance_in", "balance_out", "complete")}
-    assert not set(slots["balance_out"]) & set(slots["complete"]), "both would lie in one place"
+    assert not set(slots["balance_out"]) & set(slots["complete"]), "these sweeps share one slot"
     program.slots[GRADIENT_OUT] = slots["balance_in"]
     program.slots[name_in] = [*slots["balance_out"], *(slots["complete"] if closed else ())]
     for memory in (LANE, REGION_LANE):
@@ -163,7 +163,7 @@ class _Unit:
                 for j in range(count):
                     at_j = [(m.u if which else m.q) + j for m in members]
                     dependent = {self.free is not None and i not in self.free[which] for i in at_j}
-                    assert len(dependent) == 1, "links of one kind depend on others in the same way"
+                    assert len(dependent) == 1, "links of one kind have the same dependent coordinates and speeds"
                     zero = (store, str(j), algebra.ZERO)
                     if (store, str(j)) in at and dependent == {True}:
                         block.stores[at[store, str(j)]] = zero

@@ -108,9 +108,9 @@ def test_chosen_functions_leave_nothing_unused(functions, tmp_path):
     [
         ("sensitivity", "'sensitivity'; did you mean sensitivities"),
         ("gradient", "'gradient'; did you mean gradients"),
-        ("solve_mass", "no function 'solve_mass'; it may have accelerations, "),
-        ("mass", "no function 'mass'; it may have .*, or together dynamics, rates, states"),
-        ("bias_force", "no function 'bias_force'; it may have .*assemble"),
+        ("solve_mass", "no function 'solve_mass'; available are accelerations, "),
+        ("mass", "no function 'mass'; available are .*, and the groups dynamics, rates, states"),
+        ("bias_force", "no function 'bias_force'; available are .*assemble"),
     ],
 )
 def test_unknown_functions_are_told(function, said):
@@ -119,7 +119,7 @@ def test_unknown_functions_are_told(function, said):
 
 
 def test_no_functions_are_told():
-    with pytest.raises(UnknownFunctionError, match="none are named; the model may have accelerations"):
+    with pytest.raises(UnknownFunctionError, match="none are given; available are accelerations"):
         write_solver(load_model(EXAMPLES / "four_bar.yaml"), functions=[])
 
 

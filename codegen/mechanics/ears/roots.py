@@ -102,7 +102,7 @@ class Root(ABC):
     @property
     def sums(self) -> tuple[SixField, SixField]:
         """Where the region sums the forces on it, and their tangents."""
-        raise TypeError(f"{type(self).__name__} takes no forces of a region")
+        raise TypeError(f"{type(self).__name__} has no sum of forces in a region")
 
     def receive(self, force: Vector) -> None:
         """Add a moment and a force, about its origin."""

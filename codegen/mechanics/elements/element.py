@@ -230,7 +230,9 @@ class Element:
         """
         if not self.kind.first.singular:
             name = type(self.kind.first).__name__
-            raise FieldError(f"{self._tag} needs a direction, and {name}.singular does not say when there is none")
+            raise FieldError(
+                f"{self._tag} needs a direction, and {name}.singular has no message for states without one"
+            )
         self.x.set_entry(PIVOT, self._required, value)
         self._required += 1
 

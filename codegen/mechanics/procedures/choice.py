@@ -76,14 +76,14 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
         names = {ALSO.get(n, n) for n in GROUPS.get(word, (word,))}
         of_word = {p.name for p in found if p.name in names or p.called in names}
         if not of_word and word not in ANYWAY:
-            near = difflib.get_close_matches(word, [*known, *together], 1)
+            close = difflib.get_close_matches(word, [*known, *together], 1)
             raise UnknownFunctionError(
-                f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
-                f"{', '.join(known)}, or together {', '.join(together)}"
+                f"functions: the model has no function {word!r}{f'; did you mean {close[0]}?' if close else ''}; available are "
+                f"{', '.join(known)}, and the groups {', '.join(together)}"
             )
         wanted |= of_word | {f for f, others in NEEDED.items() if not others.isdisjoint(of_word)}
     if not functions:
         raise UnknownFunctionError(
-            f"functions: none are named; the model may have {', '.join(known)}, or together {', '.join(together)}"
+            f"functions: none are given; available are {', '.join(known)}, and the groups {', '.join(together)}"
         )
     return tuple(p for p in found if p.basic or p.name in wanted)

@@ -65,7 +65,7 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
     """
     steps = [s for s in flat(along.steps) if over_directions(s)]
     swept = [s.sweep for s in steps if isinstance(s, Run)]
-    assert len(set(swept)) == len(swept), "a sweep that runs twice does not leave adjoints as it should"
+    assert len(set(swept)) == len(swept), "a function must not run a sweep twice: its adjoints would be wrong"
     together = run_together(w, steps) if once and values.name == "accelerations" else {}
     scalars = tuple(Run(values_name(s)) for s in swept if values_name(s) not in together)
     weights = tuple(r for r in along.results if r.lanes)
@@ -89,7 +89,7 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
             case Own() | Zero() | Hold() | Check():  # adjoints are zero at the beginning
                 pass
             case _:
-                raise TypeError(f"{along.name}: a {type(step).__name__} cannot be run backwards")
+                raise TypeError(f"{along.name}: the step {type(step).__name__} has no transpose")
     runs = {s.sweep for s in back if isinstance(s, Run)}
     if all(link.joint.quaternion is None for link in w.system.links):
         runs.discard(transpose_name("turns"))  # there are no quaternions

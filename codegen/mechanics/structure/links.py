@@ -232,10 +232,10 @@ def parts_of(chain: Sequence[Motion], triad: bool = False, held: Collection[int]
                 chain = chain[len(joint.motion) :]
                 break
         else:
-            raise TypeError(f"no joint of a link (mechanics/joints) moves by {chain[0]}")
+            raise TypeError(f"no joint of a link (mechanics/joints) represents the motion {chain[0]}")
     speeds = [part.u + j for part in found for j in range(part.joint.freedoms)]
     if len(set(speeds)) < len(speeds):
-        raise TypeError("motions that share a coordinate are those of no joint of a link (mechanics/joints)")
+        raise TypeError("no joint of a link (mechanics/joints) represents motions that share a coordinate")
     return found
 
 
