@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from codegen.mechanics import fields
 from codegen.mechanics.ears.assembly import face_differences
 from codegen.mechanics.ears.closing_accelerations import closing_accelerations
-from codegen.mechanics.ears.conditions import Condition, counted_conditions, joint_conditions, seen_by
+from codegen.mechanics.ears.conditions import Condition, components_along, counted_conditions, joint_conditions
 from codegen.mechanics.ears.geometry import EarGeometry
 from codegen.mechanics.ears.motions import Twist
 from codegen.mechanics.stores import LOOP_CONSTANTS, ROOTS
@@ -115,7 +115,7 @@ class Mechanism:
 
     def matrix(self, rows: list[Condition]) -> Array:
         """What the conditions see of the six unit motions at the cut."""
-        columns = [seen_by(self.ear, rows, [Twist.of(unit)], "v", "test") for unit in np.eye(6).tolist()]
+        columns = [components_along(self.ear, rows, [Twist.of(unit)], "v", "test") for unit in np.eye(6).tolist()]
         return np.array(columns, float).T
 
 

@@ -197,9 +197,9 @@ def test_forces_arrive_once_and_the_power_is_that_of_the_sources(x, role, more):
     one.receive(list(forces[0]))
     two.receive(list(forces[1]))
     if received is None:
-        assert not one.feels and x.memory == before
+        assert not one.needs_force and x.memory == before
         return
-    assert one.feels
+    assert one.needs_force
     taken = np.array(x.load(*received))
     for c in range(one.kind.total):
         alone = sum(np.dot(force, one.twist(c).six) for force in forces)
@@ -224,7 +224,7 @@ def test_forces_in_own_axes_arrive_with_their_tangents(x, role, more):
 
 
 def test_a_base_that_is_the_ground_feels_nothing(x):
-    assert not root(x, "frame", carried=False).feels and root(x, "frame").feels
+    assert not root(x, "frame", carried=False).needs_force and root(x, "frame").needs_force
 
 
 def test_twists_add_up():

@@ -19,19 +19,19 @@ from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, STEP, UP, V
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import dependents, stored_factor
 from .completion import dependent_displacements
-from .conditions import joint_conditions, kept_conditions, seen_by
-from .couplings import open_by
+from .conditions import components_along, joint_conditions, kept_conditions
+from .couplings import coupling_residual
 from .geometry import EarGeometry
 from .members import MemberView
 from .motions import Twist
 from .orthogonal import Factor
 
 HALF_TURN = 1e-14
-"""Squared cosine of half the angle below which rounding hides the direction that leads back from half a turn."""
+"""Squared cosine of half the angle below which rounding hides the direction back from half a turn."""
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
-    """``1 / sqrt(value)`` for the square of a cosine; at half a turn 1 if that is one too, otherwise 0."""
+    """``1 / sqrt(value)`` for the square of a cosine; and 1 if the square is zero up to rounding (half a turn), otherwise 0."""
     square = x.let("square", value, "Eq. 32")
     half = x.let("half", x.call("at_least", x.number(limits().rounding(HALF_TURN)), square), "Eq. 32")
     under = x.let("under", square + half, "Eq. 32")
@@ -39,15 +39,15 @@ def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
 
 
 def face_differences(x: Scope, ear: EarGeometry) -> tuple[list[Twist], Vector]:
-    """Rotation vector, near closure, and displacement from the start face to the end face of every loop.
+    """Residual of every loop: rotation vector, to first order near closure, and displacement from start to end face.
 
-    Also 1 or 0 for each loop that is half a turn open: the direction of its rotation vector, of length 2, is arbitrary.
+    Also a flag for every loop, 1 at half a turn: the direction of its rotation vector, of length 2, is then arbitrary.
     """
     found: list[Twist] = []
     halves: Vector = [0] * len(ear.kind.closures)
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:
-            found.append(open_by(ear, c))
+            found.append(coupling_residual(ear, c))
             continue
         a, b = (ear.position_of_face(c, side) for side in (0, 1))
         linear = [x.let("gap", e, "Eq. 32") for e in minus(b, a)]
@@ -104,7 +104,7 @@ def newton_step(x: Scope, kind: EarKind) -> None:
     total = [gap.plus(by) for gap, by in zip(gaps, moved, strict=True)]
     rates: Vector = []
     if rows:
-        b = seen_by(ear, rows, total, "b", "Eq. 32")
+        b = components_along(ear, rows, total, "b", "Eq. 32")
         for i, row in enumerate(rows):
             if row.surface is not None:
                 b[i] = x.let("b", row.gap + dot(row.n, moved[row.loop].linear), "Eq. 32")
@@ -159,7 +159,7 @@ def far_steps(x: Scope, kind: RegionKind) -> None:
 
 
 def conditions(x: Scope, kind: EarKind) -> None:
-    """Block of an ear: the condition of its closure matrix, section 4.7 of the theory page.
+    """Block of an ear: the condition number of its closure matrix, section 4.7 of the theory page.
 
     With rows and columns scaled it is ``|R^-1| max(|R|, sqrt(n))/n`` in Frobenius norms, and ``|1/r|`` of a single column; 1
     where nothing depends on the configuration.

@@ -21,7 +21,7 @@ from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def outer_accelerations(x: Scope, kind: RegionKind, lanes: bool) -> dict[int, Value]:
-    """Accelerations that are known before a region's own: of far links, base and partners, by position."""
+    """Accelerations that are known before a region's own: of far links, base and partners, by index of the unknown."""
     base = x.load(LBASE if lanes else BASE, fields.explicit_acceleration) if kind.carried else []
     of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
     found = {place_of_base(kind) + i: value for i, value in enumerate(base)}
@@ -59,7 +59,7 @@ def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
 
 
 def source_accelerations(x: Scope, kind: EarKind, lanes: bool) -> Vector:
-    """Accelerations of all sources as an ear reads them."""
+    """Accelerations of all sources of an ear's region."""
     store, own = LREGION if lanes else REGION, kind.total if kind.rigid else kind.sources
     found = [x.load(store, fields.source_acceleration(c)) for c in range(own)]
     if kind.total > len(found):

@@ -184,19 +184,21 @@ def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> Non
 
 
 def ear_balance_in(x: Scope, kind: EarKind) -> None:
-    """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
-    what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
+    """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents.
+
+    Their residuals along the joints are projected onto the sources. Eqs. 9, 45, 50.
+    """
     ear, rows, d = begin_inward(x, kind)
     phi, d_phi = forces_at_links(x, kind, fields.needed)
     wrench = closing_wrench(x, ear, phi) if rows else []
-    on_roots, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
+    on_roots, coupling_forces = add_closing_wrenches(x, ear, rows, wrench, phi, d_phi, d)
 
-    def missing(k: int, j: int) -> Value:
-        return missed(x, ear, k, j, phi[k], d_phi[k], taken)
+    def residual(k: int, j: int) -> Value:
+        return residual_tangent(x, ear, k, j, phi[k], d_phi[k], coupling_forces)
 
-    r = {c: missing(k, j) for c, (k, j) in own_sources(kind).items()}
+    r = {c: residual(k, j) for c, (k, j) in own_sources(kind).items()}
     for n, (k, j) in enumerate(dependents(kind)):
-        value = missing(k, j)
+        value = residual(k, j)
         for c in range(kind.total):
             r[c] = r.get(c, 0) + x.load(EAR, fields.dependent_rate(n, c)) * value
     for c, value in r.items():
@@ -204,22 +206,22 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
     add_to_roots(x, ear, on_roots)
 
 
-def let_wrench_act(
+def add_closing_wrenches(
     x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, phi: list[Vector], d_phi: list[Vector], d: EarTangents
 ) -> tuple[list[RootForce], CouplingForces]:  # fmt: skip
-    """Forces at the links and their tangents, with the wrenches that close the loops, propagated inward.
+    """Add the closing wrenches to the forces at the links, and propagate these and their tangents inward.
 
     Returns the forces on the roots, and those of couplings. Changes phi and d_phi. Eqs. 9, 45.
     """
     on_roots: list[RootForce] = []
-    taken = CouplingForces()
+    coupling_forces = CouplingForces()
     for c, closure in enumerate(ear.kind.closures if rows else ()):
         if closure.is_coupling:
-            taken.add(ear, c, rows, wrench, d)
+            coupling_forces.add(ear, c, rows, wrench, d)
         else:
             on_roots += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
-    on_roots += transmit(x, ear, phi, d_phi, d, taken)
-    return on_roots, taken
+    on_roots += transmit(x, ear, phi, d_phi, d, coupling_forces)
+    return on_roots, coupling_forces
 
 
 def begin_inward(
@@ -244,7 +246,7 @@ def begin_inward(
 
 
 def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Vector], list[Vector]]:
-    """Forces that the motions of links require, with contributions of other links, and the tangents of the former by name."""
+    """Forces that the links require and other links contribute, with their tangents; `tangent` is the field of the former."""
     phi: list[Vector] = []
     d_phi: list[Vector] = []
     for k in range(len(kind.links)):
@@ -259,7 +261,7 @@ def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Ve
 
 
 def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
-    """The loops' multipliers: with them, dependent joints transmit their own force along their degrees of freedom. Eqs. 9, 53."""
+    """The loops' multipliers, with which dependent joints transmit only their own force along their columns. Eqs. 9, 53."""
     # forces that the joints would transmit without the loops' wrenches
     held = transmitted(x, ear, phi)
     gamma = [
@@ -269,14 +271,14 @@ def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
     return stored_factor(x, ear.kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
 
 
-def missed(
-    x: Scope, ear: EarGeometry, k: int, j: int, phi: Vector, d_phi: Vector, taken: CouplingForces, found: bool = False
+def residual_tangent(
+    x: Scope, ear: EarGeometry, k: int, j: int, phi: Vector, d_phi: Vector, coupling_forces: CouplingForces, found: bool = False
 ) -> Value:  # fmt: skip
-    """Tangent of the residual of a transmitted force along a degree of freedom; `found` as of `own_force_tangent`. Eq. 53."""
+    """Tangent of the residual of a transmitted force along a degree of freedom; for `found` see `own_force_tangent`. Eq. 53."""
     dtau = own_force_tangent(x, ear.kind, k, j, found)
     s = column_of(ear, k, j)
     change = s.change(ear.members[k].view, phi)
-    change = change + taken.tangents.get((k, j), 0)
+    change = change + coupling_forces.tangents.get((k, j), 0)
     return x.let("dgamma", s.along(d_phi) + change - dtau, "d Eq. 53", lanes=True)
 
 
@@ -288,15 +290,15 @@ def column_of(ear: EarGeometry, k: int, j: int) -> Column:
 def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int, found: bool = False) -> Value:
     """Tangent of the model's own force along a degree of freedom, or a prescribed coordinate, minus that of its rotor.
 
-    The balance holds udot of the independent degrees of freedom, and dependent ones follow. Once the tangent of udot has been
-    `found`, the rotor resists that.
+    The balance holds udot of the independent degrees of freedom; the dependent udot follow. If the tangent of udot has been
+    `found`, the rotor's force includes it.
     """
     link, view = kind.links[k], MemberView(x, k)
     if link.joint.driven:
         return (x.entry(DHELD[k], 0) if link.held else 0) - driven_rotor_change(view, link)
     force = (x.entry(DTAU[k], j) if link.forced[j] else 0) - rotor_force_change(view, link, j)
     a = rotor(view, link, j)
-    if is_zero(a) or j not in kind.dependent[k]:  # the accelerations of the others are held
+    if is_zero(a) or j not in kind.dependent[k]:  # independent accelerations are held
         return force
     rate = x.entry(DUDOT[k], j) if found else x.load(MY_LANE[k], fields.dependent_acceleration(j))
     return force - a * rate
@@ -321,9 +323,9 @@ def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
 
 
 def transmit(
-    x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents, taken: CouplingForces
+    x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents, coupling_forces: CouplingForces
 ) -> list[RootForce]:
-    """The same with the loops' wrenches, and its tangent, stored in `phi` and `d_phi`; returns the forces on the roots."""
+    """Propagate the transmitted forces and their tangents inward, in `phi` and `d_phi`; returns the forces on the roots."""
     kind = ear.kind
     on_roots: list[RootForce] = []
     for k in reversed(range(len(phi))):
@@ -332,12 +334,12 @@ def transmit(
             # in equilibrium a dependent joint transmits its own force along its degree of freedom, plus that of couplings
             s = column_of(ear, k, j)
             own = tau(x, kind, k, j)
-            if (k, j) in taken.forces:
-                own = x.let("tau", own - taken.forces[k, j], "Eq. 9")
+            if (k, j) in coupling_forces.forces:
+                own = x.let("tau", own - coupling_forces.forces[k, j], "Eq. 9")
             phi[k][s.lead] = s.completed(phi[k], own)
         phi[k] = [x.name("phi", v, "Eq. 45") for v in phi[k]]
         d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
-        if member.parent < 0 and not ear.roots[-1 - member.parent].feels:
+        if member.parent < 0 and not ear.roots[-1 - member.parent].needs_force:
             continue
         on_parent = force_to_parent(x, member.joint, phi[k], "Eq. 45", member.r)
         if x.structural:
@@ -375,7 +377,7 @@ def apply_wrench(
     on_roots: list[RootForce] = []
     for side, sign in ((0, -1), (1, 1)):
         place = ear.kind.closures[c].faces[side]
-        if place < 0 and not ear.roots[-1 - place].feels:
+        if place < 0 and not ear.roots[-1 - place].needs_force:
             continue
         slip = ear.slip(c) if side == 0 else None
         n, dn = moment, d_moment
@@ -415,7 +417,7 @@ def add_to_roots(x: Scope, ear: EarGeometry, on_roots: list[RootForce]) -> None:
     """Add the forces on the roots, along their axes."""
     for t, root in enumerate(ear.roots):
         parts = [h for h in on_roots if h.root == t]
-        if parts and root.feels:
+        if parts and root.needs_force:
             total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
             change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]
             root.receive_own(total, change)

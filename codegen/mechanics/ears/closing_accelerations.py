@@ -9,7 +9,7 @@ from ...program.scalar import Vector
 from ..spatial import ZERO, add, cross, dot, matvec, minus, scale
 from ..tree.kinematics import acceleration_matrix
 from .closures import named_root_velocities
-from .conditions import Condition, seen_by
+from .conditions import Condition, components_along
 from .geometry import EarGeometry
 from .motions import FaceMotion, Twist
 
@@ -27,7 +27,7 @@ def closing_accelerations(
     slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear)) if ear.slides else []
     at_cuts, relative = cut_accelerations(x, ear, face, joints, slips)
     result: Vector = []
-    for row, value in zip(rows, seen_by(ear, rows, at_cuts, name, "Eq. 31"), strict=True):
+    for row, value in zip(rows, components_along(ear, rows, at_cuts, name, "Eq. 31"), strict=True):
         if row.surface is not None:
             bent = row.surface.curvature(slips[row.loop].linear)
             result.append(x.let(name, value + row.share * bent, "Eq. 31"))

@@ -20,7 +20,7 @@ from ..structure.factor_form import FactorForm
 from ..structure.kinds import EarKind, LinkKind
 from ..structure.links import identity
 from ..tree.kinematics import angular_velocity, origin_velocity
-from .conditions import counted_conditions, seen_by
+from .conditions import components_along, counted_conditions
 from .geometry import EarGeometry
 from .members import MemberView
 from .motions import Twist
@@ -47,7 +47,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
     tag = "Eq. 34"
     rows = counted_conditions(ear)
     dependents = ear.dependents()
-    columns = [seen_by(ear, rows, ear.column(k, f), "E", tag) for k, f in dependents]
+    columns = [components_along(ear, rows, ear.column(k, f), "E", tag) for k, f in dependents]
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
     length = float(
         algebra.ratio(kind.scale, kind.per_length)
@@ -68,9 +68,9 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
             k, j = own
             for n, moved in enumerate(ear.column(k, ear.members[k].freedoms[j])):
                 at_cuts[n] = at_cuts[n].plus(moved)
-        b = seen_by(ear, kept_rows, at_cuts, "b", "Eq. 36")
+        b = components_along(ear, kept_rows, at_cuts, "b", "Eq. 36")
         if own is None and all(root.vanishes for root in roots):
-            # zeros are stored too: the links' kinds may be those of other ears, which the source moves
+            # zeros are stored too: links of this kind may be in other ears, in which the source moves them
             for d in range(len(dependents)):
                 x.store(EAR, fields.dependent_rate(d, c), 0)
             for k in range(len(ear.members)):
@@ -106,7 +106,7 @@ def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
         if link.closed_on == "origin":
             at_rest(x, ME[k])
     moving = [k for k, link in enumerate(kind.links) if link.closed_on == "moving"]
-    if not moving:  # then the base need not be known relative to the origin either
+    if not moving:  # then the base is not needed relative to the origin either
         return
     W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
     velocities = member_velocities(x, ear, rates)

@@ -19,7 +19,7 @@ from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangents
 from .closures import named_root_velocities, stored_factor
-from .conditions import Condition, joint_conditions, kept_conditions, seen_by
+from .conditions import Condition, components_along, joint_conditions, kept_conditions
 from .couplings import displacement
 from .geometry import EarGeometry
 from .members import joint_motion
@@ -132,7 +132,7 @@ def complete_positions(
     dq: dict[tuple[int, int], Value] = {}
     rows = kept_conditions(ear)
     if rows:
-        b = seen_by(ear, rows, cut_displacements(x, ear, angles, moved, False), "b", "d Eq. 30", lanes=True)
+        b = components_along(ear, rows, cut_displacements(x, ear, angles, moved, False), "b", "d Eq. 30", lanes=True)
         b = [with_parameters(x, row, value) for row, value in zip(rows, b, strict=True)]
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
         for k, added in enumerate(ear.walk(ear.still(), ear.coefficients(rates), "dd", tag, lanes=True)):
@@ -155,8 +155,8 @@ def complete_velocities(
     roots = named_root_velocities(ear)
     velocities = ear.walk(roots, [m.speeds for m in ear.members], "r", "Eq. 30")
     rows = kept_conditions(ear)
-    seen = ear.face_difference(velocities, roots, [m.speeds for m in ear.members])
-    conditions = seen_by(ear, rows, seen, "cv", "Eq. 30")
+    at_cuts = ear.face_difference(velocities, roots, [m.speeds for m in ear.members])
+    conditions = components_along(ear, rows, at_cuts, "cv", "Eq. 30")
     seeds: dict[Symbol, Value] = {}
     held: Vector = []
     for t, root in enumerate(ear.roots):

@@ -54,7 +54,7 @@ class Condition:
 
 
 def counted_conditions(ear: EarGeometry) -> list[Condition]:
-    """All conditions of all loops that count. Linear ones are divided by the characteristic length."""
+    """The conditions of all loops, without dropped ones. Linear ones are divided by the characteristic length."""
     found: list[Condition] = []
     for c, closure in enumerate(ear.kind.closures):
         rows = _of_joint(ear, c, ear.x.number(ear.kind.scale), True)
@@ -64,7 +64,7 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
 
 
 def kept_conditions(ear: EarGeometry) -> list[Condition]:
-    """The conditions that count and that can be nonzero, as found by the block of the closures."""
+    """The conditions that can be nonzero, without dropped ones, as determined by the block of the closures."""
     kept = ear.kind.form.rows
     rows = counted_conditions(ear) if kept else []
     return [rows[i] for i in kept]
@@ -123,7 +123,7 @@ def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list
 
 
 def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
-    """All conditions of a loop joint whose faces may be apart: they and their rates hold where others do not."""
+    """All conditions of a loop joint whose faces may be apart; they and their rates hold even if dropped ones do not."""
     closure = ear.kind.closures[c]
     s = ear.face_axes(c, 0)
     found = [Condition(c, False, scale(share, n)) for n in held(closure.holds.linear, closure.axis, s, s)]
@@ -149,7 +149,7 @@ def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
     return found
 
 
-def seen_by(
+def components_along(
     ear: EarGeometry, rows: Sequence[Condition], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False
 ) -> Vector:
     """Components of motions at the cuts along the conditions."""

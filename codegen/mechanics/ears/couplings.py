@@ -26,7 +26,7 @@ def _seen(value: Value) -> Twist:
     return Twist([value, 0, 0], [0, 0, 0])
 
 
-def open_by(ear: EarGeometry, c: int) -> Twist:
+def coupling_residual(ear: EarGeometry, c: int) -> Twist:
     """Residual of a coupling. Eq. 32."""
     x = ear.x
     total: Value = -x.load(LOOP_CONSTANTS[c], fields.coupling_offset)
@@ -36,7 +36,7 @@ def open_by(ear: EarGeometry, c: int) -> Twist:
 
 
 def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
-    """Change of that residual with parameters and joints; only `complete` seeds include dependent ones. d Eq. 30."""
+    """Change of that residual with parameters and coordinates, dependent ones only if the seeds are `complete`. d Eq. 30."""
     x, closure = ear.x, ear.kind.closures[c]
     total: Value = 0
     for j in range(closure.parameters):

@@ -17,7 +17,7 @@ from ..structure.kinds import LinkKind
 
 
 class MemberView(Scope):
-    """The expansion of an ear as one of its links reads it: constants, coordinates and records are the link's own."""
+    """Access of one of an ear's links to the block: constants, coordinates and records are the link's own."""
 
     def __init__(self, x: Scope, place: int):
         super().__init__(x.title, x.tangents, x.units)

@@ -1,4 +1,4 @@
-"""How a link moves: its twist, and its accelerations.
+"""Motion of a link: its twist, and its accelerations.
 
 Angular parts come first; linear ones are those of the link's origin. Whose axes they are in is said where they are used.
 """
@@ -18,24 +18,24 @@ from ..spatial import ZERO, add, cross, is_zero, matvec, minus, scale
 
 @dataclass(slots=True)
 class Twist:
-    """Angular and linear part of a velocity, of a displacement, or of an acceleration that is linear in something."""
+    """Angular and linear part of a velocity, of a displacement, or of a change of acceleration."""
 
     angular: Vector
     linear: Vector
 
     @staticmethod
     def load(x: Scope, store: Store, field: SixField) -> Twist:
-        """From a field of six components."""
+        """The twist in a field of six components."""
         return Twist.of(x.load(store, field))
 
     @staticmethod
     def of(six: Sequence[Value]) -> Twist:
-        """From six components."""
+        """The twist with these six components."""
         return Twist(list(six[:3]), list(six[3:]))
 
     @staticmethod
     def zero() -> Twist:
-        """Of what does not move."""
+        """The zero twist."""
         return Twist(list(ZERO), list(ZERO))
 
     @property
@@ -45,7 +45,7 @@ class Twist:
 
     @property
     def vanishes(self) -> bool:
-        """It is zero in every state."""
+        """Whether it is zero in every state."""
         return all(is_zero(v) for v in self.six)
 
     def at(self, lever: Vector) -> Vector:
@@ -76,17 +76,17 @@ class Motion:
 
     @staticmethod
     def load(x: Scope, store: Store, fields: MotionFields) -> Motion:
-        """From its four fields."""
+        """The motion in these four fields."""
         w, al, a = (x.load(store, field) for field in (fields.w, fields.al, fields.a))
         return Motion(w, al, a, x.load(store, fields.B))
 
     @staticmethod
     def falling(a: Vector) -> Motion:
-        """Of what accelerates without turning."""
+        """A motion with an acceleration but no rotation."""
         return Motion(list(ZERO), list(ZERO), a, [list(ZERO) for _ in range(3)])
 
     def store(self, x: Scope, store: Store, fields: MotionFields) -> None:
-        """In its four fields."""
+        """Store the motion in these four fields."""
         for field, v in ((fields.w, self.w), (fields.al, self.al), (fields.a, self.a)):
             x.store(store, field, v)
         x.store(store, fields.B, self.B)
@@ -97,4 +97,4 @@ class Motion:
 
 
 FaceMotion = Callable[[int, int], tuple[Vector, Vector, Vector]]
-"""Angular velocity, angular and linear acceleration of a face by loop and side, in region axes."""
+"""Angular velocity, angular and linear acceleration of a face, by loop and side, along region axes."""

@@ -20,7 +20,7 @@ from ..stores import EAR, RANK
 from ..structure.factor_form import FactorForm, Step
 
 SMALLEST = 1e-28
-"""Part of a squared column that must remain after projection, and in all; below it the closure matrix has lost rank."""
+"""Smallest square of a column after projection, relative to its square before; below it the closure matrix has lost rank."""
 
 
 class RankLossError(ValueError):
@@ -137,7 +137,7 @@ def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
 
 
 def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Factor:
-    """Factor a matrix given by its columns, those with fewest entries first; columns are of order one except near rank loss."""
+    """Factor a matrix given by its columns, those with fewest entries first. Columns are of order one except near rank loss."""
     let = x.let
     f = Factor(x)
     support = [[i for i, v in enumerate(c) if v != 0] for c in columns]
@@ -186,7 +186,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        # a column that is nearly zero, of a joint that no longer moves anything, is reported too
+        # this also reports a column that is nearly zero, of a joint that moves nothing in this state
         margin = let(
             "margin", square - x.number(limits().rounding(SMALLEST, 2)) * (x.number(size * size) + above), "rank"
         )

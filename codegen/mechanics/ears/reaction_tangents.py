@@ -40,15 +40,15 @@ from ..tree.inverse_dynamics import transfer
 from ..tree.triangularization import force_to_parent
 from .balance import (
     RootForce,
+    add_closing_wrenches,
     add_to_roots,
     begin_inward,
     closing_wrench,
     forces_at_links,
-    let_wrench_act,
-    missed,
+    residual_tangent,
 )
 from .closures import dependents, stored_factor
-from .conditions import Condition, of_loop, seen_by
+from .conditions import Condition, components_along, of_loop
 from .geometry import EarGeometry
 from .roots import Frame, Ground, Root
 from .tangents import EarTangents
@@ -76,7 +76,7 @@ def needed(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_needed(x: Scope, kind: EarKind) -> None:
-    """The same for an ear's links. The balance has included the dependent joints with the sources' udot held."""
+    """Outward block over directions of an ear. The balance has included the dependent joints with the sources' udot held."""
     ear = EarGeometry(x, kind)
     added: list[Vector] = []
     for k, member in enumerate(ear.members):
@@ -92,7 +92,7 @@ def ear_needed(x: Scope, kind: EarKind) -> None:
 
 def of_root(x: Scope, root: Root) -> Vector:
     """Contribution of the change of udot to the acceleration of a root, along its own axes."""
-    if isinstance(root, Ground) or (isinstance(root, Frame) and not root.feels):
+    if isinstance(root, Ground) or (isinstance(root, Frame) and not root.needs_force):
         return [0] * 6
     return x.load(LBASE if isinstance(root, Frame) else LROOTS[root.place], fields.explicit_acceleration)
 
@@ -130,16 +130,20 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
     ear, rows, d = begin_inward(x, kind, moving_shares=redundant)
     phi, d_phi = forces_at_links(x, kind, fields.total_needed)
     wrench = closing_wrench(x, ear, phi) if rows else []
-    open_by = redundant_part(x, ear, rows, wrench, d) if redundant else []
-    on_roots, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
+    redundant_change = redundant_part(x, ear, rows, wrench, d) if redundant else []
+    on_roots, coupling_forces = add_closing_wrenches(x, ear, rows, wrench, phi, d_phi, d)
     if rows:
-        rest = [-missed(x, ear, k, j, phi[k], d_phi[k], taken, found=True) for k, j in dependents(kind)]
+        rest = [
+            -residual_tangent(x, ear, k, j, phi[k], d_phi[k], coupling_forces, found=True) for k, j in dependents(kind)
+        ]
         d_wrench = stored_factor(x, kind).solve_transposed(rest, "dW", "d Eq. 9", lanes=True)
-        if open_by:
-            d_wrench = [x.let("dW", a + b, "d Eq. 9", lanes=True) for a, b in zip(d_wrench, open_by, strict=True)]
+        if redundant_change:
+            d_wrench = [
+                x.let("dW", a + b, "d Eq. 9", lanes=True) for a, b in zip(d_wrench, redundant_change, strict=True)
+            ]
         for c in range(len(kind.closures)):
             store_loop(x, ear, c, rows, wrench, d_wrench, d)
-        on_roots += let_act(x, ear, rows, d_wrench, d_phi)
+        on_roots += add_wrench_changes(x, ear, rows, d_wrench, d_phi)
     else:
         for c in range(len(kind.closures)):
             for i in SIX:
@@ -157,9 +161,9 @@ def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Ve
     d.hold(z)
     rates = ear.coefficients(z)
     motions = ear.walk(ear.still(), rates, "z", "Eq. 9")
-    seen = seen_by(ear, rows, ear.face_difference(motions, ear.still(), rates), "Ez", "Eq. 9")
+    conditions = components_along(ear, rows, ear.face_difference(motions, ear.still(), rates), "Ez", "Eq. 9")
     d.run()
-    moved = [x.let("dEz", d.of(v), "d Eq. 9", lanes=True) for v in seen]
+    moved = [x.let("dEz", d.of(v), "d Eq. 9", lanes=True) for v in conditions]
     for q in factor.q:
         along = x.let("along", inner(q, moved), "d Eq. 9", lanes=True)
         moved = [x.let("dEz", v - product(e, along), "d Eq. 9", lanes=True) for e, v in zip(q, moved, strict=True)]
@@ -192,7 +196,7 @@ def store_loop(
     store_tangent(x, DLOOP_REACTION[c], W, dW, force, tangent)
 
 
-def let_act(
+def add_wrench_changes(
     x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]
 ) -> list[RootForce]:
     """Add the effect of changes of the multipliers on the faces to `d_phi`, and to the forces on the roots."""
@@ -205,7 +209,7 @@ def let_act(
         wrench = [*moment, *force]
         for side, sign in ((0, -1), (1, 1)):
             place = closure.faces[side]
-            if place < 0 and not ear.roots[-1 - place].feels:
+            if place < 0 and not ear.roots[-1 - place].needs_force:
                 continue
             slip = ear.slip(c) if side == 0 else None
             at_face = turned(transpose(ear.attitude(place)), wrench if slip is None else about(slip, wrench))
@@ -221,7 +225,7 @@ def let_act(
         member = ear.members[k]
         more[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in more[k]]
         d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in add(d_phi[k], more[k])]
-        if member.parent < 0 and not ear.roots[-1 - member.parent].feels:
+        if member.parent < 0 and not ear.roots[-1 - member.parent].needs_force:
             continue
         joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=True)
         on_parent = force_to_parent(x, joint, more[k], "d Eq. 45", member.r)

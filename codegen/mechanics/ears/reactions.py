@@ -125,7 +125,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
             on_roots.append((-1 - member.parent, about(member.rho, held[k])))
     for t, root in enumerate(ear.roots):
         parts = [p for number, p in on_roots if number == t]
-        if parts and root.feels:
+        if parts and root.needs_force:
             root.receive(add(*parts))
 
 

@@ -90,7 +90,7 @@ def region_system(x: Scope, kind: RegionKind) -> SymmetricSystem:
                     Q[c][first + k] = Q[first + k][c] = value
                 elif not at <= c < at + 6:
                     Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + value, "Eq. 40")
-                elif c - at <= k:  # it is on both sides of the base's own block
+                elif c - at <= k:  # the base is also a partner: both rows and columns of its own block change
                     both = value + P[at + k][c - at]
                     Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + both, "Eq. 40")
     return SymmetricSystem(x, kind, Q, g, OF_SOURCES, [""] * size)

@@ -51,7 +51,7 @@ class Root(ABC):
         """The record of the link."""
 
     @property
-    def feels(self) -> bool:
+    def needs_force(self) -> bool:
         """Whether forces on it are needed; those on the ground are not."""
         return True
 
@@ -106,12 +106,12 @@ class Root(ABC):
 
     def receive(self, force: Vector) -> None:
         """Add a moment and a force, about its origin."""
-        if self.feels:
+        if self.needs_force:
             add_to_sum(self.x, REGION, self.sums[0], force, "to_root", "Eq. 45")
 
     def receive_own(self, force: Vector, tangent: Vector) -> None:
         """Add a moment and a force, about its origin and along its own axes, and its tangent."""
-        for i in SIX if self.feels else ():
+        for i in SIX if self.needs_force else ():
             self.x.store(REGION.sum, self.sums[0].scalars()[i], force[i])
             self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
 
@@ -124,7 +124,7 @@ class Frame(Root):
         return BASE
 
     @property
-    def feels(self) -> bool:
+    def needs_force(self) -> bool:
         return self.kind.carried
 
     @property
@@ -168,7 +168,7 @@ class Ground(Root):
         return GROUND
 
     @property
-    def feels(self) -> bool:
+    def needs_force(self) -> bool:
         return False
 
     def attitude(self) -> Matrix:

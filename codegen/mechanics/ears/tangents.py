@@ -85,10 +85,10 @@ class EarTangents:
         """Tangents of named values."""
 
     def turn_joints(self) -> None:
-        """Let vectors pass from link to link: their rotations are sines, cosines and matrices of the joints."""
+        """Treat rotations from link to link as functions of the joints' sines, cosines and matrices."""
 
     def hold(self, v: Vector) -> None:
-        """Values with given tangents, or with zero tangents until more is known: they are not differentiated."""
+        """Give values these tangents, or zero ones until more is known, instead of differentiating them."""
 
 
 class WrittenTangents(EarTangents):

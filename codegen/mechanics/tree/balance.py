@@ -20,7 +20,7 @@ from ..spatial import is_zero
 from ..stores import CONSTANTS, DFORCE, DHELD, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE
 from ..structure.kinds import LinkKind
 from .back_substitution import carry, joint_accelerations
-from .inverse_dynamics import hand_on_lanes, transfer
+from .inverse_dynamics import propagate_lanes, transfer
 from .triangularization import constants_of_inertia, force_to_parent, labels_of, unknowns_left
 
 
@@ -74,7 +74,7 @@ def solve_inward(x: Scope, kind: LinkKind) -> None:
         x.store(MY_LANE, fields.driving_rest, x.let("ddrive", joint.driven_column.along(P), "Eq. 53", lanes=True))
     eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
     if kind.has_parent:
-        hand_on_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))
+        propagate_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))
 
 
 def balance_outward(x: Scope, kind: LinkKind) -> None:
@@ -125,4 +125,4 @@ def mass_inward(x: Scope, kind: LinkKind) -> None:
         own = rotor(x, kind, j)
         x.set_entry(DFORCE, j, s.along(P) if is_zero(own) else s.along(P) + own * x.entry(RIGHT_SIDE, j))
     if kind.has_parent:
-        hand_on_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))
+        propagate_lanes(x, kind, force_to_parent(x, joint, P, "Eq. 45"))

@@ -32,7 +32,7 @@ def joint_acceleration(x: Scope, joint: LinkJoint, al: Vector, a: Vector) -> tup
 
 
 def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[Vector, Vector, dict[Symbol, Value]]:
-    """The accelerations of a link found by forward dynamics, and the values that they equal: `al` and `a`.
+    """The accelerations of a link from forward dynamics, and the computed values that they equal: `al` and `a`.
 
     Forward dynamics solves for udot and the accelerations together. Accelerations summed up from udot alone would contain the
     errors of every inboard udot, which are large relative to the accelerations at the end of a long chain.
@@ -54,7 +54,7 @@ def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[V
 
 
 def balance_start(x: Scope, kind: LinkKind) -> None:
-    """`newton_euler_outward` with the udot of forward dynamics; links with children have the accelerations that it has found."""
+    """`newton_euler_outward` with the udot of forward dynamics; for links with children also with its accelerations."""
     newton_euler_outward(x, kind, kind.carries)
 
 
@@ -108,7 +108,7 @@ def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
 def transfer(
     x: Scope, kind: LinkKind, joint: LinkJoint, phi: Vector, d_phi: Vector, beside: Vector | None = None
 ) -> None:
-    """Propagate the transmitted force and its tangent to the parent, with the parent's contributions as a partner (`beside`)."""
+    """Propagate the transmitted force and its tangent to the parent; `beside` is the parent's contribution as a partner."""
     r = joint.offset()
     named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
     force = force_to_parent(x, joint, named, "Eq. 45", r)
@@ -124,9 +124,9 @@ def transfer(
         moved = [x.let("beside", v, "d Eq. 45", lanes=True) for v in add(moved, beside)]
     accumulate_force(x, UP, fields.transmitted, force, is_first(x, kind), "Eq. 45")
     if x.tangents:
-        hand_on_lanes(x, kind, moved)
+        propagate_lanes(x, kind, moved)
 
 
-def hand_on_lanes(x: Scope, kind: LinkKind, force: Vector) -> None:
-    """Add a tangent, or the bias force of a solution, to the sum of the parent."""
+def propagate_lanes(x: Scope, kind: LinkKind, force: Vector) -> None:
+    """Add a tangent, or the bias force of a solution, to the parent's sum."""
     accumulate_force(x, LUP, fields.articulated_force, force, is_first(x, kind), "Eq. 45", lanes=True)

@@ -82,7 +82,7 @@ def force_to_parent(x: Scope, joint: LinkJoint, force: Vector, tag: str, r: Vect
 
 
 def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
-    """Inertia and force over the link's six components and those of its partners."""
+    """Inertia and force along the link's six components and those of its partners."""
     needed, children = fields.needed, fields.articulated_force
     I = articulated_inertia(x)
     p = add(x.load(ME, needed.angular), x.load(ME, children.angular)) + add(
@@ -101,15 +101,15 @@ def labels_of(kind: LinkKind) -> list[str]:
 
 
 def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
-    """Unknowns, of `count`, that remain after a degree of freedom; after the last one of a joint on the ground not the link's."""
+    """The unknowns, of `count`, still needed after degree of freedom j; not the link's own after the last joint on the ground."""
     return range(0 if j > 0 or kind.has_parent else 6, count)
 
 
 def inertia_scales(x: Scope, kind: LinkKind, I: Matrix, pivot: int) -> Vector:
     """Sizes that pivots are compared with, angular and linear: traces of the articulated inertia (`zero pivot`).
 
-    If nothing else needs an entry of these, the body's own inertia and sizes from the children take its place.
-    `pivot` is the entry that is itself the only pivot and is left out; -1 if there is none.
+    If no other statement needs an entry of these, the body's own inertia and the children's sizes replace it. `pivot` is an
+    entry that is left out, since it is the only pivot; -1 if there is none.
     """
     turning, mass = (_total([I[i][i] for i in range(n, n + 3) if i != pivot]) for n in (0, 3))
     tag = "zero pivot"
@@ -126,7 +126,7 @@ def _total(entries: Vector) -> Value:
 
 
 def _pivot_entry(x: Scope, kind: LinkKind, joint: LinkJoint) -> int:
-    """The entry of the articulated inertia that is the pivot of a joint with one degree of freedom; -1 if there is none."""
+    """The entry of the articulated inertia that is a joint's only pivot; -1 if there is no such entry."""
     alone = joint.freedoms == 1 and not joint.columns[0].others and is_zero(rotor(x, kind, 0))
     return joint.columns[0].lead if alone else -1
 
