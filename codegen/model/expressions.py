@@ -1,18 +1,18 @@
 """Expressions of a model file: a small grammar, parsed once per text, never evaluated as Python.
 
-A parsed expression is a tree of tuples, so that engines and generator walk it with their own numbers:
+A parsed expression is a tree of tuples, which engines and generator evaluate with their own numbers:
 
 ``("number", value)``, ``("name", name)``, ``("neg", a)``, ``("+", a, b)``, ``("-", a, b)``, ``("*", a, b)``,
 ``("/", a, b)``, ``("**", a, b)`` and ``("call", function, a, ...)``.
 
-Names are those of parameters and inputs, ``t``, ``q.NAME`` and ``u.NAME``, and, of forces on bodies, ``position.POINT.x`` and
-``velocity.POINT.x``; constants and repeat indices have become
-numbers, ``pi`` too. Whole numbers below 2**53 are Python ints (exact in every arithmetic), all others are floats.
+Names are those of parameters and inputs, ``t``, ``q.NAME`` and ``u.NAME``, and, in forces on bodies, ``position.POINT.x`` and
+``velocity.POINT.x``. Constants, repeat indices and ``pi`` have become numbers. Integers below 2**53 are Python ints (exact in
+every arithmetic); all other numbers are floats.
 
-Four more nodes exist between `parse` and `bind` only, because they are settled while a model is loaded:
-``("indexed", name, indices, suffix)`` for a name with repeat indices such as ``q.link(k-1)``, ``("%", a, b)``,
-``("quantity", value, dimension, text)`` for a number with a unit, and ``("component", a, k, wanted)`` for one of the three of an
-expression that stands in the place of a vector.
+Four more nodes exist between `parse` and `bind` only, because they are resolved while a model is loaded:
+``("indexed", name, indices, suffix)`` for a name with repeat indices such as ``q.link(k-1)``; ``("%", a, b)``;
+``("quantity", value, dimension, text)`` for a number with a unit; and ``("component", a, k, wanted)`` for a component of an
+expression given in place of a vector.
 
 Expressions are interned: equal trees are one object, so structure repeated in a model is recognised by identity.
 """
@@ -48,7 +48,7 @@ from .trees import nodes, parts
 
 
 def _operators(kind: str) -> tuple[Callable[..., Expression], Callable[..., Expression]]:
-    """The methods of an operator with the expression on its left, and on its right; the other operand may be a number."""
+    """The methods of an operator with the expression on its left and on its right; the other operand may be a number."""
 
     def left(one: Expression, other: Expression | Number) -> Expression:
         return made(kind, one, other)
@@ -65,7 +65,7 @@ class Expression:
     Parameters
     ----------
     tree : tuple
-        As described at the top of this module.
+        See the top of this module.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Expression:
 
     @staticmethod
     def number(value: Number) -> Expression:
-        """The expression of one finite number."""
+        """The expression of a finite number."""
         return Expression(("number", canonical(value)))
 
     @property
@@ -119,7 +119,7 @@ class Expression:
 
     @property
     def has_units(self) -> bool:
-        """Whether a number in it, as it is written, has a unit."""
+        """Whether a number in it is written with a unit."""
         if self._has_units is None:
             object.__setattr__(self, "_has_units", has_units(self.tree))
         return bool(self._has_units)
@@ -130,7 +130,7 @@ class Expression:
 
     @property
     def value(self) -> Number:
-        """The number, if `is_number`, or what numbers that are left as they are written come to.
+        """The number, if `is_number`, or the result of numbers that have not been combined.
 
         Raises
         ------
@@ -149,15 +149,15 @@ class Expression:
         values : mapping of str to number
             A value for every name in `names`.
         functions : mapping of str to callable, optional
-            The functions of the grammar, ``"**"``, and ``"number"``, which turns an int or float of the tree into
-            a number of the arithmetic before anything is computed with it. See `functions_for`; floats by default.
+            The functions of the grammar, ``"**"``, and ``"number"``, which converts each int or float of the tree to
+            a number of the arithmetic. See `functions_for`; floats by default.
 
         Raises
         ------
         ArithmeticError or ValueError
-            As the functions raise it: division by zero, overflow, a function outside its domain.
+            Raised by the functions: division by zero, overflow, a function outside its domain.
         KeyError
-            A name without a value.
+            If a name has no value.
         """
         return _evaluate(self.tree, values, FLOAT_FUNCTIONS if functions is None else functions)
 
@@ -172,19 +172,19 @@ _interned: WeakValueDictionary[Tree, Expression] = WeakValueDictionary()
 
 
 def has_units(tree: Tree) -> bool:
-    """Whether a number of a parsed tree has a unit."""
+    """Whether a number in a parsed tree has a unit."""
     return tree[0] == "quantity" or (tree[0] != "indexed" and any(map(has_units, parts(tree))))
 
 
 def has_factors(tree: Tree) -> bool:
-    """Whether a plain number multiplies something in a parsed tree, or is divided by it."""
+    """Whether a plain number multiplies or divides something in a parsed tree."""
     if tree[0] == "indexed":
         return False
     return (tree[0] in ("*", "/") and any(a[0] == "number" for a in tree[1:])) or any(map(has_factors, parts(tree)))
 
 
 def compares(tree: Tree) -> bool:
-    """Whether a bound tree compares numbers that move, or time, or has their `sign` or `mod`: it jumps or has a kink."""
+    """Whether a bound tree compares, takes the `sign` or the `mod` of moving numbers or time, so that it jumps or has a kink."""
     if tree[0] != "call" or tree[1] not in JUMPS:
         return any(map(compares, parts(tree)))
     names = (n[1] for n in nodes(tree) if n[0] == "name")
@@ -223,13 +223,13 @@ _OPERATIONS = {
 
 
 def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
-    """The functions of the grammar taken from a module, for `Expression.evaluate`.
+    """The functions of the grammar from a module, for `Expression.evaluate`.
 
     Parameters
     ----------
     module : module
-        ``numpy``, ``mpmath`` (or a context such as ``mpmath.mp``), ``sympy``, or any module that calls its functions as
-        Python's ``math`` does.
+        ``numpy``, ``mpmath`` (or a context such as ``mpmath.mp``), ``sympy``, or any module with the functions of
+        Python's ``math``.
     """
     root = getattr(module, "__name__", None) or type(module).__module__
     library = root.split(".")[0]
@@ -250,7 +250,7 @@ def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
         functions[name] = found
     number = functions["number"]
     functions[AT_LEAST] = own.get(AT_LEAST) or (lambda a, b: number(1 if a >= b else 0))
-    where = getattr(module, "where", None)  # of arrays; of single numbers one branch alone is evaluated
+    where = getattr(module, "where", None)  # for arrays; for single numbers only one branch is evaluated
     functions[CHOICE] = where or FLOAT_FUNCTIONS[CHOICE]
     functions[VANISHING] = (lambda a, b: where(a == 0, 0 * a, a * b)) if where else FLOAT_FUNCTIONS[VANISHING]
     functions[WRAPPED] = functions["mod"]
@@ -265,7 +265,7 @@ def _evaluate(tree: Tree, values: Mapping[str, Any], functions: Mapping[str, Cal
         return values[tree[1]]
     if kind == "call" and tree[1] in (CHOICE, VANISHING):
         first = _evaluate(tree[2], values, functions)
-        if not getattr(first, "ndim", 0):  # what does not contribute may have no value
+        if not getattr(first, "ndim", 0):  # the branch that does not contribute may have no value
             if tree[1] == CHOICE:
                 return _evaluate(tree[3] if first else tree[4], values, functions)
             return first * _evaluate(tree[3], values, functions) if first else first
@@ -276,17 +276,17 @@ def _evaluate(tree: Tree, values: Mapping[str, Any], functions: Mapping[str, Cal
     if kind == "neg":
         return -a
     if kind == "**" and tree[2][0] == "number" and isinstance(tree[2][1], int):
-        return a ** tree[2][1]  # an int exponent is exact and allows a negative base in every arithmetic
+        return a ** tree[2][1]  # an int exponent is exact and permits a negative base in every arithmetic
     b = _evaluate(tree[2], values, functions)
     if kind == "**":
         return functions["**"](a, b)
     if kind in ARITHMETIC:
         return ARITHMETIC[kind](a, b)
-    raise ValueError(f"{print_tree(tree, 0)} is settled by bind only")
+    raise ValueError(f"{print_tree(tree, 0)} must be resolved by bind first")
 
 
 def canonical(value: Number) -> Number:
-    """The one representation of a number: whole numbers below 2**53 are ints, all others floats; no -0.0."""
+    """The unique form of a number: integers below 2**53 are ints, all others floats; no -0.0."""
     if isinstance(value, int) and -EXACT < value < EXACT:
         return int(value)
     value = float(value)
@@ -296,13 +296,13 @@ def canonical(value: Number) -> Number:
 
 
 def compute(kind: str, a: Number, b: Number) -> Number:
-    """One operation on numbers: sums and products of ints stay exact, division is the float one."""
+    """One operation on numbers; sums and products of ints are exact, division is in floats."""
     if kind == "%":
         return a % b
     if kind in ARITHMETIC:
         result: Number = ARITHMETIC[kind](a, b)
         return result
-    # The float power first: it overflows at once where the exact one of two ints would run for hours.
+    # the float power first: it overflows at once, while the exact power of two ints could take hours
     power = math.pow(a, b)
     if isinstance(a, int) and isinstance(b, int) and b >= 0 and abs(power) < EXACT:
         return int(a**b)
@@ -310,7 +310,7 @@ def compute(kind: str, a: Number, b: Number) -> Number:
 
 
 def combine(kind: str, *arguments: Tree) -> Tree:
-    """A node of the tree with its numbers computed, and multiplications by 0 and 1 and additions of 0 removed.
+    """A node of the tree with its numerical parts computed, without multiplications by 0 and 1 and additions of 0.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def combine(kind: str, *arguments: Tree) -> Tree:
     Raises
     ------
     ExpressionError
-        If the numbers have no finite result.
+        If the result of the numbers is not finite.
     """
     if kind == CHOICE:
         condition, x, y = arguments
@@ -334,7 +334,7 @@ def combine(kind: str, *arguments: Tree) -> Tree:
     if kind == "neg":
         return arguments[0][1] if arguments[0][0] == "neg" else ("neg", arguments[0])
     if kind == VANISHING and (arguments[0][0] == "number" or arguments[1][0] == "number"):
-        kind = "*"  # nothing is infinite, or the first factor never 0
+        kind = "*"  # no factor is infinite, or the first one is never 0
     if kind in ("mod", WRAPPED) and arguments[1] == ZERO:
         raise ExpressionError(f"{print_tree(_node(kind, arguments), 0)} divides by zero")
     if kind in FUNCTIONS or kind in OF_TREES:
@@ -363,13 +363,13 @@ def combine(kind: str, *arguments: Tree) -> Tree:
             return a
     elif kind == "%":
         raise ExpressionError(
-            f"{print_tree((kind, a, b), 0)}: the remainder % takes numbers, constants and repeat indices only"
+            f"{print_tree((kind, a, b), 0)}: the remainder % is allowed between numbers, constants and repeat indices only"
         )
     return (kind, a, b)
 
 
 def _of_numbers(kind: str, arguments: tuple[Tree, ...]) -> Tree:
-    """The number that an operation or a function of numbers gives."""
+    """The number that results from an operation or a function of numbers."""
     a, b = arguments[0][1], arguments[-1][1]
     try:
         if kind == "neg":
@@ -390,14 +390,14 @@ def _of_numbers(kind: str, arguments: tuple[Tree, ...]) -> Tree:
 
 
 def made(kind: str, *operands: Expression | Number) -> Expression:
-    """An operation or a function of expressions and numbers, with what is numeric computed; see `combine`."""
+    """An operation or function of expressions and numbers, with numerical parts computed; see `combine`."""
     return Expression(
         combine(kind, *[x.tree if isinstance(x, Expression) else ("number", canonical(x)) for x in operands])
     )
 
 
 def combine_exactly(kind: str, *arguments: Tree) -> Tree:
-    """The same, but what a double would round stays as it is written: it is known to as many digits as are asked for."""
+    """The same, but operations that a double would round remain unevaluated, so that any number of digits can be computed."""
     found = combine(kind, *arguments)
     if found[0] != "number" or any(a[0] != "number" for a in arguments):
         return found
@@ -416,7 +416,7 @@ _MOST_EXACT: Final = 64
 
 
 COMBINED: Final = TreeFunctions(combine)
-"""Makes trees with their numbers computed, see `combine`."""
+"""Makes trees with numerical parts computed, see `combine`."""
 
 
 def _node(kind: str, arguments: tuple[Tree, ...]) -> Tree:

@@ -1,4 +1,4 @@
-"""The bytes of a file that a person names, up to a limit."""
+"""Reads the bytes of a file up to a size limit."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ def read_bytes(path: str | Path, limit: int, needed: str, too_large: str) -> byt
     ----------
     path : str or path
     limit : int
-        Bytes; whole megabytes.
+        Largest size in bytes; a whole number of megabytes.
     needed, too_large : str
-        What to say is needed where it cannot be read, and of one that is larger than the limit.
+        Ends of the messages about files that cannot be read, and about files above the limit.
 
     Raises
     ------
     ModelError
-        If it cannot be read or is too large.
+        If the file cannot be read or is too large.
     """
     file = str(path)
     try:

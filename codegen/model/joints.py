@@ -1,6 +1,6 @@
-"""The types of joints: what one is, the keys of a model file and the facts that all engines work from; then one class a type.
+"""The types of joints: the class of a type, its keys in a model file and the facts for all engines; then one class per type.
 
-A new one is a class that is listed at the end.
+A new type is a class listed at the end.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from .motions import Ball, Displacement, Motion, Slide, Turn, names, units
 
 
 class Closure(NamedTuple):
-    """The conditions of a joint that closes a loop, fixed in its start face but for the directions they compare.
+    """The conditions of a loop joint. Their directions are fixed in the start face, except those of axes that are compared.
 
     Attributes
     ----------
     linear : int
-        How many directions the end face's origin is held in: 3 all, 2 those across the axis, 1 the one along it.
+        Number of directions in which the end face's origin is held: 3 all, 2 those across the axis, 1 the one along it.
     angular : int
-        3: the faces are parallel. 2: the axes are parallel. 1: the two axes are perpendicular. 0: they turn freely.
+        3: the faces are parallel. 2: the axes are parallel. 1: the two axes are perpendicular. 0: free rotation.
     """
 
     linear: int
@@ -31,7 +31,7 @@ class Closure(NamedTuple):
 
 
 class JointType(Entry):
-    """A type of joint: a subclass has a field for each key of the file, and these facts.
+    """A type of joint. A subclass has a field for each key of the file, and the following class attributes.
 
     A field is an axis, several axes, or a factor of the motion (an expression).
 
@@ -40,24 +40,24 @@ class JointType(Entry):
     name : str
         The value of the key ``type``.
     synonyms : tuple of str
-        Other values of it, for joints that close loops.
+        Other type names, for loop joints.
     motion : tuple of Motion
-        How a body on such a joint moves against its parent: a chain of elementary motions.
+        Motion of a body relative to its parent: a chain of elementary motions.
     closure : Closure or None
-        What such a joint holds that closes a loop; None if it holds nothing.
+        Conditions of a loop joint of this type; None if it has none.
     carries : bool
-        Whether bodies may stand on such joints.
+        Whether such a joint may carry a body.
     closes_none : str
-        Why such a joint closes no loop, if it has no closure: what follows on its name.
+        Why a type without conditions cannot close a loop, as the end of a sentence that begins with its name.
     triad : bool
-        Whether the axes of the motion are the first one and two across it, right-handed.
+        Whether the axes of the motion are the first axis and two axes across it, right-handed.
     coordinates, speeds : tuple of str
-        What comes behind the body's name and a dot; empty for one freedom, which has the body's name.
+        Suffixes of the names after the body's name and a dot; empty for a single coordinate, which has the body's name.
     coordinate_units, speed_units : tuple of str
-        Of each; empty for the entries of a quaternion.
+        Their units; empty for the entries of a quaternion.
     quaternions : tuple of slice
-        Where quaternions stand among the coordinates. A joint with one is whole: its speeds are no rates of single
-        coordinates, and belong together.
+        Slices of the coordinates that are quaternions. The speeds of such a joint are not rates of single coordinates, and are
+        chosen as dependent together where possible.
     axis_keys : tuple of tuple of (str or int)
         Paths of the axes in an entry.
     factor_keys : tuple of str
@@ -83,10 +83,10 @@ class JointType(Entry):
 
     @classmethod
     def armature_units(cls) -> tuple[tuple[str, str], ...]:
-        """For what the reflected inertia of rotors is given, in words, and its unit: for each speed, or once for a ball.
+        """Descriptions and units of the reflected rotor inertias: one for each speed, or one for a spherical joint.
 
-        A ball's speeds are components in turning axes: numbers of their own would call for gyroscopic moments. Nothing is given
-        where bodies move freely.
+        The speeds of a spherical joint are components in rotating axes: different inertias would require gyroscopic moments.
+        Joints that move freely have none.
         """
         found: dict[int, tuple[str, str]] = {}
         for m in cls.motion:
@@ -118,30 +118,30 @@ class JointType(Entry):
 
     @classmethod
     def axes_of_motion(cls, given: tuple[Vector, ...], defaults: dict[str, float]) -> tuple[Vector, ...]:
-        """The axes that the motion counts, from those of the file, at the default parameters where that matters."""
+        """The axes of the motion from those of the file, at the default parameters where necessary."""
         return given
 
     @classmethod
     def wrong_axes(cls, axes: Sequence[Sequence[float]]) -> tuple[str, str] | None:
-        """What is wrong with the axes of a body's joint at the default parameters: the key, and a message."""
+        """The key and the message of an error in the axes of a body's joint at the default parameters; None if there is none."""
         return None
 
 
 def _axes(key: str, annotation: Any) -> list[tuple[str | int, ...]]:
-    """Paths of the axes in a field: of the one it is, or of those it is a tuple of."""
+    """Paths of the axes in a field: of a single axis, or of the axes in a tuple."""
     parts = get_args(annotation)
     return [(key,)] if get_args(parts[0])[0] is Expression else [(key, i) for i in range(len(parts))]
 
 
 class Fixed(JointType):
-    """Holds the child's frame on the joint's frame; of a loop, both faces on each other."""
+    """The child's frame coincides with the joint's frame. As a loop joint: both faces coincide."""
 
     name = "fixed"
     closure = Closure(linear=3, angular=3)
 
 
 class Revolute(JointType):
-    """Turns about an axis. Of a loop: origins coincide, the axes are parallel."""
+    """Rotation about an axis. As a loop joint: origins coincide, and the axes are parallel."""
 
     name = "revolute"
     motion = (Turn(axis=0, index=0),)
@@ -151,7 +151,7 @@ class Revolute(JointType):
 
 
 class Prismatic(JointType):
-    """Slides along an axis. Of a loop: the faces are parallel, the origins differ along the axis only."""
+    """Translation along an axis. As a loop joint: the faces are parallel, and their origins differ only along the axis."""
 
     name = "prismatic"
     motion = (Slide(axis=0, index=0),)
@@ -161,9 +161,9 @@ class Prismatic(JointType):
 
 
 class Universal(JointType):
-    """Turns about an axis fixed in the parent and one fixed in the child, which are perpendicular.
+    """Rotation about an axis fixed in the parent and a perpendicular one fixed in the child.
 
-    Of a loop: origins coincide, the axes, the first fixed in the start face, the second in the end face, are perpendicular.
+    As a loop joint: origins coincide. The axes, the first in the start face and the second in the end face, are perpendicular.
     """
 
     name = "universal"
@@ -181,12 +181,12 @@ class Universal(JointType):
             return None
         return (
             "axes",
-            f"the two axes have cosine {cosine:.3g}; those of a universal joint are perpendicular (to 1e-9)",
+            f"the two axes have cosine {cosine:.3g}; those of a universal joint must be perpendicular (to 1e-9)",
         )
 
 
 class Spherical(JointType):
-    """Turns about its origin. Of a loop, where it is called ``point`` too: origins coincide."""
+    """Rotation about the origin. As a loop joint, also called ``point``: origins coincide."""
 
     name = "spherical"
     synonyms = ("point",)
@@ -195,20 +195,20 @@ class Spherical(JointType):
 
 
 class Free(JointType):
-    """Moves freely: position in the joint's frame, attitude by a quaternion; both velocities are in child components."""
+    """Free motion: position in the joint's frame, attitude as a quaternion; both velocities in child components."""
 
     name = "free"
     motion = (Displacement(coordinate=0, speed=3), Ball(coordinate=3, speed=0))
 
 
 class Screw(JointType):
-    """Turns about an axis and slides along it by the pitch, m/rad, times the angle."""
+    """Rotation about an axis, and translation along it by the pitch, m/rad, times the angle."""
 
     name = "screw"
     motion = (Turn(axis=0, index=0), Slide(axis=0, index=0, factor=0))
     closes_none = (
-        "closes no loop, since its faces do not show how many turns it has made; let it carry a body without mass, and "
-        "close the loop with a fixed joint at that body"
+        "closes no loop, since its faces do not determine the number of turns; let it carry a massless body, and close the "
+        "loop with a fixed joint at that body"
     )
 
     axis: Axis
@@ -216,7 +216,7 @@ class Screw(JointType):
 
 
 class Cylindrical(JointType):
-    """Slides along an axis and turns about it. Of a loop: the axes lie on one line."""
+    """Translation along an axis and rotation about it. As a loop joint: the axes lie on one line."""
 
     name = "cylindrical"
     motion = (Slide(axis=0, index=0), Turn(axis=0, index=1))
@@ -226,9 +226,9 @@ class Cylindrical(JointType):
 
 
 class Planar(JointType):
-    """Slides along two axes across a normal, x and y if that is z, and turns about the normal.
+    """Translation along two axes across a normal (x and y if that is z), and rotation about the normal.
 
-    Of a loop: the normals are parallel, the origin of `end` lies in the plane through that of `start`.
+    As a loop joint: the normals are parallel, and the origin of `end` lies in the plane through that of `start`.
     """
 
     name = "planar"
@@ -252,7 +252,7 @@ class Planar(JointType):
 
 
 class Inline(JointType):
-    """Of a loop: the origin of `end` lies on the axis through that of `start`."""
+    """Loop joint only: the origin of `end` lies on the axis through that of `start`."""
 
     name = "inline"
     motion = (Slide(axis=0, index=0), Ball(coordinate=1, speed=1))
@@ -268,4 +268,4 @@ _TYPES: Final[tuple[type[JointType], ...]] = (
 )
 
 JOINTS: Final[dict[str, type[JointType]]] = {kind.name: kind for kind in _TYPES}
-"""By name, in the order in which messages list them."""
+"""Types by name, in the order in which messages list them."""

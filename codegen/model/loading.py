@@ -1,4 +1,4 @@
-"""Model files and texts to models."""
+"""Reads models from files and texts."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[st
     filename : str, optional
         Name of the text in messages.
     folder : str or path, optional
-        Folder of the files that the text includes or uses. Left out: it may name none.
+        Folder of the files that the text includes or uses. Left out: the text must not name any.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[st
     ('bob',)
     """
     if not text.strip():
-        message = "the file is empty; a model has at least the keys model and bodies"
+        message = "the file is empty; a model needs at least the keys model and bodies"
         raise ModelError([Problem(filename, 1, 1, "", message)])
     with collector_paused():
         return assemble(compose(text, filename), None if folder is None else fspath(folder))

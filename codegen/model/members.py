@@ -1,4 +1,4 @@
-"""What a model has: parameters, bodies with their joints, loops, couplings and conditions on points, prescribed motion."""
+"""Members of a model: parameters, bodies with joints, loops, couplings, conditions on points, prescribed motion."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .surfaces import SurfaceFunction, surface_function
 from .visuals import Visual
 
 Kind = type[JointType]
-"""Of a joint: the facts that all engines work from."""
+"""A joint's type, with the facts for all engines."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A design parameter: a run-time input of every function, differentiable."""
+    """A design parameter: an input of every function at run time, with derivatives."""
 
     name: str
     value: float
@@ -31,23 +31,23 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """A joint, placed in its parent's body frame.
+    """A joint, with its frame in the parent body.
 
     Attributes
     ----------
     type : str
         A name of `joints.JOINTS`.
     axes : tuple of Vector
-        Those that its motion counts, not normalised. At coordinates of zero the child's frame and the joint's coincide.
+        Axes of its motion, not normalised. At zero coordinates the child's frame coincides with the joint's.
     at : Vector
         Origin of the joint frame in the parent's body frame, m.
     rotation : tuple of (Vector, Expression)
-        Fixed rotation of the joint frame in the parent's body frame: rotations by an angle (rad) about an axis
-        (not normalised), in sequence about the moving axes. Empty: the axes are parallel at q = 0.
+        Fixed rotation of the joint frame relative to the parent's body frame: rotations by an angle (rad) about an axis
+        (not normalised), in sequence about the rotated axes. Empty: the axes are parallel at q = 0.
     factors : tuple of Expression
-        Of its motion, such as the pitch of a screw.
+        Factors of its motion, such as the pitch of a screw joint.
     armature : tuple of Expression
-        Reflected inertia of the rotors that drive it, one for each speed, kg m^2 or kg; empty where none has any.
+        Reflected inertia of its rotors, one for each speed, kg m^2 or kg; empty if there are none.
     """
 
     type: str
@@ -64,7 +64,7 @@ class Joint:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether it has no freedom."""
+        """Whether it has no degree of freedom."""
         return not JOINTS[self.type].motion
 
 
@@ -85,7 +85,7 @@ class Body:
     inertia : tuple of Expression
         xx, yy, zz, xy, xz, yz: matrix entries about the centre of mass in body axes, kg m^2.
     visuals : tuple of Visual or None
-        What views show of it. None: lines between its joints and points.
+        Solids and meshes that views show. None: lines between its joints and points.
     """
 
     name: str
@@ -99,19 +99,19 @@ class Body:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loop:
-    """A joint that closes a loop. It constrains; it has no coordinates of its own.
+    """A joint that closes a loop. It imposes conditions and has no coordinates.
 
     Attributes
     ----------
     type : str
         A name of `joints.JOINTS`, of a type with a closure.
     axes : tuple of Vector
-        Those of the file, not normalised. A single one has the same components in both faces; of two the first is fixed in
+        Axes of the file, not normalised. A single axis has the same components in both faces; of two axes the first is fixed in
         `start`, the second in `end`.
     start, end : Face
-        ``from`` and ``to`` of the file; what a joint holds of them stands with its type.
+        ``from`` and ``to`` of the file; the joint type documents the conditions on them.
     turned : bool
-        They are exchanged: conditions are along the axes of ``to``. See `Model.with_turned`.
+        Whether they are exchanged, with conditions along the axes of ``to``. See `Model.with_turned`.
     """
 
     name: str
@@ -123,30 +123,30 @@ class Loop:
 
     @property
     def closure(self) -> Closure:
-        """The conditions that its type sets."""
+        """The conditions of its type."""
         return CLOSURE_ROWS[self.type]
 
     @property
     def is_coupling(self) -> bool:
-        """Whether it relates coordinates, and has no faces."""
+        """Whether it is a coupling, which relates coordinates and has no faces."""
         return False
 
     @property
     def surfaces(self) -> tuple[SurfaceFunction, ...]:
-        """Of a condition on a point: functions that are zero, one a condition; of joints and couplings none."""
+        """For a condition on a point: one function for each condition, zero when it holds. Empty for joints and couplings."""
         return ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Term:
-    """A coordinate in a coupling, with what it is multiplied by.
+    """A coordinate in a coupling, with its factor.
 
     Attributes
     ----------
     body, index : int
-        Whose joint's coordinate it is, and which of that; the joint has no quaternion.
+        The body with the coordinate's joint, and the index of the coordinate in it; the joint has no quaternion.
     factor : Expression
-        Of parameters.
+        An expression of parameters.
     """
 
     body: int
@@ -156,17 +156,17 @@ class Term:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupling(Loop):
-    """A relation between coordinates of joints: ``q_0 = r_1 q_1 + r_2 q_2 + ... + c``. A loop without faces.
+    """A relation between coordinates of joints: ``q_0 = r_1 q_1 + r_2 q_2 + ... + c``. It counts as a loop without faces.
 
-    It sets one condition, ``sum of factor q - offset = 0``, in the unit of the first coordinate, whose factor is 1; those of the
-    others are minus the ratios. Its faces are on the ground, and nobody asks for them.
+    It is one condition, ``sum of factor q - offset = 0``, in the unit of the first coordinate. The first factor is 1; the others
+    are minus the ratios. Its faces are on the ground, and are never used.
 
     Attributes
     ----------
     terms : tuple of Term
-        The coordinates that it relates; the first is the one that the file gives by the others.
+        The coupled coordinates; the first is the one that the file expresses by the others.
     offset : Expression
-        c, of parameters.
+        c, an expression of parameters.
     """
 
     terms: tuple[Term, ...] = ()
@@ -174,27 +174,27 @@ class Coupling(Loop):
 
     @property
     def closure(self) -> Closure:
-        """One condition, which is none of faces; it stands where angular ones do."""
+        """One condition, which does not compare faces; it has the place of an angular one."""
         return Closure(0, 1)
 
     @property
     def is_coupling(self) -> bool:
-        """It is."""
+        """Always True."""
         return True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointCondition(Loop):
-    """A condition on where the origin of the face `end` is in the face `start`: a distance, a surface, a curve.
+    """A condition on the position of the origin of `end` in the face `start`: a distance, a surface or a curve.
 
     Attributes
     ----------
     type : str
         A name of `conditions.CONDITIONS`.
     equations : tuple of Expression
-        What is zero, each one condition: of parameters and `surfaces.COORDINATES`. Of a distance that of a sphere.
+        Expressions of parameters and `surfaces.COORDINATES` that must be zero, one per condition. For a distance: a sphere.
     length : Expression or None
-        Of a distance, m.
+        For a distance: its length, m.
     """
 
     equations: tuple[Expression, ...] = ()
@@ -207,11 +207,11 @@ class PointCondition(Loop):
 
 
 COUPLING = "coupling"
-"""The type of couplings."""
+"""The type name of couplings."""
 
 
 def coupling(name: str, terms: tuple[Term, ...], offset: Expression) -> Coupling:
-    """A coupling by what it relates."""
+    """A coupling of the coordinates in `terms`."""
     nowhere = Face(GROUND, (ZERO, ZERO, ZERO))
     return Coupling(name, COUPLING, (), nowhere, nowhere, terms, offset)
 
@@ -220,17 +220,17 @@ CLOSURE_ROWS = {
     **{kind.name: kind.closure for kind in JOINTS.values() if kind.closure},
     **{kind.name: kind.closure for kind in CONDITIONS.values()},
 }
-"""How many linear and angular conditions a loop joint, or a condition on a point, sets."""
+"""Numbers of linear and angular conditions of a loop joint, or of a condition on a point."""
 
 
 def closure_row_names(loop: Loop) -> tuple[str, ...]:
     """``name.l1 ...`` for the linear conditions of a loop joint, then ``name.a1 ...`` for the angular ones.
 
-    They are along, or about, directions of the start face, in this order. With a the joint's axis (its first) these are the
-    face's own axes x, y, z if a is along one of them (two of them reversed if it is along its opposite); otherwise t1, t2
-    and a, with t1 along e x a, t2 = a x t1, e the base vector that a is least along. Where a joint leaves out the direction
-    of its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``.
-    Those of a condition on a point are its equations, each along its gradient.
+    Their directions are those of the start face, in this order. Let a be the joint's (first) axis. If a is along one of the
+    face's axes x, y, z, the directions are these axes; two of them are reversed if a is along the opposite. Otherwise they are
+    t1, t2 and a: t1 along e x a, t2 = a x t1, and e the base vector most nearly perpendicular to a. If a joint has no condition
+    along its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``.
+    The conditions on a point are its equations, each along its gradient.
     """
     if loop.is_coupling:
         return (f"{loop.name}.q",)
@@ -239,8 +239,8 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
 
 
 def outward(bodies: Sequence[Body]) -> tuple[list[list[int]], list[int]]:
-    """The children of every body of a tree, and all bodies, each subtree contiguous (depth first)."""
-    children: list[list[int]] = [[] for _ in (*bodies, GROUND)]  # the ground's, whose index is -1, last
+    """The children of every body of a tree, and all bodies in depth-first order, so that each subtree is contiguous."""
+    children: list[list[int]] = [[] for _ in (*bodies, GROUND)]  # the ground, with index -1, is the last
     for k, body in enumerate(bodies):
         children[body.parent].append(k)
     order, stack = list[int](), children[GROUND][::-1]
@@ -254,9 +254,8 @@ def outward(bodies: Sequence[Body]) -> tuple[list[list[int]], list[int]]:
 def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of a joint's coordinates and speeds, in array order.
 
-    Joints of one freedom are called after their body, the others ``body.suffix``. Quaternions turn child components
-    into parent components; angular velocity and velocity of the body origin are relative to the parent in child
-    components.
+    A joint with one coordinate gives it the body's name, other joints ``body.suffix``. Quaternions convert child components into
+    parent components. Angular velocity and velocity of the body's origin are relative to the parent, in child components.
     """
     kind = JOINTS[type]
     if kind.coordinates == ("",):
@@ -266,13 +265,13 @@ def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str,
 
 @dataclass(frozen=True, slots=True)
 class Prescribed:
-    """A coordinate that is a function of time, parameters and inputs; it is none of q, nor is its rate one of u.
+    """A coordinate that is a function of time, parameters and inputs. It is not in q, and its rate is not in u.
 
     Attributes
     ----------
     name : str
     body, index : int
-        Whose joint's coordinate it is, and which of that.
+        The body with the coordinate's joint, and the index of the coordinate in it.
     values : tuple of Expression
         The coordinate, its rate and its acceleration.
     """
@@ -284,5 +283,5 @@ class Prescribed:
 
     @property
     def value(self) -> Expression:
-        """The coordinate."""
+        """The coordinate as an expression."""
         return self.values[0]

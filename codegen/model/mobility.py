@@ -1,4 +1,4 @@
-"""Whether a joint of a tree can move without moving mass, whatever the configuration: found on numbers, before any symbol."""
+"""Numerical check whether a joint of a tree can move without moving mass, in every configuration."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .vectors import axis_rotation, skew, unit
 Value = Callable[[Expression], float]
 """Value of an expression at the default parameters."""
 Driven = Mapping[int, Sequence[int]]
-"""Coordinates that are prescribed, by body and place in its joint."""
+"""Prescribed coordinates, by body and index in its joint."""
 
 MAX_BODIES = 1000
-"""Larger systems are not looked at: the sweep is written for clarity."""
+"""Larger systems are not checked, because the sweep is written for clarity, not for speed."""
 
 _TOLERANCE = 1e-13
 _STATES = 2
@@ -42,18 +42,18 @@ def singular_joint(
     value: Value,
     driven: Driven,
 ) -> int | None:
-    """The first body, outward, whose joint has an articulated inertia of zero at random configurations; or None.
+    """The first body, outward, whose joint has zero articulated inertia at random configurations; None if there is none.
 
-    Joints move mass for certain where every body resists its own joint, and then nothing is computed.
+    If every body's own inertia resists its joint, all joints move mass, and nothing is computed.
 
     Parameters
     ----------
     order : sequence of int
         Parents before children.
     mass, inertia : (n,) and (n, 3, 3) arrays
-        At the default parameters, about the centres of mass.
+        At the default parameters; the inertia about the centres of mass.
     driven : mapping of int to sequence of int
-        Coordinates that are prescribed, by body and place in its joint: they do not move by themselves.
+        Prescribed coordinates, by body and index in its joint: they do not move freely.
     """
     if len(bodies) > MAX_BODIES and len({id(b.joint) for b in bodies}) > MAX_BODIES:
         return None
@@ -72,7 +72,7 @@ def singular_joint(
 
 
 def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value, driven: Sequence[int]) -> bool:
-    """Whether the body's own inertia is enough for every freedom of its joint."""
+    """Whether a body's own inertia resists every degree of freedom of its joint."""
     if len(driven) == len(body.joint.kind.speeds):
         return True
     with np.errstate(all="ignore"):
@@ -101,7 +101,7 @@ def _singular_at(
         own_turn, own_at, columns = _freedoms(bodies[k].joint, rng, value)
         freedoms[k] = np.delete(columns, driven.get(k, ()), axis=1) if k in driven else columns
         at, turn = at + turn @ own_at, turn @ own_turn
-        # motion of the parent's frame to motion of the body's: angular part first, body components
+        # transforms motion of the parent's frame to the body's: angular part first, body components
         shift[k] = np.zeros((6, 6))
         shift[k][:3, :3] = shift[k][3:, 3:] = turn.T
         shift[k][3:, :3] = -turn.T @ skew(at)
@@ -117,12 +117,12 @@ def _singular_at(
             full = np.sqrt(np.abs(np.diag(s.T @ composite[k] @ s + rotors)))
             full[full == 0] = 1.0
             if not np.isfinite(pivot).all() or not np.isfinite(full).all():
-                return []  # numbers too large to tell
+                return []  # the numbers are too large to decide
             values, vectors = np.linalg.eigh(pivot / np.outer(full, full))
             good = np.abs(values) > _TOLERANCE
             if not good.all():
                 singular.append(k)
-            basis = vectors[:, good] / full[:, None]  # the inverse on what resists
+            basis = vectors[:, good] / full[:, None]  # inverse on the subspace with nonzero inertia
             a = a - (u @ basis / values[good]) @ (u @ basis).T
         parent = bodies[k].parent
         if parent != GROUND:
@@ -132,13 +132,13 @@ def _singular_at(
 
 
 def armature_matrix(joint: Joint, value: Value, driven: Sequence[int] = ()) -> np.ndarray:
-    """What rotors add to the inertia (f, f) along those freedoms of a joint that are not `driven`."""
+    """Reflected rotor inertias (f, f) along the degrees of freedom of a joint that are not `driven`."""
     found = np.array([value(e) for e in joint.armature]) if joint.armature else np.zeros(len(joint.kind.speeds))
     return np.diag(np.delete(found, driven))
 
 
 def _freedoms(joint: Joint, rng: Random, value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """At a random position of the joint: rotation and shift of the body in the joint frame, and its motions (6, f)."""
+    """Rotation and displacement of the body in the joint frame at random coordinates, and its partial velocities (6, f)."""
     kind = joint.kind
     if not kind.motion:
         return np.eye(3), np.zeros(3), np.zeros((6, 0))
@@ -146,7 +146,7 @@ def _freedoms(joint: Joint, rng: Random, value: Value) -> tuple[np.ndarray, np.n
     axes = unit(axes / np.abs(axes).max(axis=1, keepdims=True))
     factors = np.array([[value(e) for e in joint.factors]])
     chain = Chain(kind.motion, [step(m, np.array([0]), axes[None], factors) for m in kind.motion])
-    # random numbers of Python's: to import those of NumPy takes longer than the whole check
+    # Python's random numbers: importing those of NumPy takes longer than the whole check
     q = np.array([[rng.uniform(0.3, 2.8) for _ in kind.coordinates]])
     R, d = chain.transforms(q)
     w, v = (screw[0].T.copy() for screw in chain.unit_screws(set(range(len(kind.motion))) - set(chain.altered)))
@@ -158,6 +158,6 @@ def _freedoms(joint: Joint, rng: Random, value: Value) -> tuple[np.ndarray, np.n
 
 
 def _spatial(mass: float, com: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """Inertia (6, 6) about the body's origin, angular part first."""
+    """Spatial inertia (6, 6) about the body's origin, angular part first."""
     cross = skew(com)
     return np.block([[inertia - mass * cross @ cross, mass * cross], [-mass * cross, mass * np.eye(3)]])

@@ -217,7 +217,7 @@ class TorsionLaw(Law[Torsion]):
         square = sine * sine + cosine * cosine
         if square.value == 0:
             raise ValueError(
-                f"torsion {element.name}: one end is turned over across its axis, so its angle is not determined"
+                f"torsion {element.name}: one end is turned by half a turn about a line across its axis; no angle is determined"
             )
         slope = sine_slope * (cosine / square) - cosine_slope * (sine / square)
         return pairs.call("atan2", sine, cosine), start.R @ slope

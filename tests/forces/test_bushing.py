@@ -135,9 +135,9 @@ def test_half_a_turn_is_an_error_that_names_it(tmp_path: Path) -> None:
         lambda q: solver.sensitivities(q, np.ones(6), dp=[[1.0]]),
         lambda q: solver.energy_sensitivities(q, np.ones(6), dp=[[1.0]]),
     ):
-        with pytest.raises(SingularForceError, match="bushing mount: one end is turned over by half a turn"):
+        with pytest.raises(SingularForceError, match="bushing mount: one end is turned by half a turn"):
             call(np.array([0, 0, 0, 0, 0.6, 0, 0.8]))
-    with pytest.raises(ValueError, match="bushing mount: one end is turned over by half a turn"):
+    with pytest.raises(ValueError, match="bushing mount: one end is turned by half a turn"):
         DenseEngine(model).accelerations(np.array([0, 0, 0, 0, 0.6, 0, 0.8]), np.ones(6))
 
 

@@ -79,7 +79,7 @@ def test_a_stop_throws_back_no_faster(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        (", velocity: 2 deg/s", "", "forces.rub.coulomb: coulomb without velocity; add velocity"),
+        (", velocity: 2 deg/s", "", "forces.rub.coulomb: coulomb is given without velocity; add velocity"),
         (
             "velocity: 2 deg/s",
             "velocity: 2 m/s",
@@ -88,12 +88,12 @@ def test_a_stop_throws_back_no_faster(tmp_path: Path) -> None:
         (
             "joint: arm, coul",
             "joint: ball, coul",
-            "friction acts in a joint of one freedom, and the universal joint 'ball' has 2",
+            "friction needs a joint with one degree of freedom, and the universal joint 'ball' has 2",
         ),
-        ("lower: -20 cm, upper: end, ", "", "forces.stop: a limit with neither lower nor upper"),
+        ("lower: -20 cm, upper: end, ", "", "forces.stop: a limit has neither lower nor upper"),
         ("stiffness: k, ", "", "forces.stop: key 'stiffness' is missing"),
         (", width: 1 cm", "", "forces.stop: key 'width' is missing"),
-        ("velocity: 2 deg/s", "velocity: 0", "forces.rub.velocity: velocity is 0; the law divides by it"),
+        ("velocity: 2 deg/s", "velocity: 0", "forces.rub.velocity: velocity is 0, but the law divides by it"),
         ("viscous: 0.3", "damping: 0.3", "unknown key 'damping'"),
         ("upper: end", "upper: q.arm", "'q.arm', which changes with the motion, is not allowed here"),
     ],

@@ -305,10 +305,10 @@ def test_a_wrong_declaration_is_told(given: dict[str, Any], message: str) -> Non
 def test_a_word_that_is_taken_is_told() -> None:
     taken = entry_of(element_of(LineLaw("spring", "?", STIFFNESS, "-k*distance")))
     with pytest.raises(
-        LineLawError, match=r"two types of force elements are called 'spring'; call the law, .*taken are "
+        LineLawError, match=r"two types of force elements are called 'spring'; rename the law .*used names are "
     ):
         told_apart(*FORCES, taken)
-    with pytest.raises(LineLawError, match="band: other_words has 'damper', which leads to 'spring' already"):
+    with pytest.raises(LineLawError, match="band: other_words has 'damper', which already stands for 'spring'"):
         other_words({"band": LineLaw("band", "?", STIFFNESS, "-k*distance", other_words=("damper",))})
     with pytest.raises(LineLawError, match="band: other_words has 'torque', which is a type"):
         other_words({"band": LineLaw("band", "?", STIFFNESS, "-k*distance", other_words=("torque",))})

@@ -72,10 +72,10 @@ forces:
     solver = codegen.load(package, "numpy")
     over = np.array([0.0, 1.0, 0.0, 0.0])
     with pytest.raises(
-        SingularForceError, match="torsion coil: one end is turned over across its axis, by half a turn"
+        SingularForceError, match="torsion coil: one end is turned by half a turn about a line across its axis"
     ):
         solver.accelerations(over, np.ones(3))
-    with pytest.raises(ValueError, match="torsion coil: one end is turned over across its axis"):
+    with pytest.raises(ValueError, match="torsion coil: one end is turned by half a turn about a line across its axis"):
         DenseEngine(model).accelerations(over, np.ones(3))
     nearly = np.array([1e-9, 1.0, 0.0, 1e-9])
     np.testing.assert_allclose(

@@ -109,7 +109,7 @@ def test_what_a_listing_says_of_it() -> None:
 def test_it_closes_no_loop_and_says_what_to_do() -> None:
     text = NUT + "loops: {l: {joint: {type: screw, axis: z, pitch: h}, from: nut, to: ground}}\n"
     with pytest.raises(
-        ModelError, match=r"a screw joint closes no loop, .* body without mass, .* fixed joint at that body"
+        ModelError, match=r"a screw joint closes no loop, .* massless body, .* fixed joint at that body"
     ):
         parse_model(text)
 

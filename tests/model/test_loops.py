@@ -230,7 +230,7 @@ SPRING, HINT = "strut: {type: spring, from: end, to: ground, stiffness: 1}", "in
     [
         # the joint
         (JOINT, "joint: {type: free}\n    from: end", "m.yaml:18:19: loops.foot.joint.type: a free joint sets no condition, so it closes no loop; one of fixed, revolute,* inline, distance, surface, curve is allowed"),
-        (JOINT, "joint: {type: screw, axis: y}\n    from: end", "m.yaml:18:19: loops.foot.joint.type: a screw joint closes no loop, since its faces do not show *"),
+        (JOINT, "joint: {type: screw, axis: y}\n    from: end", "m.yaml:18:19: loops.foot.joint.type: a screw joint closes no loop, since its faces do not determine *"),
         (JOINT, "joint: {type: revolut, axis: y}\n    from: end", "m.yaml:18:19: loops.foot.joint.type: unknown loop joint type 'revolut'; *did you mean 'revolute'?"),
         (JOINT, "joint: {axis: y}\n    from: end", "m.yaml:18:12: loops.foot.joint: key 'type' is missing; one of fixed*"),
         (JOINT, "joint: revolute\n    from: end", "m.yaml:18:12: loops.foot.joint: 'revolute'; a mapping is needed with a type: one of fixed*"),

@@ -115,6 +115,6 @@ def test_a_turn_without_axis(made: Callable[..., Made]) -> None:
         try:
             found, messages = gradients(solver, [Final("c")], ["k", "v0"], **options)
         except SimulationError as ended:
-            assert "bushing s: one end is turned over by half a turn" in str(ended)
+            assert "bushing s: one end is turned by half a turn" in str(ended)
         else:
             assert np.isnan(found.gradients).all() and any("half a turn in forces.s" in m for m in messages), options

@@ -1,7 +1,7 @@
-"""The types of force elements, a file each.
+"""The types of force elements, one file each.
 
-A law along the line between two points is a file of `line_laws`, and nothing more. Any other type is an entry here, the
-element that it makes, and a place in this list; what it does stands in `reference.forces` and in the generator.
+A law along the line between two points is a file in `line_laws`, and nothing else. Any other type needs an entry here, the
+element that it makes, and a place in this list; `reference.forces` and the generator implement it.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ __all__ = [
 
 
 def told_apart(*entries: type[ForceEntry]) -> tuple[type[ForceEntry], ...]:
-    """Entries no two of which have the same type.
+    """The given entries, after a check that no two of them have the same type.
 
     Raises
     ------
     LineLawError
-        Two have: the word of one of the laws of `line_laws` is taken.
+        If two have the same type; the type of a law in `line_laws` is already used.
     """
     words: set[str] = set()
     for entry in entries:
@@ -53,7 +53,7 @@ def told_apart(*entries: type[ForceEntry]) -> tuple[type[ForceEntry], ...]:
         if word in words:
             taken = ", ".join(str(get_args(e.model_fields["type"].annotation)[0]) for e in entries)
             raise LineLawError(
-                f"two types of force elements are called {word!r}; call the law, and its file, otherwise; taken are {taken}"
+                f"two types of force elements are called {word!r}; rename the law and its file; used names are {taken}"
             )
         words.add(word)
     return entries
@@ -83,23 +83,23 @@ _WORDS: Final = {
 
 
 def other_words(laws: Mapping[str, LineLaw]) -> dict[str, str]:
-    """What some call types elsewhere, and what they are called here; with those of laws.
+    """Type names used by other programs, with the names used here; names of the laws included.
 
     Raises
     ------
     LineLawError
-        One leads elsewhere already.
+        If a law claims a name that is already used.
     """
     types = {str(get_args(e.model_fields["type"].annotation)[0]) for e in FORCES}
     found = dict(_WORDS)
     for law in laws.values():
         for word in law.other_words:
             if word in types or word in found:
-                where = "is a type" if word in types else f"leads to {found[word]!r} already"
-                raise LineLawError(f"{law.type}: other_words has {word!r}, which {where}; leave it out")
+                where = "is a type" if word in types else f"already stands for {found[word]!r}"
+                raise LineLawError(f"{law.type}: other_words has {word!r}, which {where}; remove it")
             found[word] = law.type
     return found
 
 
 OTHER_WORDS: Final = other_words(LINE_LAWS)
-"""What some call them elsewhere, and what they are called here."""
+"""Type names used by other programs, with the names used here."""

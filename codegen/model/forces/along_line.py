@@ -1,4 +1,4 @@
-"""Elements of the laws along a line: for each law its element and the entry of a model file that makes it."""
+"""Force elements of the laws along a line: for each law its element class and its entry in a model file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .line_laws import LINE_LAWS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AlongLine(ForceElement):
-    """A force along the line between two points, by a law; a subclass for each law."""
+    """A force along the line between two points, by a law; each law has a subclass."""
 
     singular: ClassVar[str] = "its ends coincide, so its force has no direction"
     law: ClassVar[LineLaw]
@@ -39,7 +39,7 @@ class AlongLine(ForceElement):
 
 
 class AlongLineEntry(ForceEntry):
-    """Reads one; a subclass for each law has its coefficients as fields."""
+    """Entry of such an element; each law has a subclass with its coefficients as fields."""
 
     element: ClassVar[type[AlongLine]]
 
@@ -67,12 +67,12 @@ class AlongLineEntry(ForceEntry):
 
 
 def _field(key: str) -> str:
-    """Of the entry; words that Pydantic uses for other things may be keys."""
+    """Name of the field of a coefficient; the prefix permits keys that Pydantic reserves."""
     return f"coefficient_{key}"
 
 
 def element_of(law: LineLaw) -> type[AlongLine]:
-    """The class of the elements of a law."""
+    """The element class of a law."""
     name = "".join(map(str.capitalize, law.type.split("_")))
     contents = {
         "__slots__": (), "__module__": __name__, "__doc__": law.meaning,
@@ -82,7 +82,7 @@ def element_of(law: LineLaw) -> type[AlongLine]:
 
 
 def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
-    """The entry that makes such elements."""
+    """The entry class for an element class."""
     law = element.law
     fields: dict[str, Any] = {"type": (Literal[law.type], ...)}
     for key, c in law.coefficients.items():
@@ -98,10 +98,10 @@ def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
 
 
 ALONG_LINES: Final[dict[str, type[AlongLine]]] = {name: element_of(law) for name, law in LINE_LAWS.items()}
-"""The class of the elements of each type."""
+"""Element classes by type."""
 
 globals().update(
     {element.__name__: element for element in ALONG_LINES.values()}
-)  # by these names pickle finds them here
+)  # pickle finds the classes here by these names
 
 ENTRIES: Final[tuple[type[ForceEntry], ...]] = tuple(entry_of(element) for element in ALONG_LINES.values())

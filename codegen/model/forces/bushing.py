@@ -16,31 +16,31 @@ from ..places import Face, Point
 from .force_element import ForceElement, ForceEntry
 
 LISTS: Final = ("stiffness", "damping", "preload", "rotational_stiffness", "rotational_damping", "rotational_preload")
-"""Keys of an entry; each has a number for every axis."""
+"""Keys of an entry; each has one number for each axis."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bushing(ForceElement):
     """Springs and dampers along and about the axes x, y, z of the first end.
 
-    With d the way from the start to the end and v its rate, both as seen in the axes of the start, the rotation vector r of the
-    end's face in the start's (its axis times its angle, less than half a turn), G = dr/d(rotation) and w the angular velocity of
-    the end against the start, what acts on the end is, along the axes of the start and component by component,
+    d is the vector from the start to the end, and v its rate, both in the axes of the start. r is the rotation vector of the
+    end's face relative to the start's (axis times angle, below half a turn), and G = dr/d(rotation). w is the angular velocity of
+    the end relative to the start. On the end act, component by component along the axes of the start,
 
         force = preload - stiffness d - damping v,   N
         torque = G^T (rotational_preload - rotational_stiffness r) - rotational_damping w,   N m
 
-    and the opposite on the start, at the place of the end. So at rest the faces coincide, and the part without damping is
-    that of an energy for every pose. The coefficients are expressions of p, inputs and t; a row of zeros is left out.
+    and the opposite on the start, at the position of the end. So at rest the faces coincide, and the part without damping has a
+    potential energy in every pose. The coefficients are expressions of p, inputs and t; a row of zeros is omitted.
 
-    This is the BUSHING of Adams/Solver, in the axes of its J marker, with the rotation vector for its small angles, as the
-    deformable joint of MBDyn has it.
+    This is the BUSHING of Adams/Solver, in the axes of its J marker, with the rotation vector in place of its small angles, as
+    in the deformable joint of MBDyn.
     """
 
     type: ClassVar[str] = "bushing"
     keys: ClassVar[tuple[str, ...]] = tuple(f"{name}[{i}]" for name in LISTS for i in range(3))
     has_energy: ClassVar[bool] = True
-    singular: ClassVar[str] = "one end is turned over by half a turn, so that the axis of the turn is not determined"
+    singular: ClassVar[str] = "one end is turned by half a turn, so its rotation axis is not determined"
 
     start: Face
     end: Face
@@ -48,7 +48,7 @@ class Bushing(ForceElement):
 
     @property
     def turns(self) -> bool:
-        """Whether it acts against rotation by an angle: what has only dampers needs none."""
+        """Whether a torque depends on the rotation angle; dampers alone need no angle."""
         return any(
             not e.is_number or e.value != 0
             for key in ("rotational_stiffness", "rotational_preload")

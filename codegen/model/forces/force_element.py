@@ -1,4 +1,4 @@
-"""What a force element is: an entry of a model file, and what that makes of it."""
+"""Base classes of force elements and of their entries in a model file."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ class ForceElement:
     Attributes
     ----------
     type : str
-        What a model file calls it, and people too.
+        Type name in a model file and in messages.
     keys : tuple of str
-        Where each of the coefficients stands in its entry.
+        Path of each coefficient in the entry.
     has_energy : bool
-        It has a potential energy; its coefficients are then expressions of parameters, inputs and t alone.
+        Whether it has a potential energy; its coefficients then depend on parameters, inputs and t only.
     singular : str
-        What is wrong where it has no direction, such as ``its ends coincide, so its force has no direction``; empty where it
-        always has one.
+        Message for configurations without a direction, such as ``its ends coincide, so its force has no direction``; empty if
+        there are none.
     measured : tuple of Point
-        The points whose position and velocity its coefficients contain, as ``position.NAME.x`` and ``velocity.NAME.x``.
+        Points whose positions and velocities its coefficients contain, as ``position.NAME.x`` and ``velocity.NAME.x``.
     """
 
     type: ClassVar[str]
@@ -43,27 +43,27 @@ class ForceElement:
 
     @property
     def ends(self) -> tuple[Point | Face, ...]:
-        """Where it acts on bodies, or on the ground; faces where the axes of the body matter."""
+        """Attachment points on bodies or on the ground; faces where the axes of the body matter."""
         return ()
 
     @property
     def axis(self) -> Vector | None:
-        """A direction in the axes of its faces that its law singles out; it becomes one of their base vectors."""
+        """A direction in the axes of its faces that the law singles out; it becomes a base vector of theirs."""
         return None
 
     @property
     def variant(self) -> tuple[object, ...]:
-        """What else its law depends on but for numbers; only elements of equal ones share generated code."""
+        """Non-numerical properties of its law; only elements with equal ones share generated code."""
         return ()
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What else is to be told to people."""
+        """Further remarks for reports."""
         return ()
 
     @property
     def coefficients(self) -> tuple[Expression, ...]:
-        """What its law is made of; where they are fields, these are called as the keys are."""
+        """Coefficients of its law; as fields they have the names of their keys."""
         return tuple(getattr(self, key) for key in self.keys)
 
     def expressions(self) -> Iterator[Expression]:
@@ -77,16 +77,16 @@ class ForceElement:
 
 
 class ForceEntry(Entry):
-    """The entry of a force element; a subclass has a field for each key.
+    """The entry of a force element; a subclass has a field for each key of the file.
 
     Attributes
     ----------
     units : mapping of str to str
-        Of its numbers, by key, for those that are written with a unit.
+        Units of its numbers by key, for numbers that are written with a unit.
     """
 
     units: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
     def read(self, x: EntryReader) -> ForceElement | None:
-        """The element, or None after a problem."""
+        """The element; None after an error."""

@@ -1,4 +1,4 @@
-"""Forces on the freedoms of a joint: motors, loads that depend on what points do, and laws such as friction and limits."""
+"""Forces along the degrees of freedom of a joint: motors, loads that depend on points, and laws such as friction and limits."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from .force_element import ForceElement, ForceEntry
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLoad(ForceElement):
-    """What does the same power as generalised forces on a joint: a force through the origin of its body, and a torque.
+    """A force through the origin of a body and a torque that have the power of generalised forces on its joint.
 
     Attributes
     ----------
     body, joint : Face
-        The body, and the frame of its joint in the parent, on which the opposite acts at the same place.
+        The body, and its joint's frame in the parent, on which the opposite acts at the same position.
     values : tuple of twelve Expression
-        Torque and force in axes of the joint's frame, then both in axes of the body.
+        Torque and force along axes of the joint's frame, then both along axes of the body.
     """
 
     type: ClassVar[str] = "force in joint"
@@ -52,9 +52,9 @@ class JointLoad(ForceElement):
 def along_freedoms(
     motion: tuple[object, ...], axes: tuple[Vector, ...], values: tuple[Expression, ...]
 ) -> tuple[Expression, ...]:
-    """The twelve components of a `JointLoad`, from generalised forces on the speeds of a joint.
+    """The twelve components of a `JointLoad` from generalised forces on the speeds of a joint.
 
-    Axes ahead of the first rotation of the chain, that of it included, are fixed in the joint's frame, all others in the body.
+    Axes up to the first rotation of the chain are fixed in the joint's frame, all later ones in the body.
     """
     found = [ZERO] * 12
     turned = False
@@ -67,7 +67,7 @@ def along_freedoms(
     for m in motion:
         if isinstance(m, Turn | Slide):
             if isinstance(m, Slide) and m.index in turning:
-                continue  # of a screw: the torque alone does the power
+                continue  # in a screw joint the torque alone has the power
             is_turn = isinstance(m, Turn)
             add(6 * turned + 3 * (not is_turn), _unit(axes[m.axis]), values[m.index])
             turned = turned or is_turn
@@ -87,7 +87,7 @@ def _unit(axis: Vector) -> Vector:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointForce(ForceElement):
-    """Generalised forces on the freedoms of a joint; positive raises u. Expressions of p, inputs, t, q.x, u.x."""
+    """Generalised forces on the speeds of a joint, positive if they increase u. Expressions of p, inputs, t, q.x, u.x."""
 
     type: ClassVar[str] = "joint"
 
@@ -123,14 +123,14 @@ class JointForceEntry(ForceEntry):
 
 
 class InJointEntry(ForceEntry):
-    """Reads one; a subclass has its numbers as fields and says what they make.
+    """Entry of a force by a law; a subclass has its numbers as fields and defines the law.
 
     Attributes
     ----------
     units_in_joint : mapping of str to (str, str)
-        Units of its numbers in a joint that turns, and in one that slides.
+        Units of its numbers in a revolute joint, and in a prismatic one.
     divides : tuple of str
-        Those that its law divides by.
+        Keys of the numbers by which the law divides.
     """
 
     placeholders: ClassVar[dict[str, Any]] = {"joint": "ground"}
@@ -142,15 +142,15 @@ class InJointEntry(ForceEntry):
 
     @abstractmethod
     def law(self, x: EntryReader, numbers: Mapping[str, Expression], q: Expression, u: Expression) -> Expression | None:
-        """The force of the joint by its coordinate and speed, or None after a problem."""
+        """The force in a joint with coordinate q and speed u; None after an error."""
 
     def read(self, x: EntryReader) -> JointForce | None:
         given = {key: e for key in type(self).units_in_joint if (e := getattr(self, key)) is not None}
         numbers = {key: x.bound(e, key, scope="inputs") for key, e in given.items()}
         for key in self.divides:
             if numbers.get(key) is ZERO:
-                if given[key] == ZERO:  # else it stands for what was reported
-                    x.report((key,), f"{key} is 0; the law divides by it, a small number is what is meant")
+                if given[key] == ZERO:  # a number with an error is not ZERO
+                    x.report((key,), f"{key} is 0, but the law divides by it; give a small number instead")
                 return None
         joint = x.joint(self.joint, "joint", self)
         if joint is None or not x.is_whole(self):
@@ -158,7 +158,7 @@ class InJointEntry(ForceEntry):
         if len(joint.speeds) != 1:
             has = f"{len(joint.speeds)}: {', '.join(joint.speeds)}" if joint.speeds else "none"
             message = (
-                f"{self.type} acts in a joint of one freedom, and the {joint.type} joint {joint.name!r} has {has}; "
+                f"{self.type} needs a joint with one degree of freedom, and the {joint.type} joint {joint.name!r} has {has}; "
                 f"write its force as an expression, {{type: joint, joint: {joint.name}, value: [...]}}"
             )
             x.report(("joint",), message)
@@ -169,7 +169,7 @@ class InJointEntry(ForceEntry):
 
 
 class FrictionEntry(InJointEntry):
-    """Dry and viscous friction: ``-coulomb tanh(u / velocity) - viscous u``, smooth where the motion turns back."""
+    """Dry and viscous friction: ``-coulomb tanh(u / velocity) - viscous u``, smooth where the motion reverses."""
 
     units_in_joint: ClassVar[Mapping[str, tuple[str, str]]] = {
         "coulomb": ("N*m", "N"), "viscous": ("N*m*s/rad", "N*s/m"), "velocity": ("rad/s", "m/s"),
@@ -191,14 +191,14 @@ class FrictionEntry(InJointEntry):
         if "velocity" not in numbers:
             x.report(
                 ("coulomb",),
-                "coulomb without velocity; add velocity: the speed at which dry friction has 3/4 of itself",
+                "coulomb is given without velocity; add velocity: the speed at which dry friction reaches 3/4 of its limit",
             )
             return None
         return value - dry * made("tanh", u / numbers["velocity"])
 
 
 class LimitEntry(InJointEntry):
-    """Stops at both ends of a joint's way, or at one: springs with dampers that begin softly, over a width."""
+    """Stops at one or both ends of a joint's range: springs with dampers whose stiffness grows smoothly over a width."""
 
     placeholders: ClassVar[dict[str, Any]] = {"joint": "ground", "stiffness": "1", "width": "1"}
     units_in_joint: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -223,12 +223,12 @@ class LimitEntry(InJointEntry):
         if "upper" in numbers:
             ways.append((-1, q - numbers["upper"]))
         if not ways:
-            x.report((), "a limit with neither lower nor upper; one of them is needed")
+            x.report((), "a limit has neither lower nor upper; give one of them")
             return None
         k, c, width = numbers["stiffness"], numbers["damping"], numbers["width"]
         value = ZERO
         for sign, way in ways:
-            # s^2 / (2 width) up to the width, then width / 2 and what is beyond it
+            # integral of the smooth start: s^2 / (2 width) up to the width, then linear
             beyond = made("max", 0, way)
             s = made("min", beyond, width)
             push = k * (s**2 / (2 * width) + (beyond - s))

@@ -1,7 +1,7 @@
-"""What a force law along the line between two points is: a word, coefficients, formulas.
+"""A force law along the line between two points: a type name, coefficients and formulas.
 
-A law is data. Each stands in a file of `line_laws`; all else is made of it: the entry that a model file may have, the element
-(`along_line`), what is generated, what the engines compute, the table in docs/model_format.md, what random tests draw.
+A law is data, one file each in `line_laws`. Everything else is derived from it: the entry in a model file, the element
+(`along_line`), generated code, the engines' forces, the table in docs/model_format.md, and random tests.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from ..grammar import ExpressionError, Number
 from ..parsing import parse
 
 MEASURES: Final = {"distance": "m", "rate": "m/s"}
-"""What a formula may contain beside the coefficients, and its unit: the distance of the points, and its derivative by time."""
+"""Names in formulas besides the coefficients, with their units: distance of the points, and its time derivative."""
 
 _TAKEN: Final = RESERVED | MEASURES.keys() | {"type", "from", "to", "first", "last", "repeat", "name"}
 _WORD: Final = re.compile("[a-z][a-z0-9_]*")
 
 
 class LineLawError(ValueError):
-    """A law that cannot be: whoever wrote it has to change it."""
+    """Raised if the declaration of a law is inconsistent."""
 
 
 @dataclass(frozen=True, slots=True)

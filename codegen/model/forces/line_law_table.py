@@ -1,6 +1,6 @@
 """The table of laws along a line in the documentation.
 
-``python -m codegen.model.forces.line_law_table docs/model_format.md`` writes it anew into the page.
+``python -m codegen.model.forces.line_law_table docs/model_format.md`` updates it in the page.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ def table() -> str:
 
 
 def with_table(page: str) -> str:
-    """A page with the table as it is now.
+    """The page with the table updated.
 
     Raises
     ------
     ValueError
-        The page has no place for it.
+        If the page has no place for the table.
     """
     before, begin, rest = page.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not (begin and end):
-        raise ValueError(f"the page has no lines\n{BEGIN}{END}between which the table stands")
+        raise ValueError(f"the page has no lines\n{BEGIN}{END}to enclose the table; add them")
     return before + begin + table() + end + after
 
 

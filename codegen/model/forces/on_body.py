@@ -1,4 +1,4 @@
-"""Forces and torques on one body: components along axes of the ground or of the body."""
+"""Forces and torques on one body, by components along axes of the ground or of the body."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .force_element import ForceElement, ForceEntry
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnBody(ForceElement):
-    """A vector that acts on a body.
+    """A force or torque vector on a body.
 
-    Its components are along the axes of the ground, or, with ``axes`` "body", of the body: expressions of p, inputs, t, q.x, u.x
-    and of positions and velocities of points.
+    Its components are along the axes of the ground or, if ``axes`` is "body", of the body. They are expressions of p, inputs, t,
+    q.x, u.x, and positions and velocities of points.
     """
 
     keys: ClassVar[tuple[str, ...]] = ("value[0]", "value[1]", "value[2]")
@@ -41,7 +41,7 @@ class OnBody(ForceElement):
 
 
 class OnBodyEntry(ForceEntry):
-    """Reads one; `element` is what is made."""
+    """Entry of a force or torque on a body; `element` is the class of the element."""
 
     placeholders: ClassVar[dict[str, Any]] = {"on": "ground", "value": ["0", "0", "0"]}
     element: ClassVar[type[OnBody]]
@@ -75,7 +75,7 @@ class ForceOnBodyEntry(OnBodyEntry):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Torque(OnBody):
-    """A torque on a body, N m; where on the body makes no difference."""
+    """A torque on a body, N m; its point of application is irrelevant."""
 
     type: ClassVar[str] = "torque"
 

@@ -19,8 +19,8 @@ from .force_element import ForceElement, ForceEntry
 class Spring(ForceElement):
     """A spring and damper between two points.
 
-    Each point is pulled towards the other by ``stiffness (d - free_length) + damping d'``, d the distance, N. Expressions of
-    p, inputs and t.
+    It pulls the points towards each other by ``stiffness (d - free_length) + damping d'``, d the distance, N. The
+    coefficients are expressions of p, inputs and t.
     """
 
     type: ClassVar[str] = "spring"

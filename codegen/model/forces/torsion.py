@@ -20,20 +20,20 @@ from .force_element import ForceElement, ForceEntry
 class Torsion(ForceElement):
     """A spring and damper against rotation between two bodies.
 
-    With C the rotation matrix of the end's face in the start's, and a the axis, of the same components in both, the angle is
+    C is the rotation matrix of the end's face relative to the start's; the axis a has the same components in both. The angle is
 
-        atan2(a . (C_zy - C_yz, C_xz - C_zx, C_yx - C_xy), tr C - a . C a)
+        atan2(a . (C_zy - C_yz, C_xz - C_zx, C_yx - C_xy), tr C - a . C a),
 
-    that is the turn about the axis where a rotation is a turn and then a swing across the axis; the angle of a revolute joint.
-    A torque ``stiffness (angle - free_angle) + damping angle'``, N m, along the derivative of the angle with respect to rotations
-    of the end, turns the end back; the opposite acts on the start. The coefficients are expressions of p, inputs and t.
+    the twist about the axis if a rotation is decomposed into a twist and a swing; in a revolute joint it is the joint angle.
+    A torque ``stiffness (angle - free_angle) + damping angle'``, N m, acts against rotation of the end, along the gradient of the
+    angle with respect to rotations of the end. The opposite acts on the start. The coefficients are expressions of p, inputs, t.
     """
 
     type: ClassVar[str] = "torsion"
     keys: ClassVar[tuple[str, ...]] = ("stiffness", "damping", "free_angle")
     has_energy: ClassVar[bool] = True
     singular: ClassVar[str] = (
-        "one end is turned over across its axis, by half a turn, so that its angle is not determined"
+        "one end is turned by half a turn about a line across its axis, so its angle is not determined"
     )
 
     start: Face

@@ -1,6 +1,6 @@
-"""Force laws along the line between two points, a file each: what is in this folder is what there is.
+"""Force laws along the line between two points, one file each; every file in this folder is a law.
 
-A file is called after the type that it adds and holds one ``LAW``, a `LineLaw`. Nothing else names it.
+A file has the name of its type and contains one ``LAW``, a `LineLaw`. No other list names it.
 """
 
 from __future__ import annotations
@@ -24,4 +24,4 @@ def _found() -> dict[str, LineLaw]:
 
 
 LINE_LAWS: Final[dict[str, LineLaw]] = _found()
-"""By type, in the order of the alphabet."""
+"""Laws by type, in alphabetical order."""

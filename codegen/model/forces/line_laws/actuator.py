@@ -1,10 +1,10 @@
-"""A force that is given, along a line."""
+"""A given force along a line."""
 
 from ..line_law import Coefficient, LineLaw
 
 LAW = LineLaw(
     "actuator",
-    "A force along the line as a joint force has it with a sliding joint in its place.",
+    "A force along the line, given as in a joint force on a prismatic joint.",
     {"force": Coefficient("N", "drives the points apart")},
     force="force",
     misspelt={"value": "force"},

@@ -1,4 +1,4 @@
-"""A spring that becomes stiffer, or softer, the more it is stretched: Duffing's."""
+"""Duffing's spring, whose stiffness changes with its elongation."""
 
 from ..line_law import Coefficient, LineLaw
 

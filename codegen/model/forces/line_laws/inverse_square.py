@@ -1,4 +1,4 @@
-"""An attraction by the inverse square of a distance: Newton's of masses, Coulomb's of charges."""
+"""An attraction by the inverse square of the distance: Newton's law of gravitation, Coulomb's law of charges."""
 
 from ..line_law import Coefficient, LineLaw
 
