@@ -284,13 +284,6 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
     return _how_it_ended(run, options.ending.received)
 
 
-def run_view(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm view``: a mechanism in a browser, on a page, or in a picture."""
-    from .viewing import run
-
-    return run(options, status)
-
-
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
     from .reporting.command import run
@@ -460,7 +453,6 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
     generate.set_defaults(run=run_generate)
     for name, run, module, help_text in (
         ("simulate", run_simulate, ".simulating", "compute a motion, with derivatives by parameters"),
-        ("view", run_view, ".viewing", "show a mechanism and its motion in a browser, or write a page or a picture"),
         ("import", run_import, ".importing.command", "make a model file of a robot's: URDF, MJCF, SDF"),
         (
             "report",
@@ -474,13 +466,14 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
         if wanted in (None, name):
             import_module(module, __package__).add_arguments(command)
         command.set_defaults(run=run)
-    for name, help_text in (
-        ("equations", "print the equations of motion: mass matrix and right side"),
-        ("statements", "print every statement that a solver computes, with equation numbers"),
+    for name, module, help_text in (
+        ("view", ".viewing", "show a mechanism and its motion in a browser, or write a page or a picture"),
+        ("equations", ".showing_equations", "print the equations of motion: mass matrix and right side"),
+        ("statements", ".showing_equations", "print every statement that a solver computes, with equation numbers"),
     ):
         command = commands.add_parser(name, help=help_text)
         if wanted in (None, name):
-            showing = import_module(".showing_equations", __package__)
+            showing = import_module(module, __package__)
             getattr(showing, f"add_{name}_arguments")(command)
             command.set_defaults(run=getattr(showing, f"run_{name}"))
     for name, run, help_text in (

@@ -26,7 +26,7 @@ MOST_RESULTS = 100_000
 LARGEST_PORT = 65535
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``ordernm view``."""
     parser.add_argument("model", help="model file (YAML), or generated package with frames")
     motion = parser.add_mutually_exclusive_group()
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_force(parser)
 
 
-def run(options: argparse.Namespace, status: StatusLine) -> int:
+def run_view(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm view``.
 
     Raises
