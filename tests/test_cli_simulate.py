@@ -288,7 +288,7 @@ def test_a_dead_point_makes_a_second_choice_of_independents(tmp_path, monkeypatc
     assert run(model, "-t", "3", "--samples", "31", "-o", tmp_path / "run.npz") == 0
     said = capsys.readouterr()
     assert "as at a dead point: made a solver with 2 choices of independent coordinates" in said.err
-    assert "hardly determined there" not in said.err
+    assert "poorly determined there" not in said.err
     found = Trajectory.load(tmp_path / "run.npz")
     assert np.ptp(found["q.crank"]) > 4 * np.pi
     assert np.ptp(found["kinetic"]) < 1e-6 * found["kinetic"][0]

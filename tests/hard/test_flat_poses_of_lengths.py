@@ -113,7 +113,7 @@ def test_derivatives_by_one_length_end_at_the_flat_pose(
     solver, together = build(TWO, **MOTION), build(TOGETHER, **MOTION)
     options = {"method": method, "rtol": tolerance, "atol": tolerance}
     times = [0.0, 0.5, 1.0, 2.0]
-    with pytest.warns(RuntimeWarning, match=r"^derivatives by c1, c2 do not exist behind t = 0\.730"):
+    with pytest.warns(RuntimeWarning, match=r"^derivatives by c1, c2 do not exist after t = 0\.730"):
         found = solver.simulate(times, sensitivities=("c1", "c2", "m", "u0.A", "g"), **options)
     assert np.isnan(found.dq[:2, 2:]).all() and np.isnan(found.du[:2, 2:]).all()
     assert np.isfinite(found.dq[:2, :2]).all() and np.isfinite(found.dq[2:]).all()

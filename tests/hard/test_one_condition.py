@@ -126,7 +126,7 @@ def test_constant_steps_that_are_too_long_near_a_loss_of_rank_warn(build: Callab
     mechanism, independent = random_mechanism(3)
     solver = build(mechanism.text(independent), partitions=4, **MOTION)
     compare_constant_steps(solver)
-    with pytest.warns(RuntimeWarning, match=r"steps of 0\.001 s do not resolve the motion, least at t = 0\.37"):
+    with pytest.warns(RuntimeWarning, match=r"steps of 0\.001 s do not resolve the motion, least of all at t = 0\.37"):
         solver.simulate(TIMES, method="rk4", step=1e-3)
 
 

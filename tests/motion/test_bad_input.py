@@ -69,9 +69,9 @@ CHAOTIC = ({"crank": 0.8}, {"crank": 3.0})
         ({"inputs": ([0, 1], [[1.0], [2.0], [3.0]])}, r"values of inputs have shape \(3, 1\), expected \(2, 1\)"),
         ({"inputs": ([0, 1], [[1.0], [2.0]], "spline")}, r"expected \(4, 1\): control points, two more than times"),
         ({"inputs": ([0, 1], [[1.0], [2.0]], "curve")}, r"joined by 'curve'; allowed are 'hold', 'linear', 'spline', 'cubic'"),
-        ({"inputs": ([1, 0], [[1.0], [2.0]])}, r"times of inputs: they must rise"),
+        ({"inputs": ([1, 0], [[1.0], [2.0]])}, r"times of inputs: they must increase"),
         ({"inputs": ([0, np.nan], [[1.0], [2.0]])}, r"times of inputs has entries that are not finite"),
-        ({"inputs": ([0], [[1.0]])}, r"2 are needed at least"),
+        ({"inputs": ([0], [[1.0]])}, r"at least 2 entries"),
         ({"events": "trace_y"}, r"events: the model has no output 'trace_y'; it has trace_x"),
         ({"events": 3.0}, r"events contain 3.0"),
         ({"events": ANOTHER_EVENT}, r"this Event belongs to another version of ordernm .* generate the package again"),
@@ -97,7 +97,7 @@ def test_arguments(four_bar: Any, arguments: dict[str, Any], message: str) -> No
         ({"functionals": At("swing", 2.0)}, r"At: times from 2 to 2 s are not within the motion, 0 to 1 s"),
         ({"functionals": At("swing", np.nan)}, r"times must be finite"),
         ({"functionals": LeastSquares([0.0, 0.5], {"swing": [1.0]})}, r"swing has \(1,\) samples, expected \(2,\)"),
-        ({"functionals": LeastSquares([0.5, 0.5], {"swing": [1.0, 1.0]})}, r"times must be finite and rise"),
+        ({"functionals": LeastSquares([0.5, 0.5], {"swing": [1.0, 1.0]})}, r"times must be finite and increasing"),
         ({"functionals": AtEvent("swing", Event("swng"))}, r"events: the model has no output 'swng'"),
         ({"functionals": AtEvent("swing", Event("swing", direction="left"))}, r"direction is 'left'"),
         ({"functionals": Final("t")}, r"no output 't'"),
@@ -105,8 +105,8 @@ def test_arguments(four_bar: Any, arguments: dict[str, Any], message: str) -> No
         ({"functionals": Final("swing"), "integrator": "euler"}, r"integrator is 'euler'; allowed are 'rk4'"),
         ({"functionals": Final("swing"), "integrator": "rk4"}, r"integrator 'rk4' takes constant steps: give step"),
         ({"functionals": Final("swing"), "t": [0, 1, 2]}, r"expected the end of the motion, or its start and end"),
-        ({"functionals": Final("swing"), "t": -1.0}, r"the motion would end before it begins"),
-        ({"functionals": Final("swing"), "t": (2.0, 1.0)}, r"the motion would end before it begins"),
+        ({"functionals": Final("swing"), "t": -1.0}, r"the end must be later than the start"),
+        ({"functionals": Final("swing"), "t": (2.0, 1.0)}, r"the end must be later than the start"),
         ({"functionals": Final("swing"), "wrt": "bse"}, r"did you mean 'base'"),
     ],
 )  # fmt: skip
@@ -124,12 +124,12 @@ def test_judging_what_an_event_has_ended(falling: Any) -> None:
     ]:
         with pytest.raises(SimulationError, match=message):
             falling.judge(1.0, [lands, f], wrt="g")
-    with pytest.raises(SimulationError, match=r"the event z = -9 has not come until t = 1 s"):
+    with pytest.raises(SimulationError, match=r"the event z = -9 did not occur by t = 1 s"):
         falling.judge(1.0, AtEvent("t", Event("z", -9.0)), wrt="g")
 
 
 def test_initial_states_that_are_open(four_bar: Any) -> None:
-    with pytest.warns(RuntimeWarning, match=r"the initial state is open by .* \(scaled\); assembled"):
+    with pytest.warns(RuntimeWarning, match=r"the initial state does not close the loops"):
         found = four_bar.simulate(0.1, q=[0.8, -0.3, -1.9])
     assert found.q[0, 0] == 0.8 and found.closure_drift < 1e-12
     with pytest.warns(
@@ -146,7 +146,7 @@ def test_rates_without_bounds_collapse_the_step(made: Callable[..., Made]) -> No
     for options in ({}, {"sensitivities": ("q0.stone", "u0.stone")}):
         with pytest.raises(
             SimulationError,
-            match=r"ends at t = 0\.\d+ s: steps have become too small to go on, because of [qu].stone",
+            match=r"ends at t = 0\.\d+ s: steps have become too small, because of [qu].stone",
         ) as e:
             solver.simulate(5.0, u=[2.0], **options)
         so_far = e.value.trajectory

@@ -168,7 +168,7 @@ def test_two_crossings_that_only_the_interpolant_shows(four_bar: Any) -> None:
 
 
 def test_an_event_that_does_not_come(falling: Any) -> None:
-    with pytest.warns(RuntimeWarning, match=r"the event z = -5 has not come until t = 1 s; the motion was not stopped"):
+    with pytest.warns(RuntimeWarning, match=r"the event z = -5 did not occur by t = 1 s; the motion was not stopped"):
         found = falling.simulate(1.0, events=passed(-5.0, True))
     assert found.ended == "finished"
 

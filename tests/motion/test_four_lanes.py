@@ -71,7 +71,7 @@ def test_a_compiler_that_fails_leaves_eight(tmp_path: Path, monkeypatch: pytest.
     solver = codegen.load(folder)
     solver.simulate(0.1)
     monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.warns(RuntimeWarning, match="two to four directions take the time of eight: no C compiler found"):
+    with pytest.warns(RuntimeWarning, match="two to four directions take as long as with eight: no C compiler found"):
         found = solver.simulate(0.1, sensitivities=solver.parameter_names[:2])
     assert np.isfinite(found.dq).all()
 

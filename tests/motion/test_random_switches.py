@@ -131,7 +131,7 @@ def differences(solver: Any, q: Any, p: Any, name: str, size: float) -> Any:
 def _has_grown(error: SimulationError) -> bool:
     """Whether a motion ends where speeds grow without bounds, as by their squares, or accelerations, as at a pole."""
     of = error.trajectory
-    if "without bounds" not in str(error) or of is None:
+    if "may be unbounded" not in str(error) or of is None:
         return False
     return bool(np.abs(of.u[-1]).max() > GROWN or np.abs((of.u[-1] - of.u[-2]) / (of.t[-1] - of.t[-2])).max() > GROWN)
 
@@ -152,7 +152,7 @@ def compare(seed: int, folder: Path) -> str:
         return str(error)
     back = judged(solver, q, p, wrt=names, method="adjoint", rtol=1e-12, atol=1e-12)
     lost = np.isnan(plain.gradients).any(axis=0)
-    assert lost.any() == any("it matters which comes first" in str(w.message) for w in said)
+    assert lost.any() == any("depend on the order" in str(w.message) for w in said)
     scale = 1.0 + np.abs(plain.gradients)
     np.testing.assert_allclose(back.gradients / scale, plain.gradients / scale, rtol=0.0, atol=1e-9)
     for column, name in enumerate(names):

@@ -158,7 +158,7 @@ def test_an_angle_that_jumps_at_half_a_turn(made: Callable[..., Made], method: s
 def test_speeds_without_bounds_are_no_accumulation(made: Callable[..., Made]) -> None:
     """The speed grows beyond all bounds before t = 1, while q passes kinks more and more often, which do not end the motion."""
     solver = made(parsed, BOUNDLESS).solver
-    with pytest.raises(SimulationError, match=r"because of u\.block; it may be without bounds") as ended:
+    with pytest.raises(SimulationError, match=r"because of u\.block; it may be unbounded") as ended:
         solver.simulate(2.0)
     assert ended.value.trajectory.t[-1] <= 1.0
 
@@ -240,7 +240,7 @@ def test_switches_that_accumulate_end_a_motion(made: Callable[..., Made]) -> Non
 def test_a_switch_that_is_only_touched_is_told(made: Callable[..., Made]) -> None:
     """Thrown up to the very height from which on another force acts."""
     solver = made(parsed, alone("if(q.block > s, -2, -1)", 0.0, 1.0)).solver
-    with pytest.warns(RuntimeWarning, match=r"only touches where s >= q\.block in forces\.f\.value"):
+    with pytest.warns(RuntimeWarning, match=r"only touches a switch, where s >= q\.block in forces\.f\.value"):
         solver.simulate(1.5, sensitivities=["s"])
 
 

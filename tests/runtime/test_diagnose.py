@@ -233,7 +233,7 @@ def test_a_light_link_before_heavy_ones_is_told(solver_of: Callable[..., codegen
         assert found[name].mass is not None
         assert found[name].mass.condition > 1e9
     assert found["growing"].mass.left < 1e-9 < found["shrinking"].mass.left
-    assert "of its inertia where the other joints are free, and up to 1" in repr(found["growing"])
+    assert "of its inertia if the other joints are free, and up to 1" in repr(found["growing"])
     assert found["growing"].derivative_digits.min() < 12
     assert found["shrinking"].mass.left > 0.1
     assert found["shrinking"].derivative_digits.min() > 13
@@ -320,7 +320,7 @@ def test_what_it_says_near_a_dead_point(four_bar: codegen.Solver) -> None:
     assert int(digits[0]) == math.floor(found.digits.min()) < 14
     assert int(digits[1]) == math.floor(found.derivative_digits.min())
     assert re.search(r"closure of loop bearing: condition [\d.e+]+, \de-0[56] from rank loss; worst in c", text)
-    assert "a dead point of the independent coordinates that were chosen; with others it is 0." in text
+    assert "a dead point of the chosen independent coordinates; with others it is 0." in text
     assert "--partitions 2" in text
     assert found.distance > 0.05  # the rocker would do
     assert found.argument_error.max() > found.udot_error.max()
@@ -383,7 +383,7 @@ def test_what_arguments_do_in_their_last_places(solver_of: Callable[..., codegen
     found = solver.diagnose([1e6, -3e6], [0.1, 0.2])
     assert 1e-11 < found.argument_error.max() / np.abs(found.udot).max() < 1e-7
     assert found.udot_error.max() / np.abs(found.udot).max() < 1e-14
-    assert "arguments that are themselves rounded about" in repr(found)
+    assert "from rounded arguments, about" in repr(found)
     exact = RecursiveEngine(chain(2, [1.0, 0.5], planar=True)).accelerations([1e6, -3e6], [0.1, 0.2])
     assert np.allclose(found.udot, exact, rtol=1e-13)
     assert np.all(solver.diagnose([0.0, 0.0], [0.0, 0.0]).argument_error < 1e-14)  # zero stays zero
@@ -394,7 +394,7 @@ def test_accelerations_beyond_floating_point_numbers_are_told(four_bar: codegen.
     with pytest.warns(RuntimeWarning, match="udot of accelerations is not finite"):
         found = four_bar.diagnose(q, 1e200 * u + [1e200, 0.0, 0.0], derivatives=False)
     assert np.all(found.digits == 0.0)
-    assert "udot is beyond floating-point numbers" in repr(found)
+    assert "udot is not finite" in repr(found)
 
 
 def test_bad_input_is_refused_as_elsewhere(four_bar: codegen.Solver) -> None:

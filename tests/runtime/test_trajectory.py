@@ -469,11 +469,11 @@ def test_damaged_files_are_told(tmp_path, suffix):
 
 def test_other_files_are_told(tmp_path):
     np.savez(tmp_path / "mine.npz", x=np.zeros(3))
-    with pytest.raises(TrajectoryFileError, match=r"mine.npz holds no trajectory: it is another file of NumPy's"):
+    with pytest.raises(TrajectoryFileError, match=r"mine.npz contains no trajectory: it is another NumPy file"):
         Trajectory.load(tmp_path / "mine.npz")
     with open(tmp_path / "array.npz", "wb") as file:
         np.save(file, np.zeros(3))
-    with pytest.raises(TrajectoryFileError, match="holds no trajectory"):
+    with pytest.raises(TrajectoryFileError, match="contains no trajectory"):
         Trajectory.load(tmp_path / "array.npz")
     np.savez(tmp_path / "objects.npz", header=np.array([{"a": 1}], dtype=object))
     with pytest.raises(TrajectoryFileError, match="damaged"):
@@ -485,7 +485,7 @@ def test_another_table_of_parquets_is_told(tmp_path):
     import pyarrow.parquet
 
     pyarrow.parquet.write_table(arrow.table({"x": [1, 2]}), tmp_path / "mine.parquet")
-    with pytest.raises(TrajectoryFileError, match=r"mine.parquet holds no trajectory: it is another file of Parquet's"):
+    with pytest.raises(TrajectoryFileError, match=r"mine.parquet contains no trajectory: it is another Parquet file"):
         Trajectory.load(tmp_path / "mine.parquet")
 
 
@@ -502,7 +502,7 @@ def with_header(path: Path, **changes) -> None:
     ("changes", "said"),
     [
         ({"version": 2}, "is of version 2 of the format, this ordernm reads version 1"),
-        ({"format": "recipes"}, "holds no trajectory: its format is 'recipes'"),
+        ({"format": "recipes"}, "contains no trajectory: its format is 'recipes'"),
         ({"coordinate_names": ["crank", "rode"]}, "not those that were saved"),
     ],
 )

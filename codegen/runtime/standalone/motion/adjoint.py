@@ -1,4 +1,4 @@
-"""The discrete adjoint of a motion: gradients of weighted sums of outputs, from the end to the beginning."""
+"""The discrete adjoint of a motion: gradients of weighted sums of outputs, integrated from the end to the start."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .problem import REASONS, Segment
 
 @dataclass(slots=True)
 class Adjoint:
-    """Gradients by what a motion begins with and depends on.
+    """Gradients with respect to the initial state, the parameters and the inputs.
 
     Attributes
     ----------
     q, u : array (m, nq), (m, nu)
-        By independent entries of the initial state; others are zero.
+        Gradients by independent entries of the initial state; zero for the others.
     p : array (m, np)
     inputs : array (m, count, nsignals)
     counts : dict of str to int
@@ -35,25 +35,24 @@ def segment_backwards(
     motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, behind: tuple[Array, Array, Array],
     integral_weights: Array, end_q: Array, end_u: Array, whole: tuple[Array, Array] | None = None,
 ) -> Adjoint:  # fmt: skip
-    """Gradients of m functionals by what a segment of a motion, whose steps have been kept, begins with and depends on.
+    """Gradients of m functionals with respect to the start, parameters and inputs of a segment whose steps were kept.
 
     Parameters
     ----------
     motion : (library, ffi, system)
     times : array (ntimes,)
     weights : array (m, ntimes, noutputs)
-        Of outputs at these times, all of them within the segment.
+        Derivatives of the functionals by the outputs at these times, all of which are in the segment.
     behind : array (n,), (m, n, noutputs), (m, n)
-        Times of events of outputs that jump, weights of outputs behind them, and of these times.
-    integral_weights : array (m, nintegrals)
+        Times of events at which outputs jump, derivatives of the functionals by the outputs after the jump, and by these times.
     end_q, end_u : array (m, nq), (m, nu)
-        Of independent entries of the state at the segment's end; of all of them, where there is a `whole`.
+        Derivatives by independent entries of the state at the segment's end; by all entries, if `whole` is given.
     whole : (array (nq,), array (nu,)), optional
-        The state at the segment's end, from which others are independent.
+        The state at the segment's end, if the next segment has other independent coordinates.
     """
     library, ffi, system = motion
     problem, m = segment.problem, len(weights)
-    # steps that are made again are made as they were
+    # repeated steps must use the same functions as the original ones
     system.precise = ffi.cast("const ordernm_precise *", segment.precise)
     c = problem.in_c(ffi, system)
     shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, *problem.inputs.values.shape)]
@@ -72,33 +71,31 @@ def segment_backwards(
     room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
     adjoint = library.ordernm_adjoint_begin(c, g, room)
     if g.singular:
-        raise RuntimeError(f"the adjoint could not complete a state that the motion had completed ({g.singular})")
+        raise RuntimeError(f"the adjoint cannot close the loops in a state of the motion ({g.singular})")
     parts = zip(segment.steps, segment.known, segment.heads, strict=True)
     for part, known, heads in reversed(list(parts)):
         rows = part if heads is None else made_again(library, ffi, c, part, known, heads)
         reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
-        if reason == "not finite":  # rates have no derivative at a state
+        if reason == "not finite":  # the rates have no derivative in one of the states
             for x in found:
                 x.fill(np.nan)
             break
         if reason != "end":
-            raise RuntimeError(
-                f"the adjoint met a state that the motion had passed, and found it {reason} ({g.singular})"
-            )
+            raise RuntimeError(f"the adjoint cannot use a state of the motion: {reason} ({g.singular})")
     library.ordernm_adjoint_end(adjoint)
     q, u, p, inputs = found
     return Adjoint(q, u, p, inputs, {"evaluations": g.evaluations, "transposes": g.transposes})
 
 
 def made_again(library: Any, ffi: Any, c: Any, first: Array, known: Array, heads: Array) -> Array:
-    """Rows of steps from the first, from what the method knew before it, and from the heads of all rows."""
+    """Repeats steps from the first row, the integrator's memory before it (`known`), and the heads of all rows."""
     rows = np.empty((len(heads), first.shape[1]))
     rows[:, : heads.shape[1]] = heads
     rows[0] = first[0]
-    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))  # which has to live as long as the motion
+    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))  # memory of the motion
     motion = library.ordernm_begin(c, room)
     before = ffi.from_buffer("double[]", known) if known.size else ffi.NULL
     reason = REASONS[library.ordernm_replay(motion, before, ffi.from_buffer("double[]", rows), len(rows))]
     if reason != "end":
-        raise RuntimeError(f"steps that had been made could not be made again: {reason}")
+        raise RuntimeError(f"kept steps cannot be repeated: {reason}")
     return rows

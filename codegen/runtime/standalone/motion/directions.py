@@ -1,4 +1,4 @@
-"""What sensitivities of a motion are with respect to: names of parameters, initial values and inputs as directions."""
+"""Directions of a motion's sensitivities, from names of parameters, initial values and inputs."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .inputs import Inputs
 
 @dataclass(slots=True)
 class Directions:
-    """Directions of a motion.
+    """Directions of differentiation of a motion.
 
     Attributes
     ----------
     names : tuple of str
     dq, du : array (k, nq), (k, nu)
-        Of the initial state; zero where it is the model's that follows.
+        Seeds of the initial state; zero if the model's initial state is used, whose derivatives are added later.
     dp : array (k, np)
     dinputs : array (k, count, nsignals) or None
-        Of the inputs' control points.
+        Seeds of the inputs' control points.
     given : bool
-        The caller gave derivatives of the initial state.
+        Whether the user gave derivatives of the initial state.
     """
 
     names: tuple[str, ...]
@@ -51,7 +51,7 @@ def _no_directions(nq: int, nu: int, n_p: int) -> Directions:
 def take_sensitivities(
     solver: Any, names: Sequence[str] | str, dq0: Numbers, du0: Numbers, inputs: Inputs
 ) -> Directions:
-    """Directions from names, checked.
+    """Checks names of sensitivities, and returns their directions.
 
     Raises
     ------

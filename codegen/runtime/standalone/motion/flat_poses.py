@@ -1,9 +1,9 @@
-"""Derivatives through poses at which a loop has lost rank: which directions have none.
+"""Directions without derivatives after a motion has passed a pose at which a loop loses rank (a flat pose).
 
-At a flat pose a combination n of the conditions of a loop sees no speed, ``n E = 0``. A parameter that n sees, ``n dg/dp`` not
-zero, leaves no closed state near the pose, or makes another branch of what is behind it: nothing can be differentiated. Beside
-the pose, at a distance d, the dependent coordinates move by 1/d with such a parameter, and by a bounded amount with directions
-that keep the loop closed through the pose, such as all lengths of a parallelogram together.
+At a flat pose, a combination n of a loop's conditions does not depend on the speeds: ``n E = 0``. If ``n dg/dp`` is not zero, no
+closed state exists near the pose for one sign of the change dp, or the motion enters another branch. Then there is no derivative.
+At a distance d from the pose, such a parameter moves the dependent coordinates by 1/d. Directions that keep the loop closed
+through the pose move them by bounded amounts; an example is all lengths of a parallelogram together.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from ..errors import SingularJointError
 from .problem import Run, Segment
 
 GROWN = 4.0
-"""How many times as far dependent coordinates must move beside a pose as farther away from it: 16 is expected, or else 1."""
+"""Ratio of the motions of dependent coordinates near the pose and farther away above which a direction is lost: 16 or 1 is
+expected."""
 
 ROUNDING = 1e-8
-"""Part of what single parameters move that is left of directions which keep the loop closed, by rounding."""
+"""Rounding error of directions that keep the loop closed, relative to the motions caused by single parameters."""
 
 MOVED = 1e-6
-"""rad, or characteristic lengths: what coordinates must move by beside a pose where a parameter changes by all of itself."""
+"""rad, or characteristic lengths: smallest motion near a pose, for a relative change of 1 of the parameters, that counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """Directions that have no derivative from a time on.
+    """Directions that have no derivative after a time.
 
     Attributes
     ----------
@@ -45,7 +46,7 @@ class Lost:
 
 
 def lost_directions(run: Run, dp: Array) -> list[Lost]:
-    """Which of the directions dp (k, np) have no derivative behind the poses that a motion has passed."""
+    """The directions dp (k, np) that have no derivative after flat poses which the motion has passed."""
     if not dp.any():
         return []
     moving = np.flatnonzero(dp.any(axis=0))
@@ -68,7 +69,7 @@ def lost_directions(run: Run, dp: Array) -> list[Lost]:
 
 
 def _moved(segment: Segment, t: float, q: Array, moving: NDArray[np.intp]) -> Array:
-    """By how much coordinates move with some parameters, independent ones held, (parameters, nq)."""
+    """Derivatives of the scaled coordinates by some parameters, (parameters, nq), with independent coordinates held."""
     problem = segment.problem
     f = segment.opened.functions["completion_sensitivities"]
     given = {"q": q.copy(), "u": np.zeros_like(problem.u), "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
@@ -79,7 +80,7 @@ def _moved(segment: Segment, t: float, q: Array, moving: NDArray[np.intp]) -> Ar
 
 
 def what_is_lost(lost: Sequence[Lost], names: Sequence[str]) -> str:
-    """What is said of it."""
+    """The warning for lost directions."""
     first: dict[str, float] = {}
     for of in lost:
         for k in np.flatnonzero(of.directions):
@@ -87,7 +88,7 @@ def what_is_lost(lost: Sequence[Lost], names: Sequence[str]) -> str:
     by = ", ".join(first)
     which = "such a parameter" if len(first) > 1 else "this parameter"
     return (
-        f"derivatives by {by} do not exist behind t = {min(first.values()):.9g} s and are NaN: a loop loses rank there, as a "
-        f"linkage does whose links are in one line, and with {which} changed alone it cannot be assembled there, or goes on in "
-        f"another branch. Make lengths that have to agree for the mechanism to pass one parameter"
+        f"derivatives by {by} do not exist after t = {min(first.values()):.9g} s and are NaN: a loop loses rank there (for "
+        f"example, its links are in one line), and if {which} changes alone, it cannot be assembled there or changes "
+        f"branch. Use one parameter for lengths that must agree for the mechanism to pass"
     )

@@ -1,4 +1,4 @@
-"""Functionals of motions and their gradients, by sensitivities that are integrated along, or by the discrete adjoint."""
+"""Functionals of motions and their gradients, by forward sensitivities or by the discrete adjoint."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from .simulation import MEANINGLESS, Simulation, meaningless
 GRADIENTS = ("auto", "forward", "adjoint")
 
 MEMORY = 256 * 2**20
-"""Bytes for the steps of a motion, for the adjoint; beyond it they are made a second time."""
+"""Bytes for the kept steps of a motion; steps beyond it are repeated for the adjoint."""
 
 COSTS = {False: (0.0, 3.0, 4.4, 9.0), True: (1.3, 0.8, 2.5, 3.5)}
-"""In motions without derivatives, of explicit methods and of the implicit one: a motion with directions, and every eight of
-them; the gradient of one functional by the adjoint; of up to eight."""
+"""Costs relative to a motion without derivatives, for explicit methods and the implicit one: a motion with directions, plus each
+eight of them; the adjoint gradient of one functional; of up to eight."""
 
 
 @dataclass(slots=True, eq=False)
 class Weights:
     """Derivatives of functionals by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals).
 
-    `behind` has the times (n,) of events of outputs that jump, derivatives by outputs behind these jumps (m, n, noutputs), and by
-    those of these times that a switch makes (m, n).
+    `behind` contains the times (n,) of events at which outputs jump, derivatives by outputs after the jumps (m, n, noutputs), and
+    by the times of jumps that a switch causes (m, n).
     """
 
     times: Array
@@ -49,7 +49,7 @@ class Weights:
 
 
 class FunctionalGradients(Simulation):
-    """Functionals of motions."""
+    """Values and gradients of functionals of motions."""
 
     def judge(
         self,
@@ -68,7 +68,7 @@ class FunctionalGradients(Simulation):
             raise ValueError(f"t is {t!r}, expected the end of the motion, or its start and end, s")
         start, end = (0.0, float(ends[0])) if len(ends) == 1 else (float(ends[0]), float(ends[1]))
         if not start < end:
-            raise ValueError(f"t is {t!r}: the motion would end before it begins, at {start:g} s")
+            raise ValueError(f"t is {t!r}: the end must be later than the start, {start:g} s")
         self._find(self._opened, "outputs")
         wanted = check_functionals(functionals, self.output_names, start, end)
         times = {start, end}
@@ -90,7 +90,7 @@ class FunctionalGradients(Simulation):
         )
         way = self._way(method, len(wanted), directions.k, settings.method)
         found = None if way != "adjoint" else self._by_adjoint(wanted, events, problem, directions, memory)
-        if found is None:  # forward, or by the adjoint where derivatives do not exist along some directions
+        if found is None:  # forward, or the adjoint found that derivatives along some directions may not exist
             way = "forward" if directions.k else "none"
             found = self._by_directions(wanted, events, problem, directions)
         return Judged(*found[:2], directions.names, way, found[2])
@@ -98,7 +98,7 @@ class FunctionalGradients(Simulation):
     def _by_directions(
         self, wanted: list[Functional], events: list[Event], problem: Problem, directions: Directions
     ) -> tuple[Array, Array, dict[str, Any]]:
-        """Values, gradients and counts, by derivatives along directions."""
+        """Values, gradients and counts, by forward sensitivities."""
         run, k = self._run(problem), directions.k
         crossings, values, weights = self._values(wanted, events, problem, run, directions)
         if not k:
@@ -111,7 +111,7 @@ class FunctionalGradients(Simulation):
     def _by_adjoint(
         self, wanted: list[Functional], events: list[Event], along: Problem, directions: Directions, memory: int
     ) -> tuple[Array, Array, dict[str, Any]] | None:
-        """The same by the adjoint; None where it may not exist: along which directions shows along these only."""
+        """The same by the adjoint; None if derivatives may not exist. Only forward sensitivities show along which directions."""
         problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
         run = self._run(problem, keep_steps=True, memory=memory)
         if any(s.together or s.lost for s in run.segments):
@@ -130,7 +130,7 @@ class FunctionalGradients(Simulation):
     def _values(
         self, wanted: list[Functional], events: list[Event], problem: Problem, run: Run, directions: Directions
     ) -> tuple[dict[Event, Crossing], Array, Weights]:
-        """Where events happened first, values of functionals, and their weights."""
+        """First occurrences of events, values of functionals, and their derivatives by outputs."""
         if run.reason not in ("end", "event"):
             raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, directions, run))
         crossings = self._first_crossings(events, problem, run, directions.k)
@@ -139,14 +139,14 @@ class FunctionalGradients(Simulation):
     def _check(
         self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run, lost: set[str]
     ) -> None:
-        """Warn of gradients that are too large, or not finite but for directions that are known to be lost."""
+        """Warns of gradients that are too large, or not finite although their direction is not known to be lost."""
         self._look_at_growth(gradients, weights, directions, problem, run)
         kept = [i for i, name in enumerate(directions.names) if name not in lost]
         self._look_for_infinite(gradients[:, kept], weights, [directions.names[i] for i in kept], problem, run)
         self._take_lost(gradients, weights, directions, run)
 
     def _take_lost(self, gradients: Array, weights: Weights, directions: Directions, run: Run) -> None:
-        """NaN, and a warning, for gradients along directions that have no derivative behind a pose where a loop has lost rank."""
+        """Sets gradients to NaN, with a warning, along directions that have no derivative after a flat pose."""
         taken = []
         for of in lost_directions(run, directions.dp):
             times, of_outputs, of_times = weights.behind
@@ -165,10 +165,10 @@ class FunctionalGradients(Simulation):
     def _look_at_growth(
         self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
     ) -> None:
-        """Tell of gradients beyond all bounds: in parts of what is weighed, per part of what they are with respect to."""
+        """Warns of enormous gradients, relative to the outputs per relative change of the parameters."""
         q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
         outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
-        outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # nobody asks for these
+        outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # no functional depends on these
         by = self._sizes_of_directions(directions, q, u, problem)[0]
         by_behind = np.abs(weights.behind[1]).sum(axis=1) @ outputs + np.abs(weights.behind[2]).sum(axis=1)
         whole = np.abs(weights.outputs).sum(axis=1) @ outputs + by_behind + np.abs(weights.integrals) @ integrals
@@ -178,7 +178,7 @@ class FunctionalGradients(Simulation):
     def _look_for_infinite(
         self, gradients: Array, weights: Weights, names: list[str], problem: Problem, run: Run
     ) -> None:
-        """Warn of gradients that are not finite, with the outputs that make them so, where it is they at a time of the result."""
+        """Warns of gradients that are not finite, and names the outputs if these are the cause."""
         bad = ~np.isfinite(gradients)
         if not bad.any():
             return
@@ -195,7 +195,7 @@ class FunctionalGradients(Simulation):
     def _weighed(
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
     ) -> tuple[Array, Weights]:
-        """Values of functionals, and what changes of outputs and integrals change them by."""
+        """Values of functionals, and their derivatives by outputs and integrals."""
         m, nt = len(wanted), len(run.rows)
         t, outputs = run.rows[:, 0], self._of_rows(run.rows, 3)
         integrals = self._of_rows(run.rows, 4, problem)
@@ -259,12 +259,12 @@ class FunctionalGradients(Simulation):
         weights: Weights,
         k: int,
     ) -> Array:
-        """Gradients from sensitivities."""
+        """Gradients from forward sensitivities."""
         doutputs = self._derivatives_of_rows(run.rows, problem, k, 3)  # (nt, k, noutputs)
         dintegrals = self._derivatives_of_rows(run.rows, problem, k, 4)
         places = np.searchsorted(weights.times, run.rows[:, 0])
         found = np.zeros((len(wanted), k))
-        for i, of in enumerate(weights.outputs[:, places]):  # what has no weight may be infinite
+        for i, of in enumerate(weights.outputs[:, places]):  # outputs without weight may be infinite
             rows, outputs = np.nonzero(of)
             found[i] = of[rows, outputs] @ doutputs[rows, :, outputs]
             asked = np.flatnonzero(weights.integrals[i])
@@ -284,7 +284,7 @@ class FunctionalGradients(Simulation):
         for number, segment in reversed(list(enumerate(run.segments))):
             start, end = segment.problem.start if number else -math.inf, segment.counts["t"]
             within = (weights.times > start) & (weights.times <= end)
-            # behind the end of a segment is the beginning of the next one
+            # the end of a segment is the start of the next one, which includes events at that time
             times, of_outputs, of_times = weights.behind
             begun = (times >= start) & ((times < end) | (number + 1 == len(run.segments)))
             behind = times[begun], of_outputs[:, begun], of_times[:, begun]
@@ -299,14 +299,14 @@ class FunctionalGradients(Simulation):
                 found.inputs += total.inputs
                 found.counts = {name: n + total.counts[name] for name, n in found.counts.items()}
             total = found
-            # the state at a change has been completed by the partition before
+            # the previous segment completed this state with its own independent coordinates
             end_q, end_u, whole = found.q, found.u, (segment.problem.q, segment.problem.u)
         assert total is not None
         return total
 
     @staticmethod
     def _way(method: str, m: int, k: int, integrator: str) -> str:
-        """How gradients are computed."""
+        """The cheaper method, unless the user chose one."""
         if not k:
             return "none"
         if method != "auto":
@@ -317,7 +317,7 @@ class FunctionalGradients(Simulation):
         return "forward" if forward <= adjoint else "adjoint"
 
     def _first_crossings(self, events: list[Event], problem: Problem, run: Run, k: int) -> dict[Event, Crossing]:
-        """Where each event happened first."""
+        """The first occurrence of each event."""
         found: dict[Event, Crossing] = {}
         for i, row in run.events:
             if events[i] not in found:
@@ -325,13 +325,13 @@ class FunctionalGradients(Simulation):
         for e in events:
             if e not in found:
                 raise SimulationError(
-                    f"the event {e.output} = {e.level:g} has not come until t = {run.counts['t']:.9g} s", None
+                    f"the event {e.output} = {e.level:g} did not occur by t = {run.counts['t']:.9g} s", None
                 )
         return found
 
 
 def _row_at(t: Array, at: float, output: str, run: Run) -> int:
-    """The row of a time at which an output is wanted."""
+    """The row of the results at the time `at`."""
     row = int(np.searchsorted(t, at))
     if row == len(t) or t[row] != at:
         raise SimulationError(

@@ -1,4 +1,4 @@
-"""Numbers that a motion is judged by: an output at a time, at the end, at an event, its integral, squares of its errors."""
+"""Functionals of a motion: an output at a time, at the end or at an event, its integral, least squares."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ Functional = Final | At | Integral | AtEvent | LeastSquares
 
 
 def check_functionals(given: Any, output_names: Sequence[str], start: float, end: float) -> list[Functional]:
-    """Functionals as a caller gives them, checked.
+    """Checks functionals given by a user.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
     """
     found = list(given) if isinstance(given, Iterable) else [given]
     if not found:
-        raise ValueError("no functional is given, such as Final('tip_x') or Integral('power')")
+        raise ValueError("no functional is given; give one, such as Final('tip_x') or Integral('power')")
     for f in found:
         if not isinstance(f, Functional):
             raise ValueError(
@@ -183,7 +183,7 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
         if isinstance(f, (At, LeastSquares)):
             times = np.atleast_1d(np.asarray(f.t if isinstance(f, At) else f.times, float))
             if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-                raise ValueError(f"{type(f).__name__}: times must be finite and rise")
+                raise ValueError(f"{type(f).__name__}: times must be finite and increasing")
             if len(times) and not start <= times[0] <= times[-1] <= end:
                 raise ValueError(
                     f"{type(f).__name__}: times from {times[0]:g} to {times[-1]:g} s are not within the motion, "
@@ -199,7 +199,7 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
 
 
 SHOWN = 8
-"""Values, and derivatives of each, that a `repr` lists."""
+"""Number of values, and of derivatives of each, in a `repr`."""
 
 
 @dataclass(slots=True, eq=False, repr=False)

@@ -1,4 +1,4 @@
-"""Inputs over time as the integrators take them: one B-spline for all signals, or constant numbers."""
+"""Inputs over time, as the integrators use them: one B-spline for all signals, or constants."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from ..arrays import Array
 from .splines import spline_weights
 
 JOINED = {0: "held from one time to the next", 1: "joined by straight lines"}
-"""What splines without a continuous velocity are, by their degree."""
+"""Descriptions of splines without continuous velocity, by degree."""
 
 SMOOTH = "give (times, values, 'cubic'), a cubic spline through the values, or (times, control points, 'spline')"
-"""What serves instead."""
+"""Smooth alternatives, for messages."""
 
 ROUNDED = 1e-12
-"""Jumps up to this, in parts of the largest value, and for velocities per mean distance of knots, are rounding."""
+"""Jumps up to this are rounding errors: relative to the largest value, for velocities per mean distance of knots."""
 
 Linear = Callable[[Array], Array]
-"""From a caller's values of a signal (n,) to control points (count,)."""
+"""Maps a user's values of a signal (n,) to control points (count,)."""
 
 
 @dataclass(slots=True)
 class Inputs:
     """Inputs over time: a B-spline, or constant numbers.
 
-    Before the first and after the last knot they stay as they are there.
+    Before the first knot and after the last one, inputs are constant.
 
     Attributes
     ----------
@@ -35,13 +35,13 @@ class Inputs:
     knots : array (count + degree + 1,) or None
         None for constant inputs, of which count is 1.
     values : array (count, nsignals)
-        Control points: of degree 0 and 1 the values themselves.
+        Control points; for degrees 0 and 1 they are the values themselves.
     moving : tuple of int
-        The signals that prescribed motion reads: behind all signals, inputs have a rate and an acceleration of each.
+        Signals that prescribed motion uses. After all signals, inputs contain the rate and the acceleration of each of these.
     given : tuple of array (n,)
-        The numbers that a caller gave for each signal; empty where these are the control points.
+        A user's values for each signal; empty if they are the control points.
     control : tuple of callable
-        For each signal, what makes control points of them.
+        The map from these values to control points, for each signal.
     """
 
     degree: int
@@ -54,11 +54,11 @@ class Inputs:
     # -- over time -----------------------------------------------------------------------------------------------------
 
     def at(self, t: float) -> Array:
-        """Inputs (ninputs,) at a time."""
+        """Inputs (ninputs,) at time t."""
         return self._inputs(t, 0)
 
     def rate(self, t: float) -> Array:
-        """Their time derivatives (ninputs,)."""
+        """Time derivatives (ninputs,) of the inputs at time t."""
         return self._inputs(t, 1)
 
     def _inputs(self, t: float, order: int) -> Array:
@@ -70,7 +70,8 @@ class Inputs:
         return np.concatenate([values, rates.reshape(-1)])
 
     def derivative(self, t: float, order: int, before: bool = False) -> Array:
-        """A derivative by time (nsignals,) of some order; at a knot that of the piece behind it, or of that `before` it."""
+        """Time derivative (nsignals,) of the given order; at a knot, of the piece after it, or with `before` of the piece before
+        it."""
         if self.knots is None:
             return self.values[0] if not order else np.zeros(self.values.shape[1])
         if order and not self.knots[self.degree] <= t <= self.knots[len(self.values)]:
@@ -79,28 +80,28 @@ class Inputs:
         return weights @ self.values[place : place + len(weights)]
 
     def check_moving(self, names: Sequence[str], start: float, end: float) -> None:
-        """Refuse inputs that prescribed motion reads, and that jump, or have a velocity that jumps, in a motion.
+        """Rejects inputs of prescribed motion that have jumps in value or velocity during the motion.
 
         Raises
         ------
         ValueError
-            A real mechanism would feel an impulse there, which would be lost.
+            If there is such a jump, because its impulse on the mechanism would be ignored.
         """
         changing = [i for i in self.moving if np.ptp(self.values[:, i]) > 0.0]
         if self.knots is None or not changing:
             return
-        lost = "other bodies would not feel the impulse"
+        lost = "the impulse on other bodies would be ignored"
         if self.degree < 2:
             raise ValueError(
-                f"inputs: prescribed motion follows {names[changing[0]]!r}, which is {JOINED[self.degree]}: its velocity would "
-                f"jump, and {lost}; {SMOOTH}"
+                f"inputs: prescribed motion follows {names[changing[0]]!r}, which is {JOINED[self.degree]}: its velocity "
+                f"would jump, and {lost}; {SMOOTH}"
             )
         knots = np.unique(self.knots)
         size = np.abs(self.values).max(axis=0)
         for t in knots[(knots > start) & (knots < end)].tolist():
             for order, what in enumerate(("value", "velocity")):
                 one, other = self.derivative(t, order, before=True), self.derivative(t, order)
-                if order:  # held outside
+                if order:  # inputs are constant outside
                     one, other = one * (t > self.knots[self.degree]), other * (t < self.knots[len(self.values)])
                 allowed = ROUNDED * size * (len(knots) / (knots[-1] - knots[0])) ** order
                 for i in changing:
@@ -115,20 +116,20 @@ class Inputs:
         ends = {self.knots[self.degree]: "before its first", self.knots[len(self.values)]: "after its last"}
         if t not in ends:
             return SMOOTH
-        return f"an input is held {ends[t]} time: give values for all of the motion, or a spline that begins and ends at rest"
+        return f"an input is held {ends[t]} time: give values for the whole motion, or a spline that starts and ends at rest"
 
-    # -- a caller's values ---------------------------------------------------------------------------------------------
+    # -- given values --------------------------------------------------------------------------------------------------
 
     def counts(self) -> tuple[int, ...]:
-        """How many numbers each signal was given by."""
+        """Number of values given for each signal."""
         return tuple(map(len, self.given)) or (len(self.values),) * self.values.shape[1]
 
     def value(self, signal: int, row: int) -> float:
-        """One of them."""
+        """A given value."""
         return float(self.given[signal][row] if self.given else self.values[row, signal])
 
     def direction(self, signal: int, row: int | None) -> Array:
-        """How control points (count,) change with one of them; with all of them together where there is no `row`."""
+        """Derivative of the control points (count,) by a given value; by all values together if `row` is None."""
         if row is None:
             return np.ones(len(self.values))
         if self.given:
@@ -136,7 +137,7 @@ class Inputs:
         return np.eye(1, len(self.values), row)[0]
 
     def changed(self, values: Mapping[tuple[int, int], float]) -> Inputs:
-        """The same with other numbers, by signal and row."""
+        """A copy with other values, by signal and row."""
         new, given = self.values.copy(), [x.copy() for x in self.given]
         for (signal, row), x in values.items():
             (given[signal] if given else new[:, signal])[row] = x

@@ -1,6 +1,6 @@
-"""Prescribed motion that has branches: whether its velocity jumps within a motion, at the parameters and inputs of that.
+"""Tests whether prescribed motion with branches has a jump in velocity during a motion, at its parameters and inputs.
 
-The model's own parameters were looked at when it was read. An impulse would be lost here, so a motion ends before such a time.
+The model reader tests the default parameters. Here, the impulse of a jump would be ignored, so a motion ends before it.
 """
 
 from __future__ import annotations
@@ -16,35 +16,35 @@ from ..arrays import Array
 from .inputs import Inputs
 
 SAMPLES = 2000
-"""Times within a motion at which switching functions are looked at; linear ones are solved, extremes are refined."""
+"""Number of times at which switching functions are evaluated; linear ones are solved exactly, extrema are refined."""
 
 BESIDE, FAR_BESIDE = 1e-9, 1e-5
-"""How far beside a time its branches are looked at, in parts of it; and where there is no derivative at the time itself."""
+"""Relative distance from a time at which its branches are evaluated; and the distance where no derivative exists at the time."""
 
 JUMP = 1e-7
-"""Jumps that are less, in parts of the largest values near by, are rounding."""
+"""Jumps below this fraction of the largest nearby value are rounding errors."""
 
 NEAR_BY = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 15)])
-"""Where these are looked for, s, or in parts of later times."""
+"""Distances at which nearby values are evaluated, in s, or relative for later times."""
 
 Pair = tuple[Any, Any]
-"""Values and their rates, numbers or arrays."""
+"""Values and their rates, as numbers or arrays."""
 
 Switches = dict[str, Callable[..., Pair]]
 Known = Callable[[Array], Mapping[str, Pair]]
-"""Values and rates of names at times."""
+"""Returns values and rates of variables at given times."""
 
 
 def first_kink(motion: Sequence[Mapping[str, Any]], known: Known, times: Array) -> tuple[float, str] | None:
-    """When prescribed motion, or its velocity, jumps first within a motion, and a message; None where it does not.
+    """The first jump of prescribed motion or of its velocity during a motion, with a message; None if there is none.
 
     Parameters
     ----------
     motion : sequence of mapping
-        With ``name`` and ``tree``, see the manifest; names that the tree has are there as ``names``.
+        Prescribed motions, with the keys ``name``, ``tree`` and ``names`` (variables of the tree); see the manifest.
     known : callable
     times : array
-        Rising, from the start to the end of the motion, where switching functions are looked at.
+        Increasing times from the start to the end of the motion, at which switching functions are evaluated.
     """
     found: list[tuple[float, str]] = []
     for one in motion:
@@ -60,20 +60,20 @@ def first_kink(motion: Sequence[Mapping[str, Any]], known: Known, times: Array) 
                 i = int(jumps[0])
                 message = (
                     f"the {what} of the prescribed motion of {one['name']!r} jumps from {before[i]:.6g} to {after[i]:.6g} "
-                    f"there, at these parameters and inputs, and other bodies would not feel the impulse; one whose velocity is "
-                    f"continuous at all of them, such as step(t, from, to), has none"
+                    f"there, at these parameters and inputs, and the impulse on other bodies would be ignored; use an expression "
+                    f"with continuous velocity, such as step(t, from, to)"
                 )
                 found.append((zeros[i], message))
     return min(found, default=None)
 
 
 def _hashable(tree: Any) -> Any:
-    """A tree of lists as one of tuples."""
+    """Converts nested lists to nested tuples."""
     return tuple(map(_hashable, tree)) if isinstance(tree, (list, tuple)) else tree
 
 
 def known_of(names: Sequence[str], p: Array, input_names: Sequence[str], inputs: Inputs) -> Known:
-    """Names of a motion at times."""
+    """The variables of prescribed motions, as functions of time."""
     parameters = {n: (float(x), 0.0) for n, x in zip(names, p, strict=True)}
 
     def known(t: Array) -> Mapping[str, Pair]:
@@ -88,7 +88,7 @@ def known_of(names: Sequence[str], p: Array, input_names: Sequence[str], inputs:
 
 
 def times_of(start: float, end: float, inputs: Inputs) -> Array:
-    """Times at which switching functions are looked at: some of them between any two knots."""
+    """Times at which switching functions are evaluated, with several between any two knots."""
     found = np.linspace(start, end, SAMPLES)
     if inputs.knots is not None:
         knots = np.unique(np.clip(inputs.knots, start, end))
@@ -101,7 +101,7 @@ def times_of(start: float, end: float, inputs: Inputs) -> Array:
 
 
 def _switching(tree: Sequence[Any]) -> Iterator[Any]:
-    """The switching functions of a tree, as trees."""
+    """The switching functions of an expression tree, as trees."""
     kind = tree[0]
     if kind in ("number", "name"):
         return
@@ -117,7 +117,7 @@ def _switching(tree: Sequence[Any]) -> Iterator[Any]:
 
 
 def _zeros(s: Sequence[Any], known: Known, times: Array) -> Iterator[float]:
-    """Where a switching function changes its sign, or touches zero, within a motion."""
+    """Zeros of a switching function during the motion, including those without a change of sign."""
 
     def f(t: Array) -> Array:
         return _evaluated(s, known(t), t.shape)[0]
@@ -140,11 +140,11 @@ def _zeros(s: Sequence[Any], known: Known, times: Array) -> Iterator[float]:
 
 
 def _constant_rate(s: Sequence[Any], known: Known, t: Array) -> float | None:
-    """The rate of a function that is linear in time, and has nothing else that changes; else None."""
+    """The rate of a function that is linear in time and depends on no other variable quantity; else None."""
     names = known(t)
 
     def degree(tree: Sequence[Any]) -> int:
-        """In time: 0, 1, or 2 for what is of a higher one, or unknown."""
+        """Degree in time: 0, 1, or 2 for higher or unknown degrees."""
         kind = tree[0]
         if kind == "number":
             return 0
@@ -161,13 +161,13 @@ def _constant_rate(s: Sequence[Any], known: Known, t: Array) -> float | None:
 
 
 def _changes(f: Callable[[Array], Array], t: Array) -> Iterator[float]:
-    """Where a function changes its sign, or is zero at one of some times."""
+    """Sign changes of a function, and those of the times at which it is zero."""
     of = f(t)
     sign = np.sign(of)
     yield from t[sign == 0.0].tolist()
     for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
         low, high = float(t[i]), float(t[i + 1])
-        guess = low - float(of[i]) * (high - low) / float(of[i + 1] - of[i])  # of what is linear between both
+        guess = low - float(of[i]) * (high - low) / float(of[i + 1] - of[i])  # by linear interpolation
         apart = 4.0 * np.spacing(max(abs(low), abs(high)))
         beside = np.array([max(guess - apart, low), min(guess + apart, high)])
         if np.array_equal(np.sign(f(beside)), sign[i : i + 2]):
@@ -177,11 +177,11 @@ def _changes(f: Callable[[Array], Array], t: Array) -> Iterator[float]:
         yield high
 
 
-# -- from both sides -------------------------------------------------------------------------------------------------
+# -- one-sided limits -------------------------------------------------------------------------------------------------
 
 
 def _are_jumps(tree: Sequence[Any], known: Known, t: Array, order: int, before: Array, after: Array) -> Any:
-    """Which of some times jump: beside what there is near by."""
+    """Indices of times with jumps that are not small compared with nearby values."""
     size = np.maximum(np.abs(before), np.abs(after))
     with np.errstate(invalid="ignore"):
         found = np.flatnonzero(np.isfinite(size) & (np.abs(after - before) > JUMP * size))
@@ -193,7 +193,7 @@ def _are_jumps(tree: Sequence[Any], known: Known, t: Array, order: int, before: 
 
 
 def _beside(tree: Sequence[Any], known: Known, t: Array, side: float, order: int) -> Array:
-    """Values, or rates, at times with the branches beside them; the limits from there where there are none."""
+    """Values or rates at times, on the branch of the given side; limits from that side where the values are undefined."""
     step = np.maximum(np.abs(t), 1e-6) * BESIDE * side
     both = np.stack([t, t + step])
     here = _evaluated(tree, known(both), both.shape, True)[order][0]
@@ -211,7 +211,7 @@ def _finite(x: Array) -> Array:
 def _evaluated(
     tree: Sequence[Any], known: Mapping[str, Pair], shape: tuple[int, ...], sided: bool = False
 ) -> tuple[Array, Array]:
-    """Values and rates; if `sided`, those of the first row have the branches that the second takes."""
+    """Values and rates; if `sided`, the first row uses the branches of the second."""
     with np.errstate(all="ignore"):
         x, dx = _pair(tree, known, lambda c: np.broadcast_to(c, shape)[1] if sided else c)
     return np.broadcast_to(np.asarray(x, float), shape), np.broadcast_to(np.asarray(dx, float), shape)
@@ -278,6 +278,6 @@ def _function(name: str, of: list[Pair], taken: Callable[[Any], Any]) -> Pair:
     if name == "sign":
         return np.sign(taken(a)) + 0.0 * a, 0.0
     if name not in TABLE:
-        raise ValueError(f"the package's motion has the function {name!r}, which is not known here")
+        raise ValueError(f"the package's prescribed motion contains the unknown function {name!r}")
     x = getattr(ON_ARRAYS, name)(a)
     return x, TABLE[name].slopes[0](ON_ARRAYS, x, a) * da

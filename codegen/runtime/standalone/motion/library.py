@@ -1,4 +1,4 @@
-"""The integrators of a package, which are the same in all packages: compiled when first used, kept in the user's cache."""
+"""The library of integrators, common to all packages: compiled at the first use and kept in the user's cache."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _opening = threading.Lock()
 
 
 def motion_library(folder: Path) -> tuple[Any, Any]:
-    """The library of the C files in ``motion/`` of a package, and the cffi object that knows its declarations.
+    """The library compiled from ``motion/`` of a package, and its cffi interface.
 
     Raises
     ------
     NoCompilerError, CompileError, PackageError
     """
-    if folder in _opened:  # as it is but once: no lock then
+    if folder in _opened:  # no lock is needed here
         return _opened[folder]
     from cffi import FFI
 
@@ -36,7 +36,7 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
             if not sources:
                 raise PackageError(f"{folder} has no C files in {FOLDER}/: generate it again")
             build = Build(folder / FOLDER, FOLDER, sources)
-            with contextlib.suppress(RuntimeError):  # a user without a home; else packages share one library
+            with contextlib.suppress(RuntimeError):  # without a home directory each package has its own library
                 build.places.insert(0, user_cache() / FOLDER)
             ffi = FFI()
             ffi.cdef(declarations("".join((folder / FOLDER / f).read_text(encoding="utf-8") for f in HEADERS)))
@@ -52,7 +52,7 @@ _apart: dict[tuple[Path, str, str, str], tuple[Any, Any]] = {}
 
 
 def _library_apart(folder: Path, name: str, part: str, sealed: str, declaration: str) -> tuple[Any, Any]:
-    """The cffi interface and the library of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
+    """The cffi interface and the library of ``NAME_<part>.c``, which includes ``NAME.c``; compiled at the first use."""
     from cffi import FFI
 
     key = folder, name, part, sealed
@@ -69,7 +69,7 @@ def _library_apart(folder: Path, name: str, part: str, sealed: str, declaration:
 
 
 def precise_functions(folder: Path, name: str, sealed: str) -> int:
-    """The address of the table of functions of ``NAME_precise.c``.
+    """The address of the function table of ``NAME_precise.c``.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def precise_functions(folder: Path, name: str, sealed: str) -> int:
 
 
 def four_lanes(folder: Path, name: str, sealed: str) -> int:
-    """The address of the function of ``NAME_four.c`` that gives a system its functions over four directions.
+    """The address of the function of ``NAME_four.c`` that adds functions for four directions to an ``ordernm_system``.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def four_lanes(folder: Path, name: str, sealed: str) -> int:
 
 
 def declarations(header: str) -> str:
-    """A C header without comments, and without what only the preprocessor and C++ read."""
+    """A C header without comments and without lines for the preprocessor or C++."""
     text = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
     text = re.sub(r"#ifdef __cplusplus.*?#endif", "", text, flags=re.DOTALL)
     return re.sub(r"^#.*$", "", text, flags=re.MULTILINE)

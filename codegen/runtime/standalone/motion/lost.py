@@ -1,4 +1,4 @@
-"""Directions along which a motion has no derivative from some time on, though it goes on itself: where, and why, in words."""
+"""Warnings about directions along which a motion has no derivative after a time, although the motion itself continues."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from .problem import Segment
 from .switches import switch_words
 
 INFINITE, RESTS, JUMPS, PASSES = range(4)
-"""As ``motion.h`` numbers the reasons."""
+"""Reasons, numbered as in ``motion.h``."""
 
 
 def why_lost(
     segment: Segment, why: int, which: int, state: Mapping[str, Any], entries: Sequence[str], names: Sequence[str]
 ) -> str:
-    """The warning for a place where the directions of these names are lost; `entries` are names of those of the state."""
+    """The warning for the loss of the directions `names`; `entries` are the names of the state's entries."""
     if why == RESTS:
         place = switch_words(segment.opened.manifest, which)
-        reason = f"the motion stays where {place} changes its branch, and the branches differ"
+        reason = f"the motion stays at {place}, where the branch changes, and the branches differ"
     elif why == PASSES:
         place = switch_words(segment.opened.manifest, which)
-        reason = f"the motion passes {place}, and the value or its derivatives jump there or grow without bounds"
+        reason = f"the motion passes {place}, where the value or its derivatives jump or are unbounded"
     elif why == JUMPS:
         reason = (
-            f"the rate of {entries[which]} jumps there at no switch that is known, as where the ends of a spring meet or "
+            f"the rate of {entries[which]} jumps there without a known switch, for example because the ends of a spring meet or "
             f"both arguments of atan2 are zero"
         )
     else:
         found = culprit(segment.opened, state, along=True)
-        reason = f"those of the rates are not finite{f': {found}' if found else ''}"
-    return f"from t = {state['t']:.9g} s on derivatives of the motion by {', '.join(names)} do not exist and are NaN: {reason}"
+        reason = f"derivatives of the rates are not finite{f': {found}' if found else ''}"
+    return f"from t = {state['t']:.9g} s on, derivatives of the motion by {', '.join(names)} do not exist and are NaN: {reason}"
 
 
 def lost_names(derivatives: Array, known: set[str], names: Sequence[str]) -> list[str]:
-    """Names of directions (k, n) that are NaN in a row, but for those that are known to be lost."""
+    """Names of the directions (k, n) with NaN entries, without those already known to be lost."""
     gone = np.flatnonzero(np.isnan(derivatives).any(axis=1)).tolist()
     return [names[i] for i in gone if names[i] not in known]

@@ -1,4 +1,4 @@
-"""Prescribed motion that has branches: a motion ends before its velocity jumps."""
+"""Prescribed motion with branches: ends a motion before its velocity jumps."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from .inputs import Inputs
 from .kinks import first_kink, known_of, times_of
 
 MOST_KINKS = 64
-"""Number of sets of parameters and times for which kinks of prescribed motion are remembered."""
+"""Number of sets of parameters and times for which the first kink is kept."""
 
 SHORT_OF_KINK = 1e-12
-"""A motion ends before a kink of prescribed motion by this part of its time."""
+"""Relative time by which a motion ends before a kink of prescribed motion."""
 
 
 def before_kinks(
     manifest: Mapping[str, Any], known: dict[Any, tuple[float, str] | None], start: float, end: float, times: Array, p: Array,
     inputs: Inputs,
 ) -> tuple[float, Array, str]:  # fmt: skip
-    """End and times of a motion up to the first kink of prescribed motion, and why it goes no farther, if there is one.
+    """End time and result times before the first kink of prescribed motion, and the reason, if there is a kink.
 
-    `known` keeps kinks that have been found.
+    `known` stores kinks that have already been found.
 
     Raises
     ------
     SimulationError
-        It begins there.
+        If the motion starts at a kink.
     """
     motion, parameters, signals = manifest["branching_motion"], manifest["parameter_names"], manifest["input_names"]
     names = {n for one in motion for n in one["names"]}
@@ -42,7 +42,7 @@ def before_kinks(
         return end, times, ""
     t, message = found
     message = f"the motion ends at t = {t:.9g} s: {message}"
-    before = t - SHORT_OF_KINK * max(abs(t), end - start)  # where the branches are still those before it
+    before = t - SHORT_OF_KINK * max(abs(t), end - start)  # here the branches before the kink apply
     if before <= start:
         raise SimulationError(message, None)
     return before, times[times <= before], message

@@ -1,4 +1,4 @@
-"""What the integrators are told of a motion: arrays and options as a C struct, and the rows of results taken apart."""
+"""The integrators' input as a C struct: arrays and options; and the results of motions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
     "imprecise", "poor", "undetermined", "sliding", "accumulated", "apart",
 )  # fmt: skip
-"""Why a motion ended, in the order of the constants of ``motion.h``."""
+"""Reasons for the end of a motion, in the order of the constants in ``motion.h``."""
 
 
 DOUBLE = np.dtype(np.float64)
@@ -24,7 +24,7 @@ DOUBLE = np.dtype(np.float64)
 
 @dataclass(slots=True)
 class Problem:
-    """A motion.
+    """Input of the integrators for one motion.
 
     Attributes
     ----------
@@ -32,19 +32,19 @@ class Problem:
         The initial state, consistent.
     p : array (np,)
     times : array (ntimes,)
-        Where results are wanted; without entries: at every step.
+        Times of results; empty for results at every step.
     dq, du, dp : array (k, nq), (k, nu), (k, np)
-        Directions.
+        Directions of differentiation.
     dinputs : array (k, count, nsignals) or None
     atol : array (nq + nu + nintegrals,)
-        Of coordinates, speeds, integrals; those of independent ones count.
+        Tolerances of coordinates, speeds and integrals; only those of independent ones are used.
     atol_directions : array (k,) or None
-        None where errors of sensitivities do not matter to the step.
+        None if errors of sensitivities do not affect the step size.
     integrals : tuple of int
         Outputs that are integrated over time.
     events : tuple of (output, level, direction, stop)
     kink : str
-        Why the motion must not go on beyond its end, where prescribed motion has a kink.
+        Why the motion ends at a kink of prescribed motion; empty without a kink.
     """
 
     start: float
@@ -74,13 +74,13 @@ class Problem:
     kept: list[Any] = field(default_factory=list)
 
     def in_c(self, ffi: Any, system: Any) -> Any:
-        """The struct; what it points to lives as long as this object."""
+        """The C struct; the memory that it points to lives as long as this object."""
         c = ffi.new("ordernm_problem *")
         kept = self.kept = [c]
         doubles, from_buffer = ffi.typeof("double[]"), ffi.from_buffer
 
         def begin(x: Array) -> Any:
-            """Where an array begins."""
+            """Pointer to an array."""
             if x.dtype is not DOUBLE or not x.flags.c_contiguous:
                 x = np.ascontiguousarray(x, float)
             found = from_buffer(doubles, x)
@@ -128,7 +128,7 @@ class Problem:
 
 @dataclass(slots=True, eq=False)
 class Segment:
-    """What came of a motion while one partition was in use.
+    """The part of a motion with one partition in use.
 
     Attributes
     ----------
@@ -140,34 +140,33 @@ class Segment:
     counts : dict of str to number
     singular, component : int
         See ``ordernm_results``.
-    steps, known : list of array
-        For the adjoint, where asked for: parts of the motion, rows of ``ordernm_step_size``, and what the method knew before
-        each. A part that did not fit into memory has its first row, and of all rows what making them again takes, in `heads`.
+    For the adjoint, if requested: rows of ``ordernm_step_size`` for each part of the motion, and the integrator's memory before
+    it. If memory is short, a part keeps its first row and, in `heads`, the numbers from which its other rows can be repeated.
     events : list of (int, array)
-        Which one, and a row of results.
+        Index of the event, and a row of results.
     condition, next_step : float
-        Of the loops at the end, and the step that would be tried there.
+        Condition number of the loops at the end, and the next step size.
     precise : int
-        The address of the functions in long double, where the motion came near a pose at which a loop loses rank; else 0.
+        Address of the functions in long double, if the motion came near a pose at which a loop loses rank; else 0.
     grazed, not_held : int
-        1 and the number of a switch that the motion has only touched, or beyond which its branch has no value, where there is one
-        with derivatives; else 0.
+        For a motion with derivatives: 1 plus the number of a switch that the motion only touched, or whose branch has no value on
+        the other side; else 0.
     together : tuple of float and int and int, or None
-        When two switches, and which, were passed at one time, where their order may matter to derivatives.
+        Time and numbers of two switches passed at the same time, if their order may affect derivatives.
     ordered : bool
-        It does, along a direction.
+        Whether their order does affect a direction.
     event_together : int
-        1 and the number of an event that came at the same time as the second of these switches, if one did; else 0.
+        1 plus the number of an event at the same time as the second of these switches; else 0.
     event_ordered : bool
-        Derivatives of an event depend on which comes first.
+        Whether derivatives of the event depend on the order.
     late : tuple of float and int, or None
-        When a switch, and which, was passed at a pose where a loop loses rank, so that its old branch was kept too long.
+        Time and number of a switch passed at a pose where a loop loses rank, so that its old branch was used for too long.
     coarse : tuple of three floats
-        Of method "rk4" in models with loops: the sum of errors of steps, relative to the state, the largest, and its time, s.
+        Method "rk4" with loops: the sum of the steps' errors relative to the state, the largest error, and its time, s.
     flat : array (n, 1 + 2 nq)
-        Poses at which a loop has lost rank, of a motion with derivatives: time, and coordinates beside it, near and farther away.
+        Flat poses passed by a motion with derivatives: time, and coordinates near the pose and farther away.
     lost : list of (array, int, int)
-        Where directions cease to have derivatives: a row of results, why, and of which switch or entry; see ``ordernm_results``.
+        Loss of directions: a row of results, the reason, and the switch or entry; see ``ordernm_results``.
     """
 
     opened: Opened
@@ -197,7 +196,7 @@ class Segment:
 
 @dataclass(slots=True, eq=False)
 class Run:
-    """What came of a motion.
+    """Results of a motion.
 
     Attributes
     ----------
@@ -207,7 +206,7 @@ class Run:
         As of its last segment; counts are sums, of what the method and the model make use of.
     segments : list of Segment
     last : array (row,)
-        Of a motion that cannot go on, the state at its end; without entries where there is none.
+        The state at the end of a motion that failed; else empty.
     """
 
     rows: Array
@@ -221,5 +220,5 @@ class Run:
 
     @property
     def opened(self) -> Opened:
-        """The partition that was in use at the end."""
+        """The partition in use at the end."""
         return self.segments[-1].opened

@@ -1,4 +1,4 @@
-"""Why a motion has ended early, in words: when, and what was in the way."""
+"""Messages that explain why a motion ended early."""
 
 from __future__ import annotations
 
@@ -16,60 +16,59 @@ from .run import MotionRun
 from .switches import switch_words
 
 DEAD_POINT = "as at a dead point"
-"""Words in the reason why a motion ended where other independent coordinates may serve."""
+"""Words in a message about dead points, where other independent coordinates may help."""
 
 HARDLY_DETERMINED = 1e6
-"""Condition of loops from which on an early end is said to have to do with it."""
+"""Condition number of loops above which the message mentions the choice of independent coordinates."""
 
 BEHIND = np.logspace(-12, -3, 10)
-"""s, behind the end of a motion, in parts of later times: where forces are looked at that may have no value there."""
+"""s, relative for later times: distances after the end of a motion at which forces are tested for undefined values."""
 
 
 class Reasons(MotionRun):
-    """Runs motions, and says why they end early."""
+    """Runs motions, and explains why they end early."""
 
     def _state_of(self, row: Array, problem: Problem) -> dict[str, Any]:
-        """The arguments of functions at a row of results."""
+        """Arguments of functions at a row of results."""
         t = float(row[0])
         q, u = self._of_rows(row, 1), self._of_rows(row, 2)
         return {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
 
     def _entries(self, problem: Problem) -> list[str]:
-        """Names of what is integrated."""
+        """Names of the integrated variables."""
         manifest = self._opened.manifest
         names = [f"q.{n}" for n in manifest["independent_names"]]
         names += [f"u.{n}" for n in manifest["independent_speed_names"]]
         names += [f"integral {i}" for i in range(len(problem.integrals))]
-        if not self.independent_speed_names:  # dependent coordinates are followed by their rates
+        if not self.independent_speed_names:  # without independent speeds, dependent coordinates are integrated
             names += [f"q.{n}" for n in self.coordinate_names]
         return names
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
-        """The cause in words, with time and what was in the way."""
+        """The reason in words, with time and cause."""
         condition = run.counts.get("condition", 0.0)
         if condition < HARDLY_DETERMINED and run.reason != "undetermined":
             return self._cause(problem, run)
         choices = len(partitions_of(self._manifest))
         way = (
-            "a package with two partitions (generate with --partitions 2) changes to other independent coordinates before"
+            "a package with two partitions (generate with --partitions 2) can change to other independent coordinates before"
             if choices == 1
-            else f"none of the package's {choices} choices of independent coordinates serves there"
+            else f"none of the package's {choices} choices of independent coordinates is suitable there"
         )
         return (
-            f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "
+            f"{self._cause(problem, run)}. The dependent coordinates were poorly determined there (condition number "
             f"{condition:.2g}), {DEAD_POINT}: {way}"
         )
 
     def _what_is_infinite(self, problem: Problem, run: Run) -> str:
-        """The force without a finite value, or derivative, at the end of a motion or just behind it; empty if there is none."""
+        """The force without a finite value or derivative at the end of a motion, or just after it; empty if there is none."""
         last = run.last if len(run.last) else run.rows[-1] if len(run.rows) else None
         if last is None:
             last = np.concatenate([[problem.start], problem.q, problem.u])
         state = self._state_of(last, problem)
         t, q, u = state["t"], state["q"], state["u"]
-        elements = (
-            run.reason != "singular"
-        )  # a force element without direction is that itself, not what follows from it
+        # if singular, the force element itself is the cause, and not the resulting motion
+        elements = run.reason != "singular"
         if found := culprit(run.opened, state, along=elements and bool(len(problem.dq)), elements=elements):
             return found
         try:
@@ -85,11 +84,11 @@ class Reasons(MotionRun):
                 "t": t + h,
             }
             if found := culprit(run.opened, behind, along=False, elements=elements):
-                return f"just behind, {found}"
+                return f"just after this time, {found}"
         return ""
 
     def _cause(self, problem: Problem, run: Run) -> str:
-        """The same without what loops have to do with it."""
+        """The reason, apart from the choice of independent coordinates."""
         at = f"at t = {run.counts['t']:.9g} s"
         manifest = run.opened.manifest
         names = self._entries(problem)
@@ -102,22 +101,22 @@ class Reasons(MotionRun):
                 return f"the motion ends {at}: {found or error}"
             case "open loop":
                 return (
-                    f"the motion ends {at}: Newton's method does not close the loops any more; they may be at the end of their "
+                    f"the motion ends {at}: Newton's method no longer closes the loops; they may be at the end of their "
                     f"reach, or at a configuration where the dependent coordinates are not determined"
                 )
             case "step collapsed":
                 found = self._what_is_infinite(problem, run)
-                return f"the motion ends {at}: steps have become too small to go on, because of {entry}; " + (
+                return f"the motion ends {at}: steps have become too small, because of {entry}; " + (
                     f"a result is not finite: {found}"
                     if found
-                    else "it may be without bounds there, jump, or be known less exactly than rtol and atol ask for"
+                    else "it may be unbounded or jump there, or rounding errors exceed rtol and atol"
                 )
             case "undetermined":
                 constant = problem.fixed or problem.method == "rk4"
                 allowing = "steps of this size" if constant else "rounding, rtol and atol"
                 return (
-                    f"the motion ends {at}: there, or just behind, small errors of the independent speeds, as {allowing} "
-                    f"allow, become large ones of dependent speeds"
+                    f"the motion ends {at}: there, or just after, small errors of the independent speeds, as {allowing} "
+                    f"allow, become large errors of dependent speeds"
                 )
             case "apart":
                 return f"the motion ends {at}: {self._why_apart(run)}"
@@ -136,7 +135,7 @@ class Reasons(MotionRun):
             case "sliding":
                 return (
                     f"the motion ends {at}: where {switch_words(manifest, run.component)} changes its branch, forces on both "
-                    f"sides push the motion back, so that it sticks or slides there, which is in neither branch; smooth the "
+                    f"sides push the motion back, so that it sticks or slides there, which neither branch describes; smooth the "
                     f"change, as by tanh or step(x, from, to)"
                 )
             case "accumulated":
@@ -148,14 +147,14 @@ class Reasons(MotionRun):
                 return run.reason
 
     def _why_apart(self, run: Run) -> str:
-        """Which dropped condition would open, and what to do."""
+        """Names the dropped condition that would open, and gives remedies."""
         manifest = run.opened.manifest
         condition = self.closure_names[run.component]
         loop = condition.rpartition(".")[0]
         allowed = ALLOWED * manifest["loop_tolerance"]
         return (
-            f"behind it condition {condition} would be open by more than {allowed:g}. It was dropped since "
-            f"it follows from others within loop_tolerance where the package was generated, and it does not follow there: the "
-            f"motion would go on as one of another mechanism. Make the lengths of loop {loop} fit exactly, exchange its `from` "
-            f"and `to`, along whose axes conditions are kept, or generate from an initial state behind this pose"
+            f"after it, condition {condition} would be open by more than {allowed:g}. It was dropped because "
+            f"it was redundant within loop_tolerance in the initial state, but it is not redundant there: the "
+            f"motion would continue as that of another mechanism. Make the lengths of loop {loop} fit exactly, exchange its "
+            f"`from` and `to` (conditions use their axes), or generate from an initial state after this pose"
         )

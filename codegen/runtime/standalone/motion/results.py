@@ -1,4 +1,4 @@
-"""Memory that the integrator writes the results of a motion to, which grows with them."""
+"""Memory for the results of a motion, which grows as needed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..calls.targets import Opened
 from .problem import Problem, Segment
 
 ROWS = 256
-"""Rows of results that there is room for at first, if their number is not known."""
+"""Initial number of rows of results, if it is not known."""
 
 FLAT_POSES = 64
-"""Poses at which a loop has lost rank that a motion notes; those that come later are mostly the same ones."""
+"""Maximum number of flat poses that a motion records; later ones mostly repeat them."""
 
 NO_POSES: Array = np.empty((0, 0))
 
@@ -30,18 +30,18 @@ class Results:
         The motion's ``ordernm_problem``.
     problem : Problem
     loops : int
-        How many coordinates a model with loops has, else 0.
+        Number of coordinates in a model with loops, else 0.
     keep_steps : bool
-        Keep the steps for the adjoint.
+        Whether to keep the steps for the adjoint.
     memory : int
-        Bytes that steps may take. Of steps beyond it only what makes them again is kept.
+        Bytes for kept steps; of steps beyond it, only the numbers needed to repeat them are kept.
 
     Attributes
     ----------
     r : cffi pointer
         The ``ordernm_results``.
     size : int
-        Of a row of results.
+        Length of a row of results.
     """
 
     def __init__(self, library: Any, ffi: Any, c: Any, problem: Problem, loops: int, keep_steps: bool, memory: int):
@@ -80,7 +80,7 @@ class Results:
 
     def _more_steps(self) -> Array:
         r, size = self.r, self._library.ordernm_step_size(self._c)
-        most = max(self._memory // (4 * 8 * size), 2)  # rows of a part: two are whole at a time
+        most = max(self._memory // (4 * 8 * size), 2)  # two parts are complete at the same time
         rows = np.empty((min(ROWS * 2 ** min(len(self._steps), 8), most), size))
         r.steps, r.steps_capacity, r.steps_count = self._in_c(rows), len(rows), 0
         self._known.append(np.zeros(self._library.ordernm_known_size(self._c)))
@@ -97,7 +97,7 @@ class Results:
         self.r.events_count = 0
 
     def grow(self) -> None:
-        """Make room where results are full."""
+        """Allocates more memory where results are full."""
         r = self.r
         if r.count == r.capacity:
             self._full.append(self._rows)
@@ -116,12 +116,12 @@ class Results:
         return np.concatenate([*self._full, last]) if self._full else last
 
     def row_here(self, motion: Any) -> Array:
-        """A row of the state that the motion is at; empty where there is none."""
+        """A row for the current state of the motion; empty if there is none."""
         row = np.zeros(self.size)
         return self._rows[:0] if self._library.ordernm_row(motion, self.r, self._in_c(row)) else row
 
     def segment(self, opened: Opened, reason: str, condition: float, precise: int) -> Segment:
-        """What came of the motion, which has ended for a reason at some condition of loops."""
+        """The segment of a motion that has ended, with the reason and the condition number of the loops."""
         r = self.r
         if self._problem.events:
             self._take_events()
@@ -143,7 +143,7 @@ class Results:
 
 
 def let_go(steps: list[Array], heads: list[Array | None], head: int) -> None:
-    """Store, of the first complete part, the numbers from which each of its steps can be repeated."""
+    """Reduces the first complete part to the numbers from which its steps can be repeated."""
     for i, part in enumerate(steps):
         if heads[i] is None and len(part) > 1:
             steps[i], heads[i] = part[:1].copy(), part[:, :head].copy()

@@ -1,4 +1,4 @@
-"""Running a motion: slices of time, Ctrl-C between them, room for results, other independent coordinates on the way."""
+"""Runs a motion in slices of time, between which it handles Ctrl-C, full memory, and changes of independent coordinates."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from .results import Results
 from .switches import event_order_matters, not_held, order_matters, passed_late, touched
 
 SLICE = 0.1
-"""Seconds that the integrator runs between two looks at Ctrl-C."""
+"""Seconds of integration between two checks for Ctrl-C."""
 
 POOR = 30.0
-"""Condition of loops from which on other independent coordinates are looked at."""
+"""Condition number of loops above which other independent coordinates are considered."""
 
 POOR_OF_CONSTANT_STEPS = 10.0
-"""The same of steps of constant size, which do not become smaller there."""
+"""The same for steps of constant size, which cannot become smaller near such a pose."""
 
 BETTER = 4.0
-"""They are taken if their condition is less by this factor."""
+"""Other independent coordinates are used if their condition number is smaller by this factor."""
 
 COARSE = 3e-6
-"""The sum of errors of constant steps, relative to the state, from which on there is a warning."""
+"""Sum of errors of constant steps, relative to the state, above which there is a warning."""
 
 SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
-"""Counts of segments that add up."""
+"""Counts that are summed over segments."""
 
 Progress = Callable[[float, float], None]
 
@@ -56,7 +56,7 @@ class MotionRun(Room):
         self._known_systems: dict[int, tuple[Any, Any, Any]] = {}
 
     def prepare(self, member: str) -> None:
-        """Compile what `simulate` or `judge` needs; see `Solver.prepare`."""
+        """Compiles the code that `simulate` or `judge` needs; see `Solver.prepare`."""
         opened = self._opened
         system = self._motion(opened)[2]
         if member == "judge" and "sensitivities_transposed" in opened.functions:
@@ -68,7 +68,8 @@ class MotionRun(Room):
             _precise(opened)
 
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
-        """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
+        """The library of integrators, its cffi interface, and the partition's ``ordernm_system``; integrators need compiled
+        code."""
         if opened.number not in self._known_systems:
             try:
                 address = self._in_c(opened).motion_system()
@@ -82,7 +83,7 @@ class MotionRun(Room):
     def _run(
         self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
     ) -> Run:
-        """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
+        """Runs a motion to its end; `memory` limits the bytes of kept steps."""
         self._ask_for_functions(problem, keep_steps)
         opened, began, waited = self._opened, time.perf_counter(), seconds_waited()
         several = len(partitions_of(self._manifest)) > 1
@@ -117,7 +118,7 @@ class MotionRun(Room):
         return Run(whole, reason, counts, segment.singular, segment.component, events, segments, last)
 
     def _warn_of(self, segment: Segment, along: bool) -> None:
-        """Warn of switches, for derivatives or because they were passed late; `along` tells whether there are derivatives."""
+        """Warns of switches that affect derivatives or were passed late; `along`: the motion has derivatives."""
         if segment.grazed:
             warn(touched(segment.opened.manifest, segment.grazed - 1))
         if segment.not_held and along:
@@ -132,7 +133,7 @@ class MotionRun(Room):
             warn(event_order_matters(segment.opened.manifest, *segment.together[:2], event))
 
     def _counts(self, problem: Problem, segments: list[Segment], times: dict[str, float]) -> dict[str, Any]:
-        """Counts and times of all segments, of what the method and the model have."""
+        """Counts and times of all segments that apply to this method and model."""
         counts = segments[-1].counts | {"partitions_changed": len(segments) - 1} | times
         if len(segments) > 1:
             of_segments = [s.counts for s in segments]
@@ -150,7 +151,7 @@ class MotionRun(Room):
         return counts
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
-        """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
+        """Raises AttributeError if the package lacks a function that the motion needs, because the C code cannot report this."""
         if "left_out" not in self._manifest:
             return
         along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
@@ -172,7 +173,7 @@ class MotionRun(Room):
 
     @property
     def _gives_outputs(self) -> bool:
-        """Whether rows of results have outputs: not where functions were chosen without them."""
+        """Whether rows of results contain outputs; packages of selected functions may lack them."""
         return bool(self.output_names) and "outputs" in self._functions
 
     # -- other independent coordinates ---------------------------------------------------------------------------------
@@ -180,10 +181,10 @@ class MotionRun(Room):
     def _go_on(
         self, opened: Opened, problem: Problem, segment: Segment, last: Array, tried: set[int]
     ) -> tuple[Opened, Problem]:
-        """The partition with which a motion goes on, and what is left of it.
+        """The partition with which a motion continues, and the remaining motion.
 
-        Partitions that were `tried` from the same time on, this one among them, are not taken again: where a constant step is
-        poor with each of them, it is made with the last.
+        Partitions in `tried`, including this one, were in use at the same time and are not used again. If a constant step is poor
+        with each of them, the last one is used.
         """
         k = len(problem.dp)
         q, u = (self._of_rows(last, i).copy() for i in (1, 2))
@@ -194,7 +195,7 @@ class MotionRun(Room):
         here, there = segment.condition, float(choices[other])
         t = segment.counts["t"]
         better = there * BETTER < here
-        if not better and there < here * BETTER:  # where a loop loses rank with any independents
+        if not better and there < here * BETTER:  # a loop loses rank with any choice of independent coordinates
             growth = [
                 math.inf if k in tried - {opened.number} else self._growth(self._open(k), q, problem.p)
                 for k in range(len(choices))
@@ -212,7 +213,7 @@ class MotionRun(Room):
         return opened, left
 
     def _growth(self, opened: Opened, q: Array, p: Array) -> float:
-        """How fast the fastest speed is for independent ones of one; infinite where a loop has lost rank."""
+        """The largest speed caused by a unit independent speed; infinite if a loop has lost rank."""
         f = self._find(opened, "completion_sensitivities")
         free = [self.speed_names.index(n) for n in opened.manifest["independent_speed_names"]]
         units = np.eye(self.nu)[free]
@@ -225,7 +226,7 @@ class MotionRun(Room):
         return float(np.abs(du).max())
 
     def _carry_integrals(self, problem: Problem, before: Array, rows: list[Array], last: Array) -> None:
-        """Integrals, which every segment begins at zero, go on from those of the segment before."""
+        """Adds the integrals at the end of the previous segment; each segment starts them at zero."""
         if not problem.integrals:
             return
         k = len(problem.dp)
@@ -236,13 +237,13 @@ class MotionRun(Room):
     # -- rows of results -----------------------------------------------------------------------------------------------
 
     def _of_rows(self, rows: Array, part: int, problem: Problem | None = None) -> Array:
-        """The values of a part, (..., n), of rows (..., row): t, q, u, outputs, integrals."""
+        """A part of rows (..., row): values (..., n) of t, q, u, outputs or integrals."""
         integrals = len(problem.integrals) if problem else 0
         start, size, _ = places_in_rows(self.nq, self.nu, self.noutputs, integrals)[part]
         return rows[..., start : start + size]
 
     def _derivatives_of_rows(self, rows: Array, problem: Problem, k: int, part: int) -> Array:
-        """Their derivatives, (..., k, n); a view."""
+        """Derivatives of a part of rows, (..., k, n), as a view."""
         parts = places_in_rows(self.nq, self.nu, self.noutputs, len(problem.integrals))
         values = parts[-1][0] + parts[-1][1]
         _, size, before = parts[part]
@@ -254,7 +255,7 @@ class MotionRun(Room):
     def _segment(
         self, opened: Opened, problem: Problem, progress: Progress | None, keep_steps: bool, memory: int
     ) -> tuple[Segment, Array, Array]:
-        """Run a motion with a partition: what came of it, rows of results, and one of the state at its end."""
+        """Runs a motion with one partition; returns the segment, rows of results, and a row for the state at its end."""
         library, ffi, system = self._motion(opened)
         left = len(problem.dp) % 8
         if 1 < left <= 4 and problem.method != "radau" and (address := _four(opened)):
@@ -263,12 +264,12 @@ class MotionRun(Room):
         room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
         results = Results(library, ffi, c, problem, self.nq if self.closure_names else 0, keep_steps, memory)
-        r, told, precise = results.r, time.perf_counter(), 0
+        r, shown, precise = results.r, time.perf_counter(), 0
         while True:
             try:
                 reason = REASONS[library.ordernm_go(motion, r, SLICE)]
-                if progress is not None and (reason == "end" or time.perf_counter() - told >= 0.9 * SLICE):
-                    told = time.perf_counter()
+                if progress is not None and (reason == "end" or time.perf_counter() - shown >= 0.9 * SLICE):
+                    shown = time.perf_counter()
                     progress(r.t, problem.end)
             except KeyboardInterrupt:
                 reason = "interrupted"
@@ -281,7 +282,7 @@ class MotionRun(Room):
             elif reason != "paused":
                 break
         rows = results.rows()
-        # where a constant step is poor it is one of its stages that is, not the state from which a row is made
+        # with constant steps, a stage may be poor although the state of the row is not
         poor = r.condition_here if reason == "poor" else None
         last = rows[:0] if reason in ("end", "event", "interrupted") else results.row_here(motion)
         return results.segment(opened, reason, r.condition_here if poor is None else poor, precise), rows, last
@@ -289,14 +290,14 @@ class MotionRun(Room):
 
 @lru_cache(64)
 def places_in_rows(nq: int, nu: int, noutputs: int, integrals: int) -> tuple[tuple[int, int, int], ...]:
-    """Of t, q, u, outputs and integrals in a row of results: where they begin, how many there are, and of how many derivatives
-    come before theirs."""
+    """For t, q, u, outputs and integrals in a row of results: the start, the number of entries, and the number of derivatives per
+    direction before theirs."""
     sizes = (1, nq, nu, noutputs, integrals)
     return tuple((sum(sizes[:i]), size, sum(sizes[1:i])) for i, size in enumerate(sizes))
 
 
 def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple[int, Array]]:
-    """Events of a segment without those that happened as the one before ended: by rounding they may happen again at once."""
+    """Events of a segment, without repetitions of events at the end of the previous segment, which rounding may cause."""
     start = segment.problem.start
     met = {which for which, row in before if row[0] >= start}
     beyond = start + 1e-12 * (1.0 + abs(start))
@@ -304,7 +305,7 @@ def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple
 
 
 def _precise(opened: Opened) -> int:
-    """The address of the functions in long double, compiled when first asked for; 0 where that fails."""
+    """The address of the functions in long double, compiled at the first use; 0 if this fails."""
     name = opened.manifest["name"]
     try:
         return precise_functions(opened.folder, name, opened.package.get("seal", ""))
@@ -314,20 +315,20 @@ def _precise(opened: Opened) -> int:
 
 
 def _four(opened: Opened) -> int:
-    """The address of what lets a partition integrate along four directions at once; 0 where it cannot be compiled: eight do."""
+    """The address of the function for four directions at once; 0 if it cannot be compiled, and eight are used."""
     try:
         return four_lanes(opened.folder, opened.manifest["name"], opened.package.get("seal", ""))
     except (CompileError, NoCompilerError) as error:
-        warn(f"{opened.manifest['name']}: motions with two to four directions take the time of eight: {error}")
+        warn(f"{opened.manifest['name']}: motions with two to four directions take as long as with eight: {error}")
         return 0
 
 
 def _warn_of_coarse(problem: Problem, segments: list[Segment]) -> None:
-    """Warn of constant steps that do not resolve the motion."""
+    """Warns of constant steps that do not resolve the motion."""
     coarse = [s.coarse for s in segments]
     if (total := math.fsum([errors for errors, *_ in coarse])) > COARSE:
         _, t = max([(worst, at) for _, worst, at in coarse])
         warn(
-            f"steps of {problem.step:g} s do not resolve the motion, least at t = {t:.9g} s, where loops may come near "
+            f"steps of {problem.step:g} s do not resolve the motion, least of all at t = {t:.9g} s, where loops may come near "
             f"a loss of rank: errors of steps add up to about {total:.1g} of the state; take smaller ones, or method='dop853'"
         )

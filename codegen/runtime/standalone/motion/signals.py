@@ -1,4 +1,4 @@
-"""Input signals as a caller gives them: numbers, values at times, functions of time, splines, by name or all together."""
+"""Input signals as a user gives them: numbers, values at times, functions of time, or splines, by name or all together."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from .inputs import Inputs, Linear
 from .splines import MOST_DEGREE, Rewritten, Through, common_knots, knots_through, pieces, spline_weights
 
 DEGREES = {"hold": 0, "linear": 1, "spline": 3, "cubic": 3, "quintic": 5}
-"""Of the B-splines, by what a caller names them."""
+"""Degrees of the B-splines, by their names."""
 
 THROUGH = ("cubic", "quintic")
-"""Splines through the values; of others these are control points, or the values themselves."""
+"""Splines through the given values; for the others, these are control points."""
 
 SAMPLED_DEGREE = 9
-"""Of the spline that stands in the place of a function of time ..."""
+"""Degree of the spline that approximates a function of time."""
 
 FEWEST, MOST = 16, 4096
-"""... and how many pieces it has, at least and at most."""
+"""Smallest and largest number of its pieces."""
 
 SAMPLED, BENT = 1e-10, 1e-7
-"""How far a function of time and its spline may be apart before the last halving of the pieces, in parts of the largest value;
-and the second derivatives of two such splines, where prescribed motion reads them."""
+"""Tolerances of the approximation, tested at the last halving of the pieces: difference between function and spline, relative to
+the largest value; and between second derivatives of two such splines, for signals of prescribed motion."""
 
 Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Same:
-    """Control points that are the values themselves."""
+    """The identity: the control points are the values."""
 
     def __call__(self, values: Array) -> Array:
         return values
@@ -42,7 +42,7 @@ class Same:
 
 @dataclass(frozen=True)
 class Chain:
-    """One linear map after the other."""
+    """Composition of two linear maps."""
 
     first: Linear
     then: Linear
@@ -53,7 +53,7 @@ class Chain:
 
 @dataclass(frozen=True)
 class Constant:
-    """As many control points of the same value."""
+    """A constant signal: all control points are equal."""
 
     count: int
 
@@ -63,7 +63,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Signal:
-    """One or several signals on the same knots.
+    """One or several signals with the same knots.
 
     Attributes
     ----------
@@ -71,11 +71,11 @@ class Signal:
     knots : array or None
         None for constants.
     given : array (n, m)
-        What the caller gave; no rows where that is a function.
+        The user's values; no rows for a function.
     values : array (count, m)
         Control points.
     control : callable
-        Makes them of `given`, column by column.
+        Maps `given` to control points, column by column.
     """
 
     degree: int
@@ -88,16 +88,16 @@ class Signal:
 def take_inputs(
     names: Sequence[str], given: Any, moving: Sequence[str] = (), interval: Interval | None = None
 ) -> Inputs:
-    """Inputs of a motion as a caller gives them, checked.
+    """Checks and converts a user's inputs of a motion.
 
     Parameters
     ----------
     names : sequence of str
-        Of the signals.
+        Names of the signals.
     moving : sequence of str
-        Those of them that prescribed motion reads.
+        Names of the signals that prescribed motion uses.
     interval : (start, end), optional
-        Of the motion: where functions of time are sampled.
+        Time interval of the motion, in which functions of time are sampled.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def _by_name(
 
 
 def _together(signals: list[Signal], moving: tuple[int, ...]) -> Inputs:
-    """Signals on common knots."""
+    """Rewrites signals with common knots."""
     changing = [s for s in signals if s.knots is not None]
     finite = [t for s in changing for t in (s.knots if s.knots is not None else ()) if np.isfinite(t)]
     splines = []
@@ -166,7 +166,7 @@ def _together(signals: list[Signal], moving: tuple[int, ...]) -> Inputs:
 
 
 def _signal(label: str, names: Sequence[str], given: Any, moves: bool, interval: Interval | None) -> Signal:
-    """Some signals from what a caller gives for them; each of them has a column."""
+    """A signal from a user's value for it; with several names, each has a column."""
     if isinstance(given, tuple) and len(given) in (2, 3) and np.ndim(given[0]) == 1 and not isinstance(given[0], str):
         return _over_time(label, names, *given)
     kinds = {c.__name__ for c in type(given).__mro__}
@@ -200,7 +200,9 @@ def _over_time(label: str, names: Sequence[str], times: Any, values: Any, betwee
     if x.ndim == 1 and len(names) == 1:
         x = x[:, None]
     if t.ndim != 1 or (np.diff(t) <= 0).any() or len(t) < 1 + (degree > 0):
-        raise ValueError(f"times of {label}: they must rise, and {1 + (degree > 0)} are needed at least")
+        raise ValueError(
+            f"times of {label}: they must increase, with at least {1 + (degree > 0)} entr{'ies' if degree else 'y'}"
+        )
     count = len(t) + 2 if between == "spline" else len(t)
     if x.shape != (count, len(names)):
         what = "control points, two more than times" if between == "spline" else "values, one row for each time"
@@ -210,16 +212,16 @@ def _over_time(label: str, names: Sequence[str], times: Any, values: Any, betwee
         degree, knots = knots_through(t, degree)
         control = Through(knots, degree, t)
         return Signal(degree, knots, x, control(x), control)
-    # the first and the last knot as often as the spline is to end at its first and last control point
+    # repeat the end knots so that the spline starts and ends at its first and last control point
     before, after = [t[0]] * degree, [t[-1]] * degree if degree else [np.inf]
     return Signal(degree, np.array([*before, *t, *after], float), x, x, Same())
 
 
 def _of_spline(label: str, names: Sequence[str], degree: int, knots: Array, values: Any, given: Any) -> Signal:
-    """From an object of SciPy's."""
+    """A signal from a SciPy spline."""
     if getattr(given, "extrapolate", None) == "periodic":
         raise ValueError(
-            f"{label}: a periodic spline, and inputs are held outside of their times; give a function of time"
+            f"{label}: periodic splines are not allowed, because inputs are constant outside their times; give a function of time"
         )
     if degree > MOST_DEGREE:
         raise ValueError(f"{label}: a spline of degree {degree}; at most {MOST_DEGREE} is allowed")
@@ -237,9 +239,9 @@ def _of_spline(label: str, names: Sequence[str], degree: int, knots: Array, valu
 def _sampled(
     label: str, names: Sequence[str], f: Callable[[float], Any], moves: bool, interval: Interval | None
 ) -> Signal:
-    """The spline that stands in the place of a function of time."""
+    """The spline that approximates a function of time."""
     if interval is None:
-        raise ValueError(f"{label}: a function of time, and no time is known here; give (times, values)")
+        raise ValueError(f"{label}: functions of time are not allowed here; give (times, values)")
     start, end = interval
     known: dict[float, Array] = {}
 
@@ -282,7 +284,7 @@ def _sampled(
 
 
 def _misfit(old: tuple[Array, Array], new: tuple[Array, Array], t: Array, x: Array, moves: bool) -> Array:
-    """(nt,): how far the spline before is from the values at the times of the new one, as a share of what is allowed."""
+    """(nt,): the error of the previous spline at the times of the new one, relative to the tolerance."""
 
     def of(spline: tuple[Array, Array], order: int) -> Array:
         knots, c = spline

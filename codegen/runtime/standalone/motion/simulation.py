@@ -1,4 +1,4 @@
-"""Integration over time, with sensitivities: what a user asks for made a problem of ``motion.h``, run, and its results named."""
+"""Integration over time with sensitivities: sets up the problem for ``motion.h``, runs it, and names the results."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ from .settings import Settings, Start
 from .signals import take_inputs
 
 CLOSED = 1e-10
-"""Scaled residual of an initial state that needs no assembly."""
+"""Scaled residual below which an initial state needs no assembly."""
 
 STEPS_OF_PRESCRIBED = 100
-"""Where nothing is integrated, steps have no error, and results are wanted between the ends of the motion all the same."""
+"""If nothing is integrated, the number of steps, because they have no error that would limit their size."""
 
 MEANINGLESS = 1e10
-"""Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
+"""Relative change of a result per relative change of a parameter above which a warning says that the motion is chaotic."""
 
 
 ENDED = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}
-"""Reasons of trajectories that have not failed, by those of motions."""
+"""Reasons of trajectories that did not fail, by the reasons of motions."""
 
 
 class Simulation(Reasons):
     """Integration over time."""
 
     _names: Trajectory | None = None
-    """What the trajectories of the last motion's sensitivities have in common."""
+    """Names and units for the sensitivities of the last motion."""
 
     def __init__(self, package: Package, states: States):
         super().__init__(package, states)
@@ -74,7 +74,7 @@ class Simulation(Reasons):
             for e in wanted:
                 if e.stop:
                     warn(
-                        f"the event {e.output} = {e.level:g} has not come until t = {problem.end:g} s; the motion was not stopped"
+                        f"the event {e.output} = {e.level:g} did not occur by t = {problem.end:g} s; the motion was not stopped"
                     )
         if run.reason not in ("end", "interrupted", "event"):
             message = self._why_it_ended(problem, run)
@@ -92,7 +92,7 @@ class Simulation(Reasons):
         return trajectory
 
     def _without_lost(self, run: Run, problem: Problem, directions: Directions, trajectory: Trajectory) -> None:
-        """NaN, and a warning, for derivatives that do not exist behind a pose where a loop has lost rank."""
+        """Sets derivatives to NaN, with a warning, where they do not exist after a flat pose."""
         lost = lost_directions(run, directions.dp) if directions.k else []
         for of in lost:
             behind = np.ix_(of.directions, trajectory.t > of.t)
@@ -105,7 +105,7 @@ class Simulation(Reasons):
             warn(what_is_lost(lost, directions.names))
 
     def _warn_of_lost(self, run: Run, problem: Problem, names: tuple[str, ...]) -> set[str]:
-        """Warn of directions that have no derivative from some time on; return their names."""
+        """Warns of directions without derivatives after a time, and returns their names."""
         lost: set[str] = set()
         for segment in run.segments:
             for row, why, which in segment.lost:
@@ -118,10 +118,10 @@ class Simulation(Reasons):
         return lost
 
     def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem, rows: Array) -> float:
-        """The largest change of an independent entry, in parts of its size, per part of what it changes with; or a bound of it.
+        """The largest relative change of an independent entry per relative change of a parameter, or an upper bound.
 
-        Its size is the largest in the motion of all with its unit; so the same motion in other units of length, mass and time
-        has the same growth. Dependent entries are left out: they have no derivatives where a loop loses rank.
+        Changes are relative to the largest value in the motion of all entries with the same unit, so the growth does not depend
+        on units. Dependent entries are excluded, because they have no derivatives where a loop loses rank.
         """
         sizes = np.abs(rows).max(axis=0)
         q, u = (self._of_rows(sizes, i) for i in (1, 2))
@@ -145,15 +145,15 @@ class Simulation(Reasons):
     def _sizes_of_directions(
         self, directions: Directions, q: Array, u: Array, problem: Problem
     ) -> tuple[Array, Array, Array]:
-        """Steps along directions that change something by all of itself, and sizes of q and u, from largest entries."""
+        """Steps along directions for a relative change of 1, and the sizes of q and u, from their largest entries."""
         q = largest_of_unit(q, self._manifest["coordinate_units"])
         u = largest_of_unit(u, self._manifest["speed_units"])
         return direction_sizes(directions, (q, u, problem.p, problem.inputs.values)), q, u
 
-    # -- what is asked for ---------------------------------------------------------------------------------------------
+    # -- setting up ---------------------------------------------------------------------------------------------------
 
     def _problem(self, t: Any, given: Start, settings: Settings) -> tuple[Problem, Directions]:
-        """A motion from what a user gives, checked."""
+        """Checks a user's arguments and sets up the motion."""
         if "state_rates" not in self._functions:
             raise AttributeError(self._why_not("simulate"))
         start, end, times = _interval(t)
@@ -195,7 +195,7 @@ class Simulation(Reasons):
     def _before_kinks(
         self, start: float, end: float, times: Array, p: Array, inputs: Inputs
     ) -> tuple[float, Array, str]:
-        """End and times of a motion up to the first kink of prescribed motion, and why it goes no farther, if there is one."""
+        """End time and result times before the first kink of prescribed motion, and the reason, if there is a kink."""
         if "branching_motion" not in self._manifest:
             return end, times, ""
         from .prescribed_branches import before_kinks
@@ -203,7 +203,7 @@ class Simulation(Reasons):
         return before_kinks(self._manifest, self._kinks, start, end, times, p, inputs)
 
     def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
-        """A consistent initial state at parameters, and inputs and a time, which prescribed motion makes use of."""
+        """A consistent initial state at the parameters, inputs and time in `rest`."""
         p = rest["p"]
         if q is None and u is None and self.states.initial_is_fixed:
             q_all, u_all = (x.copy() for x in self.package._initial)
@@ -222,9 +222,10 @@ class Simulation(Reasons):
             gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
                 closed = self.states.assemble(*at)
-                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # not one whose redundant conditions cannot be met
+                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # more than redundant conditions explain
                     warn(
-                        f"the initial state is open by {gap:.3g} (scaled); assembled: dependent coordinates have been changed"
+                        f"the initial state does not close the loops (scaled residual {gap:.3g}); "
+                        f"dependent coordinates have been changed"
                     )
                 return closed
         q_all, u_all = self.states.assemble(*at)
@@ -236,10 +237,10 @@ class Simulation(Reasons):
                 )
         return q_all, u_all
 
-    # -- what comes of it ----------------------------------------------------------------------------------------------
+    # -- results -------------------------------------------------------------------------------------------------------
 
     def _trajectory(self, problem: Problem, directions: Directions, run: Run) -> Trajectory:
-        """Rows of results as arrays with names."""
+        """The trajectory from rows of results."""
         rows, nt, k = run.rows, len(run.rows), directions.k
         (_, *parts, _), shown = places_in_rows(self.nq, self.nu, self.noutputs, 0), self._shown
         t = rows[:, 0].copy()
@@ -275,11 +276,11 @@ class Simulation(Reasons):
 
     @property
     def _shown(self) -> int:
-        """How many outputs trajectories have."""
+        """Number of outputs in trajectories."""
         return self.noutputs if self._gives_outputs else 0
 
     def _no_motion(self, sensitivity_names: tuple[str, ...]) -> Trajectory:
-        """A trajectory without times, which has the names and units of all."""
+        """An empty trajectory with the names and units of all others."""
         manifest, shown, k = self._manifest, self._shown, len(sensitivity_names)
         q, u, outputs = (np.empty((0, n)) for n in (self.nq, self.nu, shown))
         dq, du, doutputs = (np.empty((k, *x.shape)) for x in (q, u, outputs))
@@ -292,7 +293,7 @@ class Simulation(Reasons):
         )  # fmt: skip
 
     def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
-        """An event from its row of results."""
+        """A crossing from its row of results."""
         values = [self._of_rows(row, i) for i in (1, 2, 3)]
         derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
         sizes = np.cumsum([self.nq, self.nu, self.noutputs, k])
@@ -303,7 +304,7 @@ class Simulation(Reasons):
         )
 
     def _look_at_outputs(self, problem: Problem, run: Run, outputs: Array, doutputs: Array) -> None:
-        """Warn of outputs without a finite value, or derivative, at a time of the result."""
+        """Warns of outputs without a finite value or derivative at a time of the results."""
         if all_finite(outputs) and (not doutputs.size or all_finite(doutputs)):
             return
         of = ~(np.isfinite(outputs) & np.isfinite(doutputs).all(axis=0))
@@ -323,27 +324,27 @@ class Simulation(Reasons):
         return np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
 
     def _gaps_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
-        """The largest scaled residual of closure over time, (nt,), of all conditions, dropped ones too."""
+        """The largest scaled closure residual over time, (nt,), including dropped conditions."""
         gaps = self._call("closure", (q, u, problem.p, self._inputs_over(t, problem), t))[0]
         return np.abs(gaps).max(axis=1, initial=0.0)
 
 
 @lru_cache(64)
 def _no_derivatives(nt: int, *sizes: int) -> tuple[Array, ...]:
-    """Arrays (0, nt, size), which have no entries, so that trajectories may share them."""
+    """Empty arrays (0, nt, size), which trajectories may share."""
     return tuple([np.empty((0, nt, size)) for size in sizes])
 
 
 def meaningless(what: str) -> str:
-    """What is said of derivatives that have grown beyond all bounds."""
+    """The warning for enormous derivatives."""
     return (
-        f"{what} grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says nothing about "
-        f"anything but infinitely small changes; shorten the time"
+        f"{what} grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and derivatives apply "
+        f"only to infinitesimal changes; shorten the time"
     )
 
 
 def largest_of_unit(sizes: Array, units: Sequence[str]) -> Array:
-    """For each entry the largest size of those with the same unit; 1 where all are zero."""
+    """For each entry, the largest magnitude of all entries with the same unit; 1 if all are zero."""
     largest: dict[str, float] = {}
     for size, unit in zip(sizes, units, strict=True):
         largest[unit] = max(largest.get(unit, 0.0), float(size))
@@ -351,10 +352,9 @@ def largest_of_unit(sizes: Array, units: Sequence[str]) -> Array:
 
 
 def _bound_of_growth(changed: float, problem: Problem, entries: list[float]) -> float:
-    """What growth is no larger than where directions are named, so of length one, in a tenth of its time; 0 if not known.
+    """A fast upper bound of the growth for unit directions of named variables; 0 if not known.
 
-    `changed` is the largest derivative; `entries` are the largest sizes of coordinates and speeds over time: those of a unit
-    are no less, unless all are zero.
+    `changed` is the largest derivative, and `entries` are the largest magnitudes of coordinates and speeds over time.
     """
     sizes = [x for x in entries if x > 0.0]
     most = max([1.0, *sizes, largest(problem.p), largest(problem.inputs.values)])
@@ -362,15 +362,15 @@ def _bound_of_growth(changed: float, problem: Problem, entries: list[float]) -> 
 
 
 def places(names: Sequence[str], among: Sequence[str]) -> list[int]:
-    """Where names stand among others."""
+    """Indices of names among others."""
     at = {name: i for i, name in enumerate(among)}
     return [at[name] for name in names]
 
 
 def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Array]) -> Array:
-    """(k,): how large a step along each direction is that changes what it is with respect to by all of itself.
+    """(k,): the step along each direction that changes its variables by a relative amount of 1.
 
-    `sizes` are those of q, u, p, and of the inputs' control points (count, nsignals); zeros are taken as 1.
+    `sizes` are those of q, u, p, and of the inputs' control points (count, nsignals); zeros are replaced by 1.
     """
     seeds = (directions.dq, directions.du, directions.dp, directions.dinputs)
     moved = np.zeros(directions.k)
@@ -382,7 +382,7 @@ def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Ar
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:
-    """Start, end and times of results."""
+    """Start, end and result times."""
     if type(t) is float and 0.0 < t < math.inf:
         return 0.0, t, np.empty(0)
     try:
@@ -398,10 +398,10 @@ def _interval(t: Any) -> tuple[float, float, Array]:
             raise ValueError(f"t is {float(times):g} s, expected a positive number, or times (nt,)")
         return 0.0, float(times), np.empty(0)
     if len(times) < 2 or not _rise(times):
-        raise ValueError("t: times must rise, from the beginning of the motion to its end; at least two are needed")
+        raise ValueError("t: times must increase, from the start of the motion to its end; at least two are needed")
     return float(times[0]), float(times[-1]), times
 
 
 def _rise(times: Array) -> bool:
-    """Whether each time is later than the one before."""
+    """Whether times increase strictly."""
     return bool(times[1] > times[0]) if len(times) == 2 else bool((times[1:] > times[:-1]).all())

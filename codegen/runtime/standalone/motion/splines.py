@@ -1,4 +1,4 @@
-"""B-splines: their values and derivatives, interpolation, and one in the place of others (C. de Boor's algorithms)."""
+"""B-splines: values, derivatives, interpolation, and change of knots and degree (C. de Boor's algorithms)."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from ..arrays import Array
 
 MOST_DEGREE = 9
-"""As in ``motion.h``."""
+"""The same as in ``motion.h``."""
 
 
 def spline_weights(
     knots: Array, degree: int, count: int, t: float, order: int = 0, before: bool = False
 ) -> tuple[int, Array]:
-    """The B-splines that are not zero at a time, or their derivatives: the number of the first, and degree + 1 values.
+    """The B-splines that are not zero at a time, or their derivatives: the index of the first one, and degree + 1 values.
 
-    Outside of the knots as at the first or the last of them. At a knot they are those of the piece behind it, or of that
-    `before` it. Derivatives are differences of splines of a degree less.
+    Outside the knots, the values at the first or last knot apply. At a knot, `before` selects the piece before it instead of that
+    after it. Derivatives are differences of splines of lower degree.
     """
     x = min(max(t, knots[degree]), knots[count])
     at = piece(knots, degree, count, x, before)
@@ -38,10 +38,10 @@ def spline_weights(
 
 
 def piece(knots: Array, degree: int, count: int, t: float, before: bool = False) -> int:
-    """The number of the knot that the piece of a spline at a time begins with."""
+    """Index of the knot at which the piece that contains t starts."""
     at = int(np.searchsorted(knots, t, "left" if before else "right")) - 1
     at = min(max(at, degree), count - 1)
-    while knots[at] == knots[at + 1]:  # pieces of no length, beside the first or the last one
+    while knots[at] == knots[at + 1]:  # skip pieces of zero length at the ends
         at += 1 if knots[at] <= knots[degree] else -1
     return at
 
@@ -50,19 +50,19 @@ def piece(knots: Array, degree: int, count: int, t: float, before: bool = False)
 
 
 def knots_through(t: Array, degree: int) -> tuple[int, Array]:
-    """Degree, at most that one, and knots of the spline through values at some times, which has no knots next to its ends."""
+    """Degree (at most `degree`) and knots of the interpolating spline, with not-a-knot end conditions."""
     degree = min(degree, len(t) - 1)
     inner = t[(degree + 1) // 2 : len(t) - (degree + 1) // 2]
-    if degree % 2 == 0:  # between the times
+    if degree % 2 == 0:  # midpoints
         inner = 0.5 * (t[degree // 2 : len(t) - degree // 2 - 1] + t[degree // 2 + 1 : len(t) - degree // 2])
     return degree, np.concatenate([[t[0]] * (degree + 1), inner, [t[-1]] * (degree + 1)])
 
 
 @dataclass(frozen=True)
 class Through:
-    """From values at times (n,) or (n, m) to control points of the spline through them.
+    """Maps values at times, (n,) or (n, m), to control points of the interpolating spline.
 
-    The matrix is banded and totally positive: elimination needs no pivots.
+    The matrix is banded and totally positive, so elimination needs no pivoting.
     """
 
     knots: Array
@@ -71,7 +71,7 @@ class Through:
 
     def __call__(self, values: Array) -> Array:
         n, k = len(self.t), self.degree
-        band = np.zeros((n, 2 * k + 1))  # row i holds columns i - k to i + k
+        band = np.zeros((n, 2 * k + 1))  # row i contains columns i - k to i + k
         for i, t in enumerate(self.t.tolist()):
             first, weights = spline_weights(self.knots, k, n, t)
             band[i, first - i + k : first - i + 2 * k + 1] = weights
@@ -89,15 +89,15 @@ class Through:
         return x
 
 
-# -- one in the place of another -------------------------------------------------------------------------------------
+# -- change of knots and degree --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Rewritten:
-    """From control points (n,) of a spline to those of the same function on other knots, of a degree that is no less.
+    """Maps the control points (n,) of a spline to those of the same function with other knots and the same or a higher degree.
 
-    A control point is the polar form of a piece at the knots that follow it: that of degree d at D arguments is the mean of those
-    at any d of them (L. Ramshaw).
+    A control point is the polar form of a piece at the knots that follow it. For degree d, the polar form with D > d arguments is
+    the mean over all choices of d of them (L. Ramshaw).
     """
 
     knots: Array
@@ -111,7 +111,7 @@ class Rewritten:
         found = np.empty(len(self.onto) - degree - 1)
         for i in range(len(found)):
             own = self.onto[i : i + degree + 2]
-            longest = int(np.argmax(np.diff(own)))  # a piece where the B-spline is not zero
+            longest = int(np.argmax(np.diff(own)))  # choose a piece on which this B-spline is not zero
             middle = 0.5 * (own[longest] + own[longest + 1])
             if not first <= middle <= last:
                 found[i] = self._end(values, middle < first)
@@ -122,7 +122,7 @@ class Rewritten:
         return found
 
     def _end(self, values: Array, is_first: bool) -> float:
-        """What the signal is held at, before its first or after its last time."""
+        """The constant value before the first or after the last knot."""
         n, k = len(values), self.degree
         at, weights = spline_weights(self.knots, k, n, float(self.knots[k if is_first else n]), before=not is_first)
         return float(weights @ values[at : at + k + 1])
@@ -138,7 +138,8 @@ class Rewritten:
 
 
 def pieces(x: Array, c: Array) -> tuple[int, Array, Array]:
-    """Degree, knots and control points (count, m) of a function by pieces: at (x - x_i)^(k - j) stands c[j, i], (k + 1, n, m)."""
+    """B-spline of a piecewise polynomial: degree, knots and control points (count, m). c[j, i] is the coefficient of (x - x_i)^(k
+    - j)."""
     k = len(c) - 1
     knots = np.repeat(x, k + 1)
     h = np.diff(x)[:, None]
@@ -146,7 +147,7 @@ def pieces(x: Array, c: Array) -> tuple[int, Array, Array]:
     binomial = np.ones(1)
     for _ in range(k):
         binomial = np.convolve(binomial, [1.0, 1.0])
-    for i in range(k + 1):  # of t^m, Bernstein's control point i is (i choose m)/(k choose m)
+    for i in range(k + 1):  # Bernstein control point i of t^m is (i choose m)/(k choose m)
         chosen = 1.0
         for m in range(i + 1):
             values[i] += chosen / binomial[m] * h**m * c[k - m]
@@ -155,7 +156,7 @@ def pieces(x: Array, c: Array) -> tuple[int, Array, Array]:
 
 
 def common_knots(splines: list[tuple[int, Array]]) -> tuple[int, Array]:
-    """Degree and knots on which splines of some degrees and knots, each held outside of them, can be written together."""
+    """Degree and knots with which all given splines, each constant outside its own knots, can be written."""
     degree = max(k for k, _ in splines)
     first, last = min(t[k] for k, t in splines), max(t[-1 - k] for k, t in splines)
     needed: dict[float, int] = {}
@@ -163,7 +164,7 @@ def common_knots(splines: list[tuple[int, Array]]) -> tuple[int, Array]:
         start, end = t[k], t[-1 - k]
         places, often = np.unique(t[(t > start) & (t < end)], return_counts=True)
         several = [(x, degree - k + n) for x, n in zip(places.tolist(), often.tolist(), strict=True)]
-        several += [(float(x), degree) for x in (start, end)]  # continuous where it begins or ends to be held
+        several += [(float(x), degree) for x in (start, end)]  # continuous at the ends
         for x, n in several:
             needed[x] = max(needed.get(x, 0), n)
     inner = [x for x in sorted(needed) if first < x < last for _ in range(needed[x])]

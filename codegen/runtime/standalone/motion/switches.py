@@ -1,4 +1,4 @@
-"""Switches of a motion in words: where forces or outputs change their branch."""
+"""Messages about switches of a motion, where forces or outputs change their branch."""
 
 from __future__ import annotations
 
@@ -7,42 +7,42 @@ from typing import Any
 
 
 def switch_words(manifest: Mapping[str, Any], number: int) -> str:
-    """A switch of a model in words: ``sign(u.block) in forces.friction.value``."""
+    """Describes a switch of a model: ``sign(u.block) in forces.friction.value``."""
     switch = manifest["switches"][number]
     return f"{switch['changes']} in {', '.join(switch['places'])}"
 
 
 def touched(manifest: Mapping[str, Any], number: int) -> str:
-    """What is said of a switch that a motion has only touched."""
+    """The warning for a switch that a motion only touches."""
     return (
-        f"the motion only touches where {switch_words(manifest, number)} changes its branch: derivatives do not exist there, "
-        f"and those that are returned are of one side"
+        f"the motion only touches a switch, where {switch_words(manifest, number)} changes its branch: there are no derivatives, "
+        f"and the returned ones are one-sided"
     )
 
 
 def not_held(manifest: Mapping[str, Any], number: int) -> str:
-    """What is said of a switch that was passed where its branch has no value beyond it."""
+    """The warning for a switch whose branch has no value on the other side."""
     return (
-        f"the motion passes where {switch_words(manifest, number)} changes its branch, and one branch has no value beyond it, "
-        f"as a root of a negative number: if the force jumps there, derivatives lack that jump; write max(0, ..) in the root "
-        f"or power"
+        f"the motion passes where {switch_words(manifest, number)} changes its branch, and one branch has no value on the other "
+        f"side, such as the root of a negative number. If the force jumps there, derivatives lack that jump; write max(0, ..) in "
+        f"the root or power"
     )
 
 
 def order_matters(manifest: Mapping[str, Any], t: float, first: int, second: int) -> str:
-    """The warning for two switches that are passed at one time, whose order derivatives depend on."""
+    """The warning for two switches at the same time, if derivatives depend on their order."""
     return (
         f"at t = {t:.9g} s the motion passes where {switch_words(manifest, first)} and where "
-        f"{switch_words(manifest, second)} change their branches at one time; derivatives along which it matters which comes "
-        f"first do not exist, and are NaN from there on"
+        f"{switch_words(manifest, second)} change their branches at the same time; derivatives that depend on the order "
+        f"do not exist, and are NaN from there on"
     )
 
 
 def event_order_matters(manifest: Mapping[str, Any], t: float, switch: int, event: str) -> str:
-    """The warning for an event at a switch, where its derivatives depend on which comes first."""
+    """The warning for an event at a switch, if its derivatives depend on the order."""
     return (
-        f"at t = {t:.9g} s the event {event} comes where {switch_words(manifest, switch)} changes its branch; derivatives of the "
-        f"event for which it matters which comes first do not exist, and are NaN"
+        f"at t = {t:.9g} s the event {event} occurs where {switch_words(manifest, switch)} changes its branch; derivatives of "
+        f"the event that depend on the order do not exist, and are NaN"
     )
 
 
@@ -50,6 +50,6 @@ def passed_late(manifest: Mapping[str, Any], t: float, switch: int) -> str:
     """The warning for a switch at a pose where a loop loses rank, at which no step can end."""
     return (
         f"at t = {t:.9g} s the motion passes where {switch_words(manifest, switch)} changes its branch while a loop loses rank, "
-        f"so no step can end there: its old branch is kept up to a tenth of a step longer, and results and derivatives behind it "
-        f"are only as exact as that; move the switch off this pose, or take smaller steps (largest_step)"
+        f"so no step can end there: its old branch is used for up to a tenth of a step longer, and later results and derivatives "
+        f"have this error; move the switch off this pose, or take smaller steps (largest_step)"
     )

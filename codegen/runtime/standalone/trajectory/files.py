@@ -1,8 +1,8 @@
-"""Files of trajectories: NumPy's ``.npz`` and Apache Parquet, by suffix; names and statistics go along as JSON.
+"""Files of trajectories: NumPy's ``.npz`` and Apache Parquet, selected by suffix; names and statistics are stored as JSON.
 
-An ``.npz`` holds the arrays as they are and the JSON as bytes, in an array ``header``; nothing in it is pickled. A ``.parquet``
-has a column of times and one for each series, which any reader of Parquet's understands, and the JSON, with events as bytes, in
-the metadata of its schema.
+An ``.npz`` file contains the arrays, and the JSON as bytes in an array ``header``; nothing is pickled. A ``.parquet`` file has a
+column of times and one for each series, which any Parquet reader understands. The JSON, and events as bytes, are in the metadata
+of its schema.
 """
 
 from __future__ import annotations
@@ -28,47 +28,47 @@ FORMAT, VERSION = "ordernm trajectory", 1
 SUFFIXES = (".npz", ".parquet")
 HEADER = "header"
 KEY = b"ordernm_trajectory"
-"""Of the JSON in the metadata of a Parquet schema."""
+"""Key of the JSON in the metadata of a Parquet schema."""
 
 EVENTS = b"ordernm_events"
-"""Of the numbers of events there, as they are in memory: JSON would not keep every NaN."""
+"""Key of the numbers of events there, as bytes, because JSON would not keep every NaN."""
 
 EXTRA = {"energy": ("energy.kinetic", "energy.potential"), "closure": ("loops.closure",)}
-"""Columns that only Parquet files have; no output has a dot in its name."""
+"""Columns of Parquet files only; names of outputs contain no dot."""
 
 DAMAGE = (
     ValueError, TypeError, EOFError, KeyError, OverflowError, MemoryError, RecursionError, zipfile.BadZipFile, zlib.error,
     NotImplementedError, SyntaxError, RuntimeError, OSError, struct.error,
 )  # fmt: skip
-"""What NumPy raises for archives that it did not write like that."""
+"""Exceptions that NumPy raises for archives with an unexpected content."""
 
 Words = dict[str, Any]
 
 
 class TrajectoryFileError(ValueError):
-    """A file holds no trajectory, or a damaged one, or cannot hold one."""
+    """A file contains no trajectory, or a damaged one, or its format cannot store one."""
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
-    """What kind of file it is to be; an error that tells the kinds there are."""
+    """The suffix of a trajectory file; raises an error with the allowed ones."""
     return suffix_among(path, SUFFIXES, TrajectoryFileError, f"trajectories are kept in files {' or '.join(SUFFIXES)}")
 
 
 def need(suffix: str) -> None:
-    """Raise ImportError, which tells what to install, where files of that kind cannot be handled."""
+    """Raises ImportError with installation instructions if files with this suffix cannot be handled."""
     if suffix == ".parquet":
         _arrow()
 
 
 def damaged(path: str | os.PathLike[str], why: object) -> str:
-    """What is said of a damaged file."""
+    """The message for a damaged file."""
     return f"{os.fspath(path)} is damaged or was changed: {why}; save the trajectory again"
 
 
 def write(
     path: str | os.PathLike[str], words: Mapping[str, Any], arrays: Mapping[str, Array], columns: Mapping[str, Array]
 ) -> None:
-    """Write a trajectory: its words, its arrays by name, and for Parquet its series (nt,)."""
+    """Writes a trajectory: header entries, arrays by name, and, for Parquet, its series (nt,)."""
     suffix = suffix_of(path)
     header = {"format": FORMAT, "version": VERSION, "digest": _digest(words, arrays), **words}
     if suffix == ".npz":
@@ -76,7 +76,7 @@ def write(
         write_whole(Path(path), lambda file: np.savez(file, allow_pickle=False, **{HEADER: text}, **arrays))
         return
     arrow, parquet = _arrow()
-    # p and inputs are no series; JSON gives the same floats back
+    # p and inputs are not series; JSON preserves the floats
     header |= {name: arrays[name].tolist() for name in ("p", "inputs") if name in arrays}
     metadata = {EVENTS: np.ascontiguousarray(arrays["events"]).tobytes()} if "events" in arrays else {}
     header |= {"extra": [name for name in EXTRA if name in arrays]}
@@ -88,17 +88,17 @@ def write(
         [arrow.array(np.ascontiguousarray(x), from_pandas=False) for x in all_columns.values()],
         schema=arrow.schema(fields, metadata={KEY: json.dumps(header).encode(), **metadata}),
     )
-    # a dictionary of values would take one NaN for another
+    # a dictionary encoding would not distinguish different NaNs
     write_whole(Path(path), lambda file: parquet.write_table(table, file, use_dictionary=False))
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
-    """Words and arrays of a trajectory, as `write` takes them."""
+    """Header entries and arrays of a trajectory, as for `write`."""
     if suffix_of(path) == ".npz":
         header, arrays = _read_npz(path)
     else:
         header, arrays = _read_parquet(path)
-    # of Parquet's pages and schema nothing else would tell a number that was changed
+    # Parquet itself does not detect every changed number
     if header.pop("digest", None) != _digest(header, arrays):
         raise TrajectoryFileError(damaged(path, "its numbers or names are not those that were saved"))
     return {name: tuple(x) if isinstance(x, list) else x for name, x in header.items()}, arrays
@@ -113,14 +113,14 @@ def _digest(words: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
 
 
 def _read_npz(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
-    with open(path, "rb") as file:  # a file that is missing is a missing file; what goes wrong afterwards is damage
+    with open(path, "rb") as file:  # a missing file keeps its own error; later errors mean damage
         try:
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 archive = contextlib.nullcontext(())
             with archive as opened:
                 if HEADER not in opened:
-                    raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: it is another file of NumPy's")
+                    raise TrajectoryFileError(f"{os.fspath(path)} contains no trajectory: it is another NumPy file")
                 _check_sizes(opened.zip)
                 arrays = {name: opened[name] for name in opened.files}
         except TrajectoryFileError:
@@ -131,7 +131,7 @@ def _read_npz(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
 
 
 def _check_sizes(archive: zipfile.ZipFile) -> None:
-    """Raise ValueError for an array whose shape says that it has more or fewer numbers than there are: none is made for it."""
+    """Raises ValueError, before allocating memory, if an array's shape does not match the number of bytes."""
     for member in archive.infolist():
         with archive.open(member) as file:
             version = np.lib.format.read_magic(file)
@@ -141,7 +141,9 @@ def _check_sizes(archive: zipfile.ZipFile) -> None:
             shape, _, kind = read_header(file)
             needed, there = math.prod(shape) * kind.itemsize, member.file_size - file.tell()
         if needed != there:
-            raise ValueError(f"{member.filename} has the shape {shape}, which needs {needed} bytes, and {there} bytes")
+            raise ValueError(
+                f"{member.filename} has shape {shape}, which needs {needed} bytes, but contains {there} bytes"
+            )
 
 
 def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
@@ -151,12 +153,12 @@ def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]
             table = parquet.read_table(file)
             metadata = table.schema.metadata or {}
             if KEY not in metadata:
-                raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: it is another file of Parquet's")
+                raise TrajectoryFileError(f"{os.fspath(path)} contains no trajectory: it is another Parquet file")
             columns = [np.array(column.to_numpy(), dtype=np.float64) for column in table.columns]
     except TrajectoryFileError:
         raise
     except (arrow.ArrowException, *DAMAGE) as error:
-        # a file that is missing is a missing file; pyarrow takes OSError for damage too
+        # a missing file keeps its own error; pyarrow raises OSError for damage, too
         if isinstance(error, OSError) and error.errno is not None:
             raise
         first = (str(error).splitlines() or ["it cannot be read"])[0].rstrip(".")
@@ -172,7 +174,7 @@ def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]
 
 
 def _unrolled(header: Words, columns: list[Array]) -> tuple[Words, dict[str, Array]]:
-    """The arrays of which a Parquet file holds the columns: t, then q, u and outputs, then their derivatives by direction."""
+    """Arrays from the columns of a Parquet file: t, then q, u and outputs, then their derivatives by direction."""
     nt = len(columns[0])
     sizes = [len(header[f"{name}_names"]) for name in ("coordinate", "speed", "output")]
     k = len(header["sensitivity_names"])
@@ -194,14 +196,16 @@ def _unrolled(header: Words, columns: list[Array]) -> tuple[Words, dict[str, Arr
 
 
 def _header(path: str | os.PathLike[str], text: bytes) -> Words:
-    """The words of a file, without its format."""
+    """The header entries of a file, without format and version."""
     try:
         header = json.loads(text)
         seen = header.pop("format"), header.pop("version")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise TrajectoryFileError(damaged(path, f"its header cannot be read ({error})")) from None
     if seen[0] != FORMAT:
-        raise TrajectoryFileError(f"{os.fspath(path)} holds no trajectory: its format is {seen[0]!r}, not {FORMAT!r}")
+        raise TrajectoryFileError(
+            f"{os.fspath(path)} contains no trajectory: its format is {seen[0]!r}, not {FORMAT!r}"
+        )
     if seen[1] != VERSION:
         raise TrajectoryFileError(
             f"{os.fspath(path)} is of version {seen[1]} of the format, this ordernm reads version {VERSION}; read it with the "

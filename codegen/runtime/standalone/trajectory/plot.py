@@ -1,7 +1,7 @@
-"""Pictures of trajectories: small panels over time, drawn by matplotlib, which is imported when it is asked for.
+"""Plots of trajectories: small panels over time, drawn by matplotlib, which is imported only when needed.
 
-They can be read in black and white: curves in one panel differ by dashes. Nothing of pyplot is used, so no window opens and no
-setting of the user's changes what is drawn: the same trajectory gives the same bytes.
+The plots are readable in black and white, because curves in a panel differ by dashes. pyplot is not used, so no window opens and
+no user setting affects the drawing: the same trajectory gives the same bytes.
 """
 
 from __future__ import annotations
@@ -24,42 +24,42 @@ FORMATS: dict[str, dict[str, str | None]] = {
     ".png": {"Software": MARK},
     ".pdf": {"CreationDate": None, "Creator": MARK},
 }
-"""By suffix, and what the file says of itself: nothing of the day."""
+"""Metadata of the file by suffix, without dates."""
 
 MOST_PANELS, CUT = 60, 24
-"""So many series a picture can have, and so many it shows when none were chosen."""
+"""Maximum number of series in a picture, and the number shown when the user chose none."""
 
 WIDTHS = {1: 6.5, 2: 8.0, 3: 9.0}
-"""Of a picture with so many panels side by side, in inches."""
+"""Width of a picture in inches, by the number of panels side by side."""
 
 MOST_CURVES = 8
-"""Derivatives in one panel; of more, the first are shown."""
+"""Number of derivatives in one panel; if there are more, the first ones are shown."""
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
 COLOURS = ("#000000", "#0072b2", "#d55e00", "#8a8a8a", "#009e73", "#aa4499", "#4d4d4d", "#b8860b")
-"""Of curves in one panel; the colours are told apart by colour-blind readers too."""
+"""Styles of curves in one panel; colour-blind readers can distinguish the colours, too."""
 
 SETTINGS = {"svg.hashsalt": "ordernm", "text.parse_math": False, "font.size": 9, "font.family": "DejaVu Sans",
             "axes.formatter.limits": (-3, 4), "path.simplify": True, "savefig.dpi": 150, "figure.dpi": 100}  # fmt: skip
 
 ROUNDING = 1e-12
-"""What changes by less than this part of itself is drawn as a straight line."""
+"""Relative change below which a curve is drawn as a straight line."""
 
 Series = tuple[str, str, Array]
 """Name, unit, values (nt,)."""
 
 
 class PlotError(ValueError):
-    """A picture cannot be drawn, or not into such a file."""
+    """A plot cannot be drawn, or the file type is not allowed."""
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
-    """What kind of picture it is to be; an error that tells the kinds there are."""
+    """The suffix of a picture file; raises an error with the allowed ones."""
     return suffix_among(path, FORMATS, PlotError, f"pictures are written as {', '.join(FORMATS)}")
 
 
 def need() -> Any:
-    """The module of matplotlib; ImportError, which tells what to install, where it is not there."""
+    """The matplotlib module; raises ImportError with installation instructions if it is missing."""
     try:
         import matplotlib
     except ImportError as error:
@@ -74,16 +74,16 @@ def draw(
     path: str | os.PathLike[str] | None = None,
     cut: bool = False,
 ) -> Any:
-    """A figure with a panel for each series over the times t (nt,), its derivatives in a panel beside it.
+    """A figure with a panel for each series over the times t (nt,), and a panel for its derivatives beside it.
 
     Parameters
     ----------
     panels : sequence of (series, derivatives)
-        The name of a derivative is that of what it is taken by.
+        The name of a derivative is the variable of differentiation.
     path : path, optional
-        Where to write it.
+        File to write.
     cut : bool
-        Show the first of many series rather than refuse.
+        Whether to show only the first of many series, instead of raising an error.
     """
     suffix = None if path is None else suffix_of(path)
     matplotlib = need()
@@ -107,12 +107,12 @@ def draw(
         if path is not None and suffix is not None:
             metadata = FORMATS[suffix]
             write_whole(Path(path), lambda file: figure.savefig(file, format=suffix[1:], metadata=metadata))
-    figure._repr_png_ = functools.partial(png_of, figure)  # notebooks show it without a backend of pyplot
+    figure._repr_png_ = functools.partial(png_of, figure)  # for notebooks, without a pyplot backend
     return figure
 
 
 def png_of(figure: Any) -> bytes:
-    """A figure as notebooks show it."""
+    """PNG image of a figure."""
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata=FORMATS[".png"])
     return file.getvalue()
@@ -144,7 +144,7 @@ def _figure(title: str, t: Array, panels: Sequence[tuple[Series, Sequence[Series
 
 
 def _derivatives(place: Any, t: Array, name: str, several: Sequence[Series]) -> None:
-    """Derivatives in one panel; those that would be flat beside another are drawn in tens, hundreds, ... which is told."""
+    """Draws derivatives in one panel; small ones are multiplied by a power of ten, which the legend shows."""
     if len(several) == 1:
         ((by, unit, values),) = several
         _curves(place, t, [(by, unit, values)], _labelled(f"d {name} / d {by}", unit))
@@ -159,19 +159,19 @@ def _derivatives(place: Any, t: Array, name: str, several: Sequence[Series]) -> 
 
 
 def _exponents(several: Sequence[Array]) -> list[int]:
-    """Powers of ten that bring curves to the height of the highest; zero where they are there nearly."""
+    """Exponents of the powers of ten that bring curves to a similar height; zero for those within a factor of ten."""
     heights = [float(np.max(np.abs(x[np.isfinite(x)]), initial=0.0)) for x in several]
     highest = max(heights)
     found = []
     for height in heights:
         share = math.log10(highest) - math.log10(height) if height > 0 else 0.0
-        # what is rounding beside another curve is zero, and stays a line
+        # do not magnify rounding errors
         found.append(math.floor(share) if 1.0 <= share <= -math.log10(ROUNDING) else 0)
     return found
 
 
 def _curves(place: Any, t: Array, several: Sequence[Series], label: str) -> None:
-    """Curves in a panel, with its label above it on the left, where a long one has room."""
+    """Draws curves in a panel, with the label above it on the left, where there is room for a long one."""
     from matplotlib.ticker import MaxNLocator
 
     few = len(t) < 3
@@ -189,7 +189,7 @@ def _curves(place: Any, t: Array, several: Sequence[Series], label: str) -> None
 
 
 def _keep_flat(place: Any, several: Sequence[Array]) -> None:
-    """What is constant but for rounding is no zigzag."""
+    """Widens the axis of curves that are constant to rounding."""
     finite = [x[np.isfinite(x)] for x in several]
     values = np.concatenate(finite) if finite else np.zeros(0)
     if not len(values):

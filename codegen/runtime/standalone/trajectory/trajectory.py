@@ -1,4 +1,4 @@
-"""What a simulation returns: a motion over time with its outputs and their derivatives, under the names of the model."""
+"""The result of a simulation: a motion over time, with outputs and derivatives, under the names of the model."""
 # long: a docstring with an example for each of twenty methods
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from ..arrays import Array, Shape
 from ..calls.arguments import some
 
 FINISHED, INTERRUPTED = "finished", "interrupted"
-"""Reasons for which a simulation ends: it came to its last time, or somebody pressed Ctrl-C."""
+"""Reasons for the end of a simulation: the last time was reached, or the user pressed Ctrl-C."""
 
 
 Later = ArrayLike | Callable[[], ArrayLike] | None
 
 LATER: dict[str, Shape] = {"energy": (2,), "closure": ()}
-"""What may be computed when it is first asked for, and its shape beside the times."""
+"""Values that may be computed at their first use, and their shapes after the time axis."""
 
 
 class UnknownNameError(KeyError):
-    """A trajectory has no series of that name."""
+    """A trajectory has no series with this name."""
 
-    __str__ = Exception.__str__  # a KeyError shows its text in quotes
+    __str__ = Exception.__str__  # KeyError would print its text in quotes
 
 
 class Trajectory:
@@ -180,7 +180,7 @@ class Trajectory:
             raise UnknownNameError(self._unknown(name))
         return self._column(name, self.q, self.u, self.outputs)
 
-    __iter__ = None  # over times or over names? Python would try 0, 1, ... as names
+    __iter__ = None  # iterating a trajectory is ambiguous; Python would try the names 0, 1, ...
 
     def __contains__(self, name: object) -> bool:
         return name == "t" or name in self._index
@@ -263,7 +263,7 @@ class Trajectory:
         return self._column(name, self.dq[direction], self.du[direction], self.doutputs[direction])
 
     def _column(self, name: str, q: Array, u: Array, outputs: Array) -> Array:
-        """A series of these, (nt, ...) each."""
+        """The series `name`, from coordinates, speeds and outputs, each (nt, ...)."""
         i = self._index[name]
         for x in (q, u):
             if i < x.shape[1]:
@@ -343,8 +343,8 @@ class Trajectory:
         raise UnknownNameError(f"no derivative by {by!r}; there are those by {some(known)}{hint}")
 
     def _unknown(self, name: str) -> str:
-        """What is said of a name that is not known."""
-        # crnk is near to crank, for q.crank and u.crank
+        """The message for an unknown name."""
+        # for a misspelt crank, suggest q.crank and u.crank
         meant: dict[str, tuple[str, ...]] = {n: (n,) for n in self.names}
         meant |= {
             n: tuple(x for x in (f"q.{n}", f"u.{n}") if x in self) for n in (*self.coordinate_names, *self.speed_names)
@@ -745,12 +745,12 @@ class Trajectory:
         self._shown_by(solver).html(self, path, folder)
 
     def _shown_by(self, solver: Any) -> Any:
-        """What shows the motion.
+        """The object that shows the motion.
 
         Raises
         ------
         ValueError
-            If there is none, or the solver does not fit.
+            If there is none, or the solver belongs to another model.
         """
         if solver is None:
             if self.views is None:
@@ -773,21 +773,21 @@ class Trajectory:
 
 
 ARRAYS = ("t", "q", "u", "dq", "du", "outputs", "doutputs", "p", "inputs", "energy", "closure")
-"""What a file holds as arrays."""
+"""Attributes that a file stores as arrays."""
 
 WORDS = (
     "model", "coordinate_names", "speed_names", "output_names", "parameter_names", "input_names", "sensitivity_names",
     "coordinate_units", "speed_units", "output_units", "parameter_units", "stats",
 )  # fmt: skip
-"""And as text."""
+"""Attributes that a file stores as text."""
 
 
 PLAIN = (str, bool, int, float)
-"""Types that JSON gives back as they are."""
+"""Types that JSON preserves."""
 
 
 def _shaped(name: str, value: ArrayLike | None, shape: Shape, may_lack: bool = False) -> Array:
-    """An array of floats of that shape."""
+    """An array of floats with the given shape."""
     if value is None:
         if may_lack:
             return np.zeros(shape)
@@ -800,7 +800,7 @@ def _shaped(name: str, value: ArrayLike | None, shape: Shape, may_lack: bool = F
 
 @lru_cache(64)
 def _index_of(coordinates: tuple[str, ...], speeds: tuple[str, ...], outputs: tuple[str, ...]) -> Mapping[str, int]:
-    """Where series stand, by name: looked up once a model, not once a motion."""
+    """Indices of series by name; computed once per model."""
     names = [*(f"q.{name}" for name in coordinates), *(f"u.{name}" for name in speeds), *outputs]
     index = {name: i for i, name in enumerate(names)}
     if len(index) < len(names) or "t" in index:
@@ -816,7 +816,7 @@ def _units(of: str, units: Sequence[str], n: int) -> tuple[str, ...]:
 
 
 def _plain(where: str, value: Any) -> Any:
-    """What JSON can hold and gives back alike: NumPy's numbers become Python's, arrays and tuples lists."""
+    """Converts a value to types that JSON preserves: NumPy numbers to Python numbers, arrays and tuples to lists."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""How far a result is to be trusted: rounding errors, conditions of mass matrix and closures, what is near a loss of rank."""
+"""Diagnosis of a state: rounding errors, condition numbers of mass matrix and closures, and distances from a loss of rank."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from .diagnosis import ClosureCondition, Diagnosis, MassCondition
 from .rounding import UNIT, NearestFunctions, can_round, spread, to_nearest
 
 LARGEST = 1000
-"""So many speeds a matrix may have that is formed to see its condition: eigenvalues and singular values take O(n^3)."""
+"""Largest number of speeds for which matrices are formed; eigenvalues and singular values take O(n^3)."""
 
 SAMPLES = 4
-"""Changes of the arguments in their last places: random signs, the same ones every time."""
+"""Number of perturbations of the arguments in their last places, with random signs from a fixed seed."""
 
 
 class Diagnosing(Room):
-    """What may be trusted of a state's accelerations and derivatives."""
+    """Diagnoses the accelerations and derivatives of a state."""
 
     def __init__(self, package: Package):
         super().__init__(package)
@@ -57,7 +57,7 @@ class Diagnosing(Room):
     # -- rounding ------------------------------------------------------------------------------------------------------
 
     def _rounded(self, name: str, arrays: Mapping[str, Any], directions: Seeds = NO_SEEDS) -> tuple[Array, Array, str]:
-        """The last result of a function, (nu,) or (k, nu), the estimate of its error, and why there are none."""
+        """The last result of a function, (nu,) or (k, nu), an estimate of its error, and the reason if it has no value."""
         opened = self._opened
         shape = (directions.k, self.nu) if name == "sensitivities" else (self.nu,)
         if not np.prod(shape):
@@ -77,7 +77,7 @@ class Diagnosing(Room):
         return nearest[-1], spread(lambda: compute()[-1:], nearest[-1:])[0], ""
 
     def _rounding_target(self, opened: Opened) -> Target:
-        """What computes the same in any rounding mode: NumPy's elementary functions may not."""
+        """A target that is correct in any rounding mode, which NumPy's elementary functions may not be."""
         if opened.target.name != "numpy":
             return opened.target
         if opened.number not in self._nearest:
@@ -88,7 +88,7 @@ class Diagnosing(Room):
         return self._nearest[opened.number]
 
     def _by_arguments(self, arrays: Mapping[str, Any], udot: Array) -> Array:
-        """What udot changes by, (nu,), if every argument changes by a unit in its last place."""
+        """The largest change of udot, (nu,), if every argument changes by a unit in its last place."""
         signs = np.random.default_rng(0)
         moved = {
             n: np.nextafter(x, np.where(signs.random((SAMPLES, *np.shape(x))) < 0.5, -np.inf, np.inf))
@@ -115,7 +115,7 @@ class Diagnosing(Room):
         return tuple(f"direction {j + 1}" for j in range(k)), directions, batch
 
     def _units(self) -> tuple[tuple[str, ...], Mapping[str, Array]]:
-        """Unit seeds of everything that is independent, and their names."""
+        """Unit seeds of all independent variables, and their names."""
         independent = {"dq": self.independent_names, "du": self.independent_speed_names}
         named = dict(
             zip(
@@ -141,7 +141,7 @@ class Diagnosing(Room):
             return None
         try:
             M = self._mass(arrays, [self.speed_names.index(n) for n in names])
-        except SingularJointError:  # the dependent speeds do not follow
+        except SingularJointError:  # the dependent speeds are not determined
             return None
         if M is None or not np.isfinite(M).all() or not (np.diag(M) > 0.0).all():
             return None
@@ -151,12 +151,12 @@ class Diagnosing(Room):
                 left = 1.0 / np.diag(np.linalg.inv(scale[:, None] * M * scale))
         except np.linalg.LinAlgError:
             left = np.zeros(len(M))
-        left = np.where(left > UNIT, left, UNIT)  # what rounding has made zero, or negative
+        left = np.where(left > UNIT, left, UNIT)  # zero or negative by rounding
         worst = int(np.argmin(left))
         return MassCondition(_quotient(sizes), float(left[worst]), names[worst])
 
     def _mass(self, arrays: Mapping[str, Any], independent: Sequence[int]) -> Array | None:
-        """The mass matrix of the independent speeds: second derivatives of the kinetic energy, which is a square in them."""
+        """The mass matrix of the independent speeds: second derivatives of the kinetic energy, a quadratic function of them."""
         target, functions, n = self._opened.target, self._functions, len(independent)
         if "mass_matrix" in functions:
             return target.compute(functions["mass_matrix"], arrays, ())[0]
@@ -173,7 +173,7 @@ class Diagnosing(Room):
     def _closure_conditions(
         self, arrays: Mapping[str, Any]
     ) -> tuple[tuple[ClosureCondition, ...], ClosureCondition | None, float, float]:
-        """Of each closure; of all; the distance of all conditions from a loss of rank; how far loops are open."""
+        """Conditions of each closure and of all loops; the distance from a loss of rank; the largest residual."""
         manifest = self._opened.manifest
         if not self.closure_names:
             return (), None, 1.0, 0.0
@@ -187,11 +187,11 @@ class Diagnosing(Room):
         found, all_rows, all_columns = [], list[int](), list[int]()
         for c in manifest["closures"]:
             names, columns = tuple(loops[i] for i in c["loops"]), c["dependent"]
-            if not columns:  # the second hinge of a door: it makes no speed dependent
+            if not columns:  # for example, the second hinge of a door
                 continue
             rows = [i for name in names for i in of_loop[name]]
             if small:
-                # displacements in parts of the characteristic length, as linear conditions are
+                # displacements are scaled by the characteristic length, like linear conditions
                 every[np.ix_(rows, self._slides())] *= c["length"]
                 E = every[np.ix_(rows, columns)]
             else:
@@ -209,11 +209,11 @@ class Diagnosing(Room):
         return tuple(found), whole, _distance(sizes[: len(all_columns)]), gap
 
     def _slides(self) -> list[int]:
-        """Speeds that are velocities, and no angular ones."""
+        """Indices of speeds that are linear velocities."""
         return [i for i, unit in enumerate(self._manifest["speed_units"]) if unit == "m/s"]
 
     def _closing_columns(self, arrays: Mapping[str, Any], speeds: Sequence[int]) -> tuple[Array, float]:
-        """Rates of all conditions by some speeds, dependent ones too, (conditions, n); how far the conditions are open."""
+        """Derivatives of all conditions by some speeds (including dependent ones), (conditions, n), and the largest residual."""
         f, units = self._functions["closure"], np.zeros((len(speeds) + 1, self.nu))
         units[np.arange(len(speeds)), list(speeds)] = 1.0
         position, velocity = self._opened.target.compute(f, {**arrays, "u": units}, (len(units),))
@@ -224,13 +224,13 @@ class Diagnosing(Room):
         names = tuple(self.speed_names[i] for i in dependent)
         weakest = names[int(np.argmax(np.abs(right[-1])))]
         coupled = tuple(name for name in loops if name in self._manifest.get("couplings", ()))
-        if len(coupled) == len(loops) == 1:  # its ratios are constant, and no dead point
+        if len(coupled) == len(loops) == 1:  # its ratios are constant, so it has no dead point
             sizes = sizes / sizes[0]
         return ClosureCondition(loops, names, _condition(sizes), _distance(sizes), weakest, coupled)
 
 
 def _condition(sizes: Any) -> float:
-    """The condition of a closure matrix by its singular values, as `Solver.condition` gives it."""
+    """The condition number of a closure matrix from its singular values, as in `Solver.condition`."""
     n = len(sizes)
     if not sizes[-1] > 0.0:
         return math.inf
@@ -239,10 +239,10 @@ def _condition(sizes: Any) -> float:
 
 
 def _distance(sizes: Any) -> float:
-    """The least singular value in parts of the largest, or of 1 where that is larger."""
+    """The smallest singular value relative to the largest one, or to 1 if that is larger."""
     return float(sizes[-1] / max(sizes[0], 1.0))
 
 
 def _quotient(sizes: Any) -> float:
-    """The last over the first; infinite where rounding has made that zero, or negative."""
+    """Ratio of the last to the first; infinite if that is zero or negative by rounding."""
     return float(sizes[-1] / sizes[0]) if sizes[0] > 0.0 else np.inf

@@ -1,4 +1,4 @@
-"""What a diagnosis of a state says: rounding errors, condition numbers, distances to a loss of rank, and all that in words."""
+"""The diagnosis of a state: rounding errors, condition numbers, distances from a loss of rank, and their description."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ..arrays import Array
 from .rounding import UNIT
 
 ALL_DIGITS = -math.log10(UNIT)
-"""Of a double: 15.95."""
+"""Decimal digits of a double: 15.95."""
 
 NEAR = 1e-4
-"""A closure whose distance to rank loss is less than this is told as near: so many digits of the accelerations are lost."""
+"""Distance from a loss of rank below which a closure counts as near it, because accelerations lose this many digits."""
 
 OPEN = 1e-9
-"""Of the distance to rank loss: loops that are open by more are told, since closing them moves dependent coordinates by more."""
+"""Residual of loops, relative to that distance, above which the text says that dependent coordinates are wrong."""
 
 FEW_DIGITS = 8
-"""With fewer digits it is said whether forces cancel."""
+"""With fewer digits, the text mentions forces that cancel."""
 
 SHOWN = 6
-"""So many closures are told, the worst ones first, and so many speeds in a notebook."""
+"""Number of closures in the text, the worst ones first, and of speeds in a notebook."""
 
 
 class MassCondition(NamedTuple):
@@ -101,7 +101,7 @@ class Diagnosis:
         All loops at once; it may be worse than each set alone.
     distance : float
         Distance of all loop conditions from a loss of rank for any choice of independents, as in `ClosureCondition`; 1
-        without loops. If it is much larger than that of a closure, other independent coordinates would do.
+        without loops. If it is much larger than that of a closure, other independent coordinates are better.
     gap : float
         Largest residual of the loops, in the units of `closure`.
     failure : str
@@ -127,7 +127,7 @@ class Diagnosis:
 
     @property
     def at_work(self) -> Array:
-        """Accelerations that the forces would give if they did not cancel, (nu,)."""
+        """Magnitude of the accelerations if forces did not cancel, (nu,)."""
         return np.fmax(np.abs(self.udot), self.argument_error / self.unit)
 
     @property
@@ -189,24 +189,24 @@ class Diagnosis:
         if nearest is not None and self.gap > OPEN * nearest.distance:
             off = f"{self.gap / nearest.distance:.1g}" if nearest.distance > 0.0 else "any amount"
             yield (
-                f"loops are open by {self.gap:.1g}, so that dependent coordinates may be off by {off}: "
-                f"the figures are those of this state, which no motion has; assemble it"
+                f"loops are open by {self.gap:.1g}, so dependent coordinates may be wrong by {off}: "
+                f"the results are those of an impossible state; assemble it first"
             )
         yield from self._of_closures()
 
     def _of_rounding(self) -> Iterator[str]:
         if not np.isfinite(self.udot).all():
-            yield "udot is beyond floating-point numbers, or has no value: no digit to trust"
+            yield "udot is not finite: no digits to trust"
             return
         if np.isinf(self.udot_error).any():
-            yield "rounding decides whether a loop, or a joint, is singular here: no digit of udot is to be trusted"
+            yield "rounding decides whether a loop or joint is singular here: no digits of udot to trust"
             return
         digits, names = self.digits, self.speed_names
         if not len(digits):
             yield "there are no speeds, so there are no accelerations whose digits could be lost"
             return
         if not np.isfinite(self.udot_error).all():
-            yield "rounding errors are not known: the rounding of operations cannot be directed on this machine"
+            yield "rounding errors are not known: this machine does not support directed rounding"
             return
         i = int(np.argmin(digits))
         least = f"udot.{names[i]}, {self.udot[i]:.6g} +- {self.udot_error[i]:.1e}"
@@ -214,7 +214,7 @@ class Diagnosis:
         share = float(self.udot_error[i] / self.at_work[i]) if self.at_work[i] > 0.0 else 0.0
         if digits[i] < FEW_DIGITS and share < 10.0**-FEW_DIGITS:
             yield (
-                f"udot.{names[i]} is what is left of forces that cancel: they would give about {self.at_work[i]:.2g}, of which "
+                f"udot.{names[i]} results from forces that cancel: each of them would give about {self.at_work[i]:.2g}, of which "
                 f"the error is {share:.0e}"
             )
         if self.dudot.size:
@@ -230,18 +230,20 @@ class Diagnosis:
         if by_arguments.min() < digits.min() - 1.0:
             i = int(np.argmin(by_arguments))
             yield (
-                f"a unit in the last place of the arguments changes udot.{names[i]} by {self.argument_error[i]:.1e}: of "
-                f"arguments that are themselves rounded about {_whole(by_arguments[i])} digits follow"
+                f"a unit in the last place of the arguments changes udot.{names[i]} by {self.argument_error[i]:.1e}: from "
+                f"rounded arguments, about {_whole(by_arguments[i])} digits follow"
             )
 
     def _of_inertia(self, m: MassCondition) -> str:
-        """The mass matrix, and the joint whose inertia is the difference of large numbers."""
-        said = f"mass matrix: condition {_number(m.condition)}, which by itself costs no digits, since no mass matrix is formed"
+        """Describes the mass matrix, and the joint whose inertia is a difference of large numbers."""
+        text = (
+            f"mass matrix: condition number {_number(m.condition)}, which alone costs no digits, since it is not formed"
+        )
         if m.left > NEAR:
-            return said
+            return text
         return (
-            f"{said}; but {m.weakest} has {m.left:.1g} of its inertia where the other joints are free, and up to "
-            f"{min(-math.log10(m.left), ALL_DIGITS):.0f} digits may be lost: it carries, or holds, much heavier bodies"
+            f"{text}; but {m.weakest} keeps {m.left:.1g} of its inertia if the other joints are free, and up to "
+            f"{min(-math.log10(m.left), ALL_DIGITS):.0f} digits may be lost: it is connected to much heavier bodies"
         )
 
     def _of_closures(self) -> Iterator[str]:
@@ -260,20 +262,20 @@ class Diagnosis:
             yield f"all loops together: condition {_number(self.all_loops.condition)}, {_away(self.all_loops.distance)}"
 
     def _why(self, c: ClosureCondition) -> str:
-        """What to do about a closure that is near a loss of rank."""
+        """The cause and a remedy, for a closure near a loss of rank."""
         if c.distance > NEAR:
             return ""
         if self.distance > 100.0 * c.distance:
             return (
-                f": a dead point of the independent coordinates that were chosen; with others it is {_away(self.distance)} "
+                f": a dead point of the chosen independent coordinates; with others it is {_away(self.distance)} "
                 f"(--partitions 2, or independent: [...] in the model)"
             )
-        return ": the mechanism itself is near a singular pose, whatever is independent"
+        return ": the mechanism itself is near a singular pose for any choice of independent coordinates"
 
 
 def trusted(values: Array, errors: Array, at_work: Array | float = 0.0) -> Array:
-    """Decimal digits of values (k, n) with errors; a value below its error is zero, and compared with the largest of its row,
-    or with the sizes of what cancels."""
+    """Decimal digits of values (k, n) with errors. A value below its error counts as zero; its error is compared with the largest
+    value of its row, or with the terms that cancel."""
     size = np.abs(values)
     most = np.fmax(size.max(axis=-1, keepdims=True, initial=0.0), at_work)
     with np.errstate(all="ignore"):
@@ -283,7 +285,7 @@ def trusted(values: Array, errors: Array, at_work: Array | float = 0.0) -> Array
 
 
 def _whole(digits: float) -> int:
-    """Whole digits, none too many."""
+    """Digits, rounded down."""
     return math.floor(digits)
 
 

@@ -1,4 +1,4 @@
-"""Loops closed in more digits, from states that double precision has closed."""
+"""Closes loops in extended precision, starting from states closed in double precision."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from ..calls.arguments import placing
 from ..calls.targets import Opened
 
 NEWTON = 60
-"""Steps of Newton's method from a state that is closed in double precision."""
+"""Maximum number of Newton steps in extended precision."""
 
 LEFT = 5
-"""Digits of the closure that may be missing where it can be no better."""
+"""Number of digits that the closure may lack if it cannot be improved."""
 
 SAME = 1e-13
-"""What closing a loop in double precision changes by less, against one, it does not change."""
+"""Relative change below which closing a loop in double precision leaves the given coordinates unchanged."""
 
 
 class ExactLoops(Loops):
-    """Consistent states in more digits.
+    """Consistent states in extended precision.
 
     Parameters
     ----------
     exact : Extended
     solver : Solver
-        The same in double precision.
+        The same solver in double precision.
     """
 
     def __init__(self, exact: Any, solver: Any):
@@ -52,7 +52,7 @@ class ExactLoops(Loops):
         return q_new
 
     def _closed(self, q: Any, p: Any, at: tuple[int, ...]) -> Any:
-        """Coordinates (nq,) that are closed in double precision, closed in this one."""
+        """Closes, in extended precision, coordinates (nq,) that are closed in double precision."""
         opened, assembly, exact = self._opened, self.assembly, self.exact
         u, named = np.zeros(self.nu), assembly.newton.named
 

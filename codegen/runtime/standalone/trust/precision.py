@@ -1,7 +1,7 @@
-"""A solver in more digits: the statements of a package's NumPy module on decimal numbers, for results as mpmath's.
+"""A solver in extended precision: the statements of a package's NumPy module on decimal numbers, with mpmath results.
 
-The module works element by element, so that arrays of objects go through it. What it computes with are the numbers of
-Python's ``decimal``, which are written in C; mpmath makes sines and the like, and is what a user sees.
+The module works element by element, so it accepts arrays of objects. It computes with Python's ``decimal`` numbers, which are
+implemented in C. mpmath computes sines and the like, and its numbers are the arguments and results.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from ..calls.targets import Opened
 from ..files.manifest import check_files
 
 GUARD = 10
-"""Decimal digits beyond those that are asked for."""
+"""Additional decimal digits in intermediate results."""
 
 FEWEST, MOST = 16, 10_000
-"""Digits that may be asked for."""
+"""Range of the number of digits."""
 
 REFUSED = ("simulate", "judge", "equilibrium", "linearize", "diagnose")
-"""Members that compute in double precision only."""
+"""Methods that compute in double precision only."""
 
 
 PartitionModules = Callable[[int], str]
-"""Gives the NumPy module of a partition, with its numbers in more digits."""
+"""Returns the NumPy module of a partition, with constants in more digits."""
 
 
 class Digits:
-    """Decimal numbers of some digits, and what they are to mpmath and to NumPy's functions.
+    """Decimal numbers with a given number of digits, and conversions to and from mpmath and NumPy.
 
     Parameters
     ----------
     digits : int
-        Of results; what is computed with has `GUARD` more.
+        Digits of results; intermediate results have `GUARD` more.
     """
 
     def __init__(self, digits: int):
@@ -65,7 +65,7 @@ class Digits:
         self.mp.dps = digits
         self._libmp = mpmath.libmp
         self._bits = int((digits + GUARD) * math.log2(10)) + 10
-        # what has no value is nan or infinite, as in floating-point numbers
+        # undefined results are nan or infinite, as in floating-point arithmetic
         self.context = decimal.Context(
             prec=digits + GUARD,
             rounding=decimal.ROUND_HALF_EVEN,
@@ -80,7 +80,7 @@ class Digits:
         self.to_mp = np.frompyfunc(self.of_decimal, 1, 1)
 
     def mpf(self, x: Any) -> Any:
-        """Any number, or its decimal text, as one of mpmath's; floats are exactly what they are.
+        """Converts any number, or its decimal text, to an mpmath number; floats are converted exactly.
 
         Raises
         ------
@@ -92,13 +92,13 @@ class Digits:
             try:
                 return self.of_decimal(self._reading.create_decimal(x))
             except decimal.InvalidOperation:
-                raise ValueError(f"{x!r} is no number") from None
+                raise ValueError(f"{x!r} is not a number") from None
         if hasattr(x, "_mpf_"):
             return self.mp.make_mpf(x._mpf_)
         return self.mp.mpf(int(x) if isinstance(x, (int, np.integer)) else float(x))
 
     def decimal(self, x: Any) -> Decimal:
-        """One of mpmath's numbers, or a float, as a decimal one."""
+        """Converts an mpmath number or a float to a decimal number."""
         if not hasattr(x, "_mpf_"):
             return Decimal(float(x))
         sign, mantissa, exponent, _ = x._mpf_
@@ -108,11 +108,11 @@ class Digits:
         return Decimal(n << exponent) + 0 if exponent >= 0 else Decimal(n) / (1 << -exponent)
 
     def of_decimal(self, x: Any) -> Any:
-        """A decimal number as one of mpmath's, rounded to `digits`."""
+        """Converts a decimal number to an mpmath number, rounded to `digits`."""
         return self.mp.make_mpf(self._raw(x, self.mp.prec))
 
     def _raw(self, x: Any, bits: int) -> Any:
-        """What mpmath's functions work on."""
+        """Converts to mpmath's internal representation."""
         if isinstance(x, int):
             return self._libmp.from_int(x, bits, "n")
         if not x.is_finite():
@@ -120,11 +120,11 @@ class Digits:
         return self._libmp.from_str(str(x), bits, "n")
 
     def as_mpf(self, x: Any) -> Array:
-        """An array of any numbers as one of mpmath's."""
+        """An array of mpmath numbers from any numbers."""
         return np.asarray(self.to_mpf(x), object)
 
     def function(self, e: Elementary) -> Callable[..., Any]:
-        """An elementary function as mpmath computes it, on arrays of decimal numbers; nan where it has no real value."""
+        """An elementary function by mpmath, on arrays of decimal numbers; nan where it has no real value."""
         f = getattr(self._libmp, f"mpf_{e.spelled('mpmath')}")
 
         def of(*given: Any) -> Decimal:
@@ -143,7 +143,7 @@ def _power(a: Any, b: Any) -> Any:
 
 
 class Functions:
-    """Stands for NumPy in a module that works on decimal numbers: what makes arrays makes them of objects."""
+    """Replaces NumPy in a module that works on decimal numbers; new arrays contain objects."""
 
     def __init__(self, numbers: Digits):
         for e in TABLE.values():
@@ -177,10 +177,10 @@ class Functions:
 
 
 class Text(importlib.abc.InspectLoader):
-    """Loads a module of decimal numbers from the text of one of floats.
+    """Loads a module of decimal numbers from the text of a module of floats.
 
-    Every number that stands in it with a point or an exponent becomes a decimal one: exactly the float where it is what Python
-    writes for one, else of all the digits that it is written with.
+    Every number with a point or an exponent becomes a decimal number. It is exactly the float if the text is Python's own
+    notation of that float; otherwise it has all the digits of the text.
     """
 
     def __init__(self, text: str, numbers: Digits):
@@ -197,7 +197,7 @@ class Text(importlib.abc.InspectLoader):
         return self.text
 
     def module(self, name: str) -> Any:
-        """The module, loaded."""
+        """The loaded module."""
         module = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, self))
         functions = module.__dict__["np"] = Functions(self.numbers)
         with decimal.localcontext(self.numbers.context):
@@ -210,7 +210,7 @@ class Text(importlib.abc.InspectLoader):
 
 
 class ExtendedTarget(NumpyTarget):
-    """The NumPy module of a package on decimal numbers; takes mpmath's numbers, and floats, and gives mpmath's."""
+    """The NumPy module of a package on decimal numbers; takes mpmath numbers and floats, returns mpmath numbers."""
 
     name = "mpmath"
 
@@ -225,12 +225,12 @@ class ExtendedTarget(NumpyTarget):
     def _call(self, f: Function, arguments: list[Any]) -> list[Any]:
         with decimal.localcontext(self.numbers.context):
             found = self._results(f, [self.numbers.to_decimals(x) for x in arguments])
-            with np.errstate(invalid="ignore"):  # what is not finite is reported with the results
+            with np.errstate(invalid="ignore"):  # the solver warns of results that are not finite
                 return [np.asarray(self.numbers.to_mp(x), object) for x in found]
 
 
 class ExtendedArguments(Arguments):
-    """Arguments as arrays of mpmath's numbers; see `Arguments`."""
+    """Arguments as arrays of mpmath numbers; see `Arguments`."""
 
     dtype = np.dtype(object)
 
@@ -243,7 +243,7 @@ class ExtendedArguments(Arguments):
 
     def _numbers(self, name: str, value: Any) -> Array:
         try:
-            with np.errstate(invalid="ignore"):  # what is not finite is reported with the results
+            with np.errstate(invalid="ignore"):  # the check of finite numbers follows
                 return self.numbers.as_mpf(np.asarray(value, object))
         except (TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
@@ -253,13 +253,13 @@ class ExtendedArguments(Arguments):
 
 
 class Extended(Package):
-    """A solver in more digits than double precision has: the same functions by the same statements; see `Solver.in_precision`.
+    """A solver in extended precision, with the same functions and statements; see `Solver.in_precision`.
 
     Attributes
     ----------
     digits : int
     mp : mpmath context
-        Of these digits: its functions, such as ``exact.mp.sin``, keep them.
+        Context with these digits; its functions, such as ``exact.mp.sin``, have this precision.
     """
 
     def __init__(self, solver: Any, digits: int, texts: PartitionModules | None):
@@ -288,7 +288,7 @@ class Extended(Package):
 
     def _is_used(self) -> None:
         super()._is_used()
-        self._watched = False  # in double precision there is a warning of directions that have no derivative
+        self._watched = False  # the solver in double precision warns of directions without a derivative
 
     def __reduce__(self) -> Any:
         return extended, (self._solver, self.digits, self._texts)
@@ -298,26 +298,28 @@ class Extended(Package):
 
 
 def _refuse(exact: Extended) -> Any:
-    raise AttributeError(f"{', '.join(REFUSED)} compute in double precision; they are not to be had in more digits")
+    raise AttributeError(
+        f"{', '.join(REFUSED)} compute in double precision only; they are not available with more digits"
+    )
 
 
 def extended(solver: Any, digits: int, texts: PartitionModules | None = None) -> Any:
-    """A solver in more digits; `texts` gives the NumPy module of each partition where it is not the package's own."""
+    """A solver in extended precision; `texts` returns the NumPy module of a partition, if it is not the package's own."""
     solver = getattr(solver, "_solver", solver)
     if isinstance(digits, bool) or not isinstance(digits, (int, np.integer)) or not FEWEST <= digits <= MOST:
-        raise ValueError(f"digits is {digits!r}, expected a whole number from {FEWEST} to {MOST}; doubles have 16")
+        raise ValueError(f"digits is {digits!r}, expected an integer from {FEWEST} to {MOST}; doubles have 16")
     kind: Any = type(solver)
     return _in_front_of(kind)(solver, int(digits), texts)
 
 
 def _is_room(kind: type, name: str) -> bool:
-    """Whether a member is a room of its solver, which works on that one."""
+    """Whether an attribute is a cached part of the solver, which must not be shared."""
     return isinstance(getattr(kind, name, None), functools.cached_property)
 
 
 @functools.cache
 def _in_front_of(kind: Any) -> Any:
-    """`Extended` with the methods of a class of solvers."""
+    """`Extended` combined with the methods of a class of solvers."""
     return type(
         "Extended", (Extended, kind), {"__doc__": Extended.__doc__, **dict.fromkeys(REFUSED, property(_refuse))}
     )

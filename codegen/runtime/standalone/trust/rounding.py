@@ -1,10 +1,9 @@
-"""What rounding does to a result: the same code once more with every operation rounded up, and once rounded down.
+"""Estimates rounding errors by repeating a computation with all operations rounded up, and again rounded down.
 
-A recursion of O(n) does not suffer from the condition of the mass matrix, so no condition number says how large its error
-is. The code itself does: rounded in other directions it makes other errors, of the size of those that it makes anyway
-(the idea of J. Vignes' CESTAC method; of the three usual modes two, which needs no random numbers). The result to nearest
-lies between the two others, as a rule, and is nearer to the exact one than they are.
-"""
+The O(n) recursion is insensitive to the condition number of the mass matrix, so that number does not indicate its error.
+Repetition with other rounding modes does: it changes the rounding errors by their own size. This is the idea of J. Vignes's
+CESTAC method, here with two of the three usual modes and without random numbers. The result with rounding to nearest usually lies
+between the two others, and is closer to the exact one."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ from ....elementary import named
 from ..arrays import Array
 
 DIRECTED = ("up", "down")
-"""Directions of rounding beside the usual one, to nearest."""
+"""Rounding modes besides rounding to nearest."""
 
 MODES = {
     **dict.fromkeys(("x86_64", "AMD64", "i386", "i686"), (0x800, 0x400)),
@@ -29,19 +28,20 @@ MODES = {
     **dict.fromkeys(("ppc64le", "ppc64", "s390x"), (2, 3)),
     "riscv64": (3, 2), "loongarch64": (0x200, 0x300),
 }  # fmt: skip
-"""What ``fesetround`` takes for `DIRECTED`, by processor: a field of its control register. To nearest is 0 on all."""
+"""Arguments of ``fesetround`` for `DIRECTED`, by processor: a field of its control register. Rounding to nearest is 0 on all."""
 
 NEAREST = 0
 
 SHARE = 1.0 / 3.0
-"""Of the larger of the two differences is the error to nearest: an operation rounded to nearest is off by a quarter of its last
-place in the mean, by half of it in a directed mode, and always to the same side; measured, see docs/theory.md, section 9."""
+"""Ratio of the error with rounding to nearest to the larger of the two differences. On average, an operation is off by a quarter
+of its last place to nearest, but by half of it, always to the same side, in a directed mode. Measured; see docs/theory.md,
+section 9."""
 
 UNIT = 2.0**-53
-"""Rounding of one operation to nearest, relative: the least error that a number has."""
+"""Relative rounding error of one operation to nearest, the smallest error of any number."""
 
 ELEMENTARY = (*named("numpy", lambda e: e.rounds), "power")
-"""Functions of NumPy's that are computed to nearest in any mode: their own algorithms may count on it."""
+"""NumPy functions that are computed with rounding to nearest in any mode, because their algorithms may rely on it."""
 
 
 @functools.cache
@@ -52,7 +52,7 @@ def _library() -> Any:
 
 @contextlib.contextmanager
 def rounding(direction: str) -> Iterator[None]:
-    """Every operation of this thread rounded up or down; afterwards as before, whatever happens."""
+    """Sets the rounding mode of this thread, and restores the previous one at the end."""
     library = _library()
     before = library.fegetround()
     try:
@@ -64,20 +64,20 @@ def rounding(direction: str) -> Iterator[None]:
 
 @functools.cache
 def can_round() -> bool:
-    """Whether rounding can be directed on this machine: tried on sums whose results are known."""
+    """Whether this machine supports directed rounding, tested on sums with known results."""
     one, little = np.float64(1.0), np.float64(2.0**-60)
     try:
         found = []
         for direction in DIRECTED:
             with rounding(direction):
                 found.append((float(one + little) > 1.0, float(-one - little) < -1.0))
-    except (OSError, AttributeError, KeyError, TypeError):  # no such processor, library, or function in it
+    except (OSError, AttributeError, KeyError, TypeError):  # no such processor, library, or library function
         return False
     return found == [(True, False), (False, True)] and float(one + little) == 1.0
 
 
 class NearestFunctions:
-    """NumPy, with elementary functions that round to nearest in any mode."""
+    """NumPy, with elementary functions that always round to nearest."""
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(np, name)
@@ -85,7 +85,7 @@ class NearestFunctions:
 
 
 def to_nearest(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that rounds to nearest in any mode."""
+    """A version of a function that always rounds to nearest."""
 
     def of(*given: Any) -> Any:
         library = _library()
@@ -100,26 +100,26 @@ def to_nearest(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def spread(compute: Callable[[], Sequence[Array]], nearest: Sequence[Array]) -> list[Array]:
-    """Estimates of the rounding errors of results, entry by entry; infinite where a result is not finite.
+    """Estimates of the rounding errors of results, entry by entry; infinite for results that are not finite.
 
     Parameters
     ----------
     compute : callable
-        Computes the results anew; called once for each of `DIRECTED`.
+        Repeats the computation; called once for each of `DIRECTED`.
     nearest : arrays
-        The results to nearest.
+        The results with rounding to nearest.
 
     Returns
     -------
     list of array
-        At least `UNIT` of each entry.
+        Errors, at least `UNIT` of each entry.
     """
     errors = [UNIT * np.abs(x) for x in nearest]
     for direction in DIRECTED:
         try:
             with rounding(direction):
                 found = compute()
-        except np.linalg.LinAlgError:  # what is left of a pivot is rounding
+        except np.linalg.LinAlgError:  # a pivot consists of rounding errors only
             return [np.full(x.shape, np.inf) for x in nearest]
         with np.errstate(all="ignore"):
             off = [SHARE * np.abs(x - y) for x, y in zip(found, nearest, strict=True)]

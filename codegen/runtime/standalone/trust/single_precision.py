@@ -1,8 +1,8 @@
-"""Solvers of packages in single precision: what iterates, or solves equations in Python, does so in double precision.
+"""Solvers of packages in single precision: iterative methods and linear algebra in Python use double precision.
 
-Such a package evaluates its functions in the scalar type that it was generated with. A loop that is closed by Newton's method,
-a state of rest or an eigenvalue would come out with half the digits; so these members compute with the NumPy module of the
-package, which has the same statements, and round what they return.
+Such a package evaluates its functions in the scalar type with which it was generated. Closed loops, equilibria and eigenvalues
+would have only half the digits. The methods for these therefore compute with the package's NumPy module, which has the same
+statements, and round the results.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ IN_DOUBLE = (
     "assemble", "assemble_sensitivities", "assemble_gradients", "initial_state", "initial_sensitivities", "condition",
     "equilibrium", "linearize", "diagnose", "in_precision",
 )  # fmt: skip
-"""Members that compute in double precision."""
+"""Methods that compute in double precision."""
 
 IN_DOUBLE_WITH_LOOPS = (
     "mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force",
     "bias_force_sensitivities",
 )  # fmt: skip
-"""Those of mechanisms with loops too, which Python makes of other functions."""
+"""The same in mechanisms with loops, where these methods combine other functions in Python."""
 
 
 def rounded(value: Any, dtype: Any) -> Any:
-    """A result with its arrays in the scalar type; objects, such as states of rest, stay in double precision."""
+    """A result with its arrays in the scalar type; objects, such as equilibria, remain in double precision."""
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return value.astype(dtype)
     if type(value) in (tuple, list):
@@ -44,7 +44,7 @@ def rounded(value: Any, dtype: Any) -> Any:
 
 
 def placed(found: Any, out: Any, dtype: Any) -> Any:
-    """A value, or a value and its derivative, in the caller's arrays of the scalar type."""
+    """Copies a value, or a value and its derivative, to the caller's arrays of the scalar type."""
     single = isinstance(found, np.ndarray)
     results = [found] if single else [*found]
     shapes = [x.shape for x in results]
@@ -53,7 +53,7 @@ def placed(found: Any, out: Any, dtype: Any) -> Any:
 
 
 def of_unit(found: Diagnosis, dtype: Any) -> Diagnosis:
-    """A diagnosis as the code is in another scalar type: rounding errors are proportional to its unit."""
+    """A diagnosis for code in another scalar type: rounding errors are proportional to its unit of rounding."""
     unit = float(np.finfo(dtype).eps) / 2.0
     more = unit / found.unit
     return dataclasses.replace(
@@ -65,33 +65,33 @@ def of_unit(found: Diagnosis, dtype: Any) -> Diagnosis:
 def check_tolerance(
     called: Callable[..., Any], name: str, given: tuple[Any, ...], named: dict[str, Any], dtype: Any
 ) -> None:
-    """Refuse a tolerance below what the scalar type resolves; one that is left out is that of double precision."""
+    """Rejects a tolerance below the resolution of the scalar type. A default tolerance is that of double precision."""
     try:
         bound = inspect.signature(called).bind(*given, **named).arguments
-    except TypeError:  # which the call itself says better
+    except TypeError:  # the call itself gives a better message
         return
     wanted, least = bound.get("tolerance"), 10.0 * float(np.finfo(dtype).eps)
     if isinstance(wanted, (int, float)) and wanted < least:
         raise ValueError(
             f"{name}: tolerance is {wanted:g}, but the package was generated with --scalar {np.dtype(dtype)}, whose results are "
-            f"rounded to {np.finfo(dtype).eps:.1e} of their size; ask for {least:.1e} or more, or generate with --scalar float64"
+            f"rounded to {np.finfo(dtype).eps:.1e} of their size; use {least:.1e} or more, or generate with --scalar float64"
         )
 
 
 class InDouble:
-    """Members of a solver that compute in double precision.
+    """Methods of a solver that compute in double precision.
 
     Parameters
     ----------
     solver : Package
-        In another scalar type.
+        A solver in another scalar type.
     """
 
     def __init__(self, solver: Package):
         self.solver, self.dtype = solver, dtype_of(solver._manifest)
 
     def put_in_place(self) -> None:
-        """Let these members of the solver compute with `double`."""
+        """Replaces these methods of the solver."""
         for name in (*IN_DOUBLE, *(IN_DOUBLE_WITH_LOOPS if self.solver.closure_names else ())):
             if callable(getattr(type(self.solver), name, None)):
                 self.solver.__dict__[name] = self._member(name)
@@ -126,6 +126,6 @@ class InDouble:
 
 
 def without_scalar(manifest: dict[str, Any]) -> dict[str, Any]:
-    """A manifest as of a package in double precision."""
+    """The manifest as if the package had been generated in double precision."""
     found = {n: x for n, x in manifest.items() if n != "scalar"}
     return found | {"others": [without_scalar(x) for x in found["others"]]} if "others" in found else found
