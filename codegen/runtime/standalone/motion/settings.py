@@ -26,7 +26,7 @@ SMALLEST_TOLERANCE = 1e-14
 
 @dataclass(slots=True)
 class Start:
-    """The initial state, parameters, inputs and directions of a motion, as the caller gives them."""
+    """The initial state, parameters, inputs and directions of a motion, as the user gives them."""
 
     q: Numbers
     u: Numbers
@@ -50,9 +50,9 @@ class Settings:
     step, largest_step : float or None
         First or constant step, and upper bound of all steps, s.
     most_steps : int
-        Number of steps after which the motion is given up.
+        Maximum number of steps.
     keyword : str
-        Argument of the caller that is the method.
+        Name of the user's argument for the method, for messages.
 
     Raises
     ------
@@ -96,5 +96,5 @@ class Settings:
         except (TypeError, ValueError):
             raise ValueError(f"{name} is {given!r}, expected a positive number, or {count} of them") from None
         if not (np.isfinite(found).all() and (found > 0).all()):
-            raise ValueError(f"{name} has entries that are not positive, expected errors that are allowed")
+            raise ValueError(f"{name} has entries that are not positive, expected positive tolerances")
         return found
