@@ -48,11 +48,11 @@ _NAMES = {
     "standalone.trajectory.trajectory": ("Trajectory",),
     "standalone.trust.diagnosis": ("Diagnosis",),
 }  # fmt: skip
-"""Names of each module."""
+"""Exported names by module."""
 
 _PLACES = {name: module for module, names in _NAMES.items() for name in names}
 
-# what only compiles needs neither solvers nor mpmath
+# commands that only compile need neither solvers nor mpmath
 __getattr__ = deferred(__name__, _PLACES)
 
 if not TYPE_CHECKING:  # type checkers read the imports above

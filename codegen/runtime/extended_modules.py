@@ -1,4 +1,4 @@
-"""NumPy modules of a package with constants in more digits, generated again from its model for `Solver.in_precision`."""
+"""NumPy modules of a package with constants in more digits, generated from its model for `Solver.in_precision`."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class ExtendedModules:
     model : Model or path
         The model from which the package was generated.
     manifest : dict
-        That of the package.
+        The manifest of the package.
     digits : int
 
     Raises
     ------
     ValueError
-        The package was generated from another model.
+        If the package was generated from another model.
     ModelError
     """
 
@@ -39,7 +39,7 @@ class ExtendedModules:
             )
 
     def __call__(self, partition: int) -> str:
-        # the generator is imported when it is needed: loading a solver needs none
+        # imported here, so that loading a solver does not import the generator
         from ..loops.alternatives import other_partition
         from ..loops.partition import partition as choose
         from ..pipeline import write_long
@@ -65,13 +65,13 @@ def _read(model: Any, manifest: Mapping[str, Any]) -> Model:
     read = load_model(file)
     if known and file.is_file() and read.digest != known:
         raise ValueError(
-            f"model: {file} is not what the package was generated from, or was changed since; generate the package again"
+            f"model: {file} is not the model file of the package, or has changed since; generate the package again"
         )
     return read
 
 
 def _named(model: Model) -> dict[str, Any]:
-    """What a model is known by."""
+    """The properties by which a model is recognised."""
     return {
         "name": model.name, "coordinate_names": [*model.coordinate_names], "speed_names": [*model.speed_names],
         "parameter_names": [*model.parameter_names], "parameters": [*model.defaults.values()],
@@ -81,7 +81,7 @@ def _named(model: Model) -> dict[str, Any]:
 
 
 def _expected(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """The same in a manifest."""
+    """The same properties, from a manifest."""
     names = ("coordinate_names", "speed_names", "parameter_names", "parameters", "input_names", "output_names")
     return {"name": manifest["name"], **{n: [*manifest[n]] for n in names}, "loops": [*manifest.get("loops", ())]}
 

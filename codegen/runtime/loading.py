@@ -1,4 +1,4 @@
-"""Opening generated packages, and trajectories that were saved."""
+"""Opens generated packages, and saved trajectories."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     path = Path(folder).absolute()
     brought = _brought(path)
     ours = all(_is_own(path / CARRIED, file) for file in brought)
-    if ours or _is_sealed(path):  # what is not may be of a version that knew no seals
+    if ours or _is_sealed(path):  # other code may belong to a version without seals
         check_files(path, read_manifest(path), (".py",))
     if ours:
         return Solver(path, target)
@@ -89,7 +89,7 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def _is_sealed(path: Path) -> bool:
-    """Whether there is a ``model.json`` with a seal, right or wrong."""
+    """Whether there is a ``model.json`` with a seal, valid or not."""
     try:
         return SEAL in (path / "model.json").read_text(encoding="utf-8")
     except (OSError, ValueError):
@@ -97,7 +97,7 @@ def _is_sealed(path: Path) -> bool:
 
 
 def _brought(path: Path) -> list[Path]:
-    """The files of the run time that a package brings along: a single file in those of earlier versions."""
+    """The files of the run time in a package; earlier versions have a single file."""
     one = path / f"{CARRIED}.py"
     return [one] if one.is_file() else sorted((path / CARRIED).rglob("*.py"))
 
@@ -111,7 +111,7 @@ def _is_own(folder: Path, file: Path) -> bool:
 
 
 def _package(path: Path, brought: list[Path]) -> ModuleType:
-    """A generated package as a module; one that was written anew is another module."""
+    """A generated package as a module; after generation with changed files it is another module."""
     key = hashlib.sha256(str(path).encode())
     for file in (path / "__init__.py", *brought):
         key.update(file.read_bytes())

@@ -1,4 +1,4 @@
-"""Which files of the run time a package carries: those that the methods of its `Solver` need, and what these import."""
+"""Selects the files of the run time for a package: those that the methods of its `Solver` need, with their imports."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import Any
 
 STANDALONE = Path(__file__).parent / "standalone"
-"""The run time: the standard library, NumPy, cffi and modules of `SHARED` is all it imports."""
+"""The run time; it imports only the standard library, NumPy, cffi and modules of `SHARED`."""
 
 SHARED = Path(__file__).parents[1]
-"""What the run time imports beside itself: modules of the lowest floors, which packages carry too."""
+"""Folder of modules of the lowest layers, which the run time imports and packages contain, too."""
 
 MOTION = Path(__file__).parent / "motion"
-"""The integrators, in C; what a package that can be integrated over time carries beside its own."""
+"""The integrators in C, for packages with functions for integration over time."""
 
 CARRIED = "_runtime"
-"""What it is called in a package."""
+"""Name of the run time's folder in a package."""
 
 ON_INDEPENDENTS = ("closure", "accelerations", "sensitivities", "energy_sensitivities")
-"""Functions that mass matrix and inverse dynamics of mechanisms with loops are made of."""
+"""Functions from which mass matrix and inverse dynamics of mechanisms with loops are composed."""
 
 SECTIONS: dict[str, tuple[str, ...]] = {
     "dynamics": (), "consistent states": (), "partitions": (),
@@ -38,7 +38,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
     "views": ("display",), "motions": ("state_rates",), "precision": (),
 }  # fmt: skip
-"""Sections of `standalone.solver.Solver`, and what a manifest names, as functions or beside them, where they are needed."""
+"""Sections of `standalone.solver.Solver`, and the functions or other keys of a manifest that require them."""
 
 PARTS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("assembly.loops", "trust.exact_loops"), ("closure",)),
@@ -46,22 +46,22 @@ PARTS: dict[str, tuple[str, ...]] = {
     "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
     "calls.on_threads": ("over_states",), "display.views": ("display",),
 }  # fmt: skip
-"""Modules that others import, and C files, only where a manifest names what needs them."""
+"""Modules that others import, and C files, that are included only if a manifest contains one of these keys."""
 
 TOGETHER = ("statics", "state.loop_forces")
-"""Of both, those that need all of what is named there, and not any."""
+"""Entries of both tables that require all of their keys."""
 
 ANYWAY = ("weighted gradients", "outputs")
-"""Sections of these that serve models too that have none of these functions; who chose functions without them does without."""
+"""Sections that are included without these functions, too, unless the user selected functions without them."""
 
 ALWAYS = ("errors", "state.derivatives")
-"""Modules that the ``__init__.py`` of every package imports beside its solver."""
+"""Modules that the ``__init__.py`` of every package imports in addition to its solver."""
 
 _HEAD = re.compile(r"^    # -- (.+?) -+\n", re.MULTILINE)
 
 
 def sections_of(manifest: Mapping[str, Any]) -> list[str]:
-    """The sections of `Solver` that a package needs, in their order there."""
+    """The sections of `Solver` that a package needs, in their order in the class."""
     found = _needed(manifest, SECTIONS)
     if "forces" not in found and _needed(manifest, {"state.loop_forces": ON_INDEPENDENTS}):
         found.insert(0, "forces")
@@ -108,14 +108,14 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
 
 @functools.cache
 def carried_text(module: str) -> str:
-    """The text of a module of the run time in a package, where what it shares with all of ordernm stands beside it."""
+    """The text of a module of the run time as in a package, where shared modules are in the same folder."""
     file = STANDALONE / f"{module.replace('.', '/')}.py"
     text = (file if file.is_file() else SHARED / file.name).read_text(encoding="utf-8")
     return re.sub(r"^from \.\.\.(\.?\w+) import", r"from .\1 import", text, flags=re.MULTILINE)
 
 
 def solver_text(sections: Iterable[str]) -> str:
-    """`Solver` with some of its sections, and the imports that these use."""
+    """`Solver` with selected sections and only the imports that these use."""
     start, *parts = _HEAD.split(carried_text("solver"))
     rules, wanted = _HEAD.finditer(carried_text("solver")), {*sections}
     kept = [r[0] + body for r, body in zip(rules, parts[1::2], strict=True) if r[1] in wanted]
@@ -132,12 +132,12 @@ def solver_text(sections: Iterable[str]) -> str:
 
 
 def is_carried(module: str, text: str) -> bool:
-    """Whether this version writes that text of a module into some package."""
+    """Whether this version of ordernm writes a module with this text into some package."""
     return text == (solver_text(m[1] for m in _HEAD.finditer(text)) if module == "solver" else carried_text(module))
 
 
 def _imported(module: str, text: str) -> set[str]:
-    """Modules of the run time that one imports, at its head or within functions."""
+    """Modules of the run time that a module imports, also within functions."""
     room = module.rpartition(".")[0]
     found = re.findall(r"^ *from \.(\.?)([\w.]+) import", text, re.MULTILINE)
     return {name if above or not room else f"{room}.{name}" for above, name in found}

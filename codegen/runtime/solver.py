@@ -1,4 +1,4 @@
-"""`Solver` of packages of this version, which may know the model that they were generated from."""
+"""`Solver` for packages of this version; its `in_precision` accepts the package's model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What type checkers and editors read of a package, ``__init__.pyi``: names of the model, and the methods that its solver has."""
+"""The stub of a package, ``__init__.pyi``, for type checkers and editors: names of the model, and the methods of its solver."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from .sections import carried_text, sections_of, solver_text
 from .standalone.calls.functions import lacks
 
 WIDTH = 110
-"""Columns of a signature."""
+"""Maximum width of a signature."""
 
 TIE = "\N{NO-BREAK SPACE}"
-"""Stands for a blank at which no line is broken."""
+"""Stands for a space at which lines must not break."""
 
 ENTRIES = {
     "Coordinates": "coordinate_names", "Speeds": "speed_names", "Parameters": "parameter_names", "Inputs": "input_names",
     "Outputs": "output_names",
 }  # fmt: skip
-"""Types of mappings from names to numbers, and where a manifest has these names."""
+"""Types of mappings from names to numbers, and the keys of their names in a manifest."""
 
 MAPPINGS = {
     **dict.fromkeys(("q", "dq", "dq0", "weights_q"), "Coordinates"),
@@ -32,26 +32,26 @@ MAPPINGS = {
     **dict.fromkeys(("p", "dp"), "Parameters"), **dict.fromkeys(("inputs", "dinputs"), "Inputs"),
     "gradients.weights": "Speeds", "output_gradients.weights": "Outputs", "coordinate_rate_gradients.weights": "Coordinates",
 }  # fmt: skip
-"""Which of them an argument may be, by its name, or by those of the method and its own."""
+"""Mapping types by argument, or by method and argument."""
 
 NAMES = {"linearize.outputs": ("OutputName", "output_names"), "Bodies": ("BodyName", "bodies")}
-"""Arguments that are names, by those of the method and their own, or by their type in `Solver`; their type in the stub, and where
-a manifest has these names."""
+"""Arguments that are names, by method and argument or by their type in `Solver`: their type in the stub, and the key of these
+names in a manifest."""
 
 PLAIN = {
     "Points": "Any", "Times": "ArrayLike", "Times | None": "ArrayLike | None",
     "Progress | None": "Callable[[float, float], None] | None",
 }  # fmt: skip
-"""Types of `Solver` that a stub writes out."""
+"""Types of `Solver` that a stub writes in full."""
 
 STANDARD = {
     "collections.abc": {"Callable", "Sequence"}, "pathlib": {"Path"}, "typing": {"Any", "Literal", "TypedDict"},
 }  # fmt: skip
-"""What types in a stub may come from."""
+"""Modules from which types in a stub may come."""
 
 
 def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """What ``init.pyi.jinja`` is rendered with: ready lines."""
+    """The variables of ``init.pyi.jinja``: lines of text."""
     kinds = {kind: manifest[names] for kind, names in ENTRIES.items() if manifest[names]}
     there = [m for m in _methods(tuple(sections_of(manifest))) if not lacks(manifest, m.name)]
     types: set[str] = {"Literal", "Path", *(["TypedDict"] if kinds else [])}
@@ -71,7 +71,7 @@ def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 @functools.lru_cache(8)
 def _methods(sections: tuple[str, ...]) -> tuple[ast.FunctionDef, ...]:
-    """The public methods of `Solver` in some of its sections, and those that all solvers have."""
+    """The public methods of `Solver` in selected sections, and those of all solvers."""
     found = []
     for text in (carried_text("calls.package"), solver_text(sections)):
         text = re.sub(r'""".*?"""', '""', text, flags=re.DOTALL)
@@ -84,14 +84,14 @@ def _methods(sections: tuple[str, ...]) -> tuple[ast.FunctionDef, ...]:
 
 @functools.cache
 def _settings() -> dict[str, str]:
-    """Default settings of motions by the names of their constants."""
+    """Default settings of motions, by the names of their constants."""
     return dict(re.findall(r"^([A-Z_]+) = (\S+)$", carried_text("motion.settings"), re.MULTILINE))
 
 
 def _lines(
     method: ast.FunctionDef, manifest: Mapping[str, Any], kinds: Mapping[str, Sequence[str]], types: set[str]
 ) -> list[str]:
-    """A method in the stub; `types` gets those that it names."""
+    """A method in the stub; adds its types to `types`."""
     of = method.args
     assert method.returns is not None
 
@@ -122,7 +122,7 @@ def _lines(
 
 
 def _type(method: str, argument: ast.arg, manifest: Mapping[str, Any], kinds: Mapping[str, Sequence[str]]) -> str:
-    """The type of an argument: with names of the model where it takes names."""
+    """The type of an argument; includes names of the model if the argument takes names."""
     assert argument.annotation is not None
     written, key = ast.unparse(argument.annotation), f"{method}.{argument.arg}"
     kind, names = NAMES.get(key) or NAMES.get(written) or ("", "")

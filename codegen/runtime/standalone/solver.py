@@ -1,8 +1,8 @@
 """`Solver`: every function of a generated solver, with what it takes and returns.
 
-Most call one function of the generated code, by `Package._call`. What takes more than that is in the rooms beside this file,
-and a method here passes its arguments on. A package carries the sections of this class that its functions need: comments
-``-- name --`` head them, and `codegen.runtime.sections` says when they are needed.
+Most methods call one function of the generated code by `Package._call`. Methods that combine several functions delegate to
+classes in the folders beside this file. A package contains only the sections of this class that its functions need. Comments
+``-- name --`` mark the sections, and `codegen.runtime.sections` lists the functions that need them.
 """
 # long: a signature and a docstring for each of fifty methods
 
@@ -294,8 +294,8 @@ class Solver(Package):
     def initial_state(self, p: Numbers = None) -> tuple[Array, Array]:
         """Return the model's initial state at given parameters, assembled.
 
-        Initial values may be expressions of parameters. For a model that begins in equilibrium this is the state of rest that
-        the initial values lead to, at zero inputs and t = 0.
+        Initial values may be expressions of parameters. For a model that starts in equilibrium, this is the equilibrium
+        that the initial values lead to, at zero inputs and t = 0.
 
         Parameters
         ----------
@@ -509,7 +509,7 @@ class Solver(Package):
 
     @functools.cached_property
     def _states(self) -> States:
-        """What assembles states; of mechanisms with loops it closes them."""
+        """Assembles consistent states; closes the loops in mechanisms."""
         kind = States
         if self.closure_names:
             from .assembly.loops import Loops
@@ -595,12 +595,12 @@ class Solver(Package):
         self, q: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         sensitivities: str | Sequence[str] = (), relax: bool = False, tolerance: float = 1e-9,
     ) -> Equilibrium:  # fmt: skip
-        """Find a state of rest near a guess: u = 0 and udot = 0.
+        """Find an equilibrium near a guess: u = 0 and udot = 0.
 
-        Newton's method with exact Jacobians finds the equilibrium that the guess leads to, stable or not. Where it
-        finds none, the mechanism sinks to rest from the guess; if all forces have a potential, that equilibrium is
-        stable. Forces that depend on speeds are taken at u = 0, forces that depend on time at t. Steady rotation is not
-        a state of rest.
+        Newton's method with exact Jacobians finds the equilibrium that the guess leads to, stable or not. If it
+        fails, the mechanism relaxes from the guess as in a viscous medium. If all forces have a potential, the
+        equilibrium found by relaxation is stable. Forces are evaluated at u = 0 and time t. Steady rotation is not an
+        equilibrium.
 
         Parameters
         ----------
@@ -611,10 +611,10 @@ class Solver(Package):
         sensitivities : str or sequence of str, optional
             Parameters, and inputs as ``inputs.motor``, by which q is differentiated.
         relax : bool, optional
-            Let the mechanism sink to rest first. The equilibrium is then stable if all forces have a potential, but may
+            Relax the mechanism first. The equilibrium is then stable if all forces have a potential, but may
             not be the nearest one.
         tolerance : float, optional
-            Largest acceleration that counts as rest, rad/s^2 or m/s^2, relative to 1 plus the acceleration that a
+            Largest acceleration of an equilibrium, rad/s^2 or m/s^2, relative to 1 plus the acceleration that a
             displacement of 1 rad or 1 m would cause. Newton's method continues below it while it improves.
 
         Returns
@@ -677,7 +677,7 @@ class Solver(Package):
 
         Notes
         -----
-        Differentiating ``qdot = N u`` along a motion gives, with D the derivative with respect to q,
+        Differentiating ``qdot = N u`` along a motion gives (D is the derivative with respect to q)
 
             w' = v + N^+ (D(N u)[N w] - D(N w)[N u])        v' = D udot[N w] + (d udot/du) v
 
@@ -1480,7 +1480,7 @@ class Solver(Package):
             Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
             model.
         accelerations : bool, optional
-            Compute accelerations too, which takes the forward dynamics.
+            Also compute accelerations, which requires the forward dynamics.
 
         Returns
         -------
@@ -1514,7 +1514,7 @@ class Solver(Package):
             Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
             model.
         accelerations : bool, optional
-            Compute accelerations too, which takes the forward dynamics.
+            Also compute accelerations, which requires the forward dynamics.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -1540,8 +1540,8 @@ class Solver(Package):
     ) -> Array:  # fmt: skip
         """Return the geometric Jacobians of bodies.
 
-        Times u they give the velocities of the bodies, less the part that prescribed motion adds. They do not depend on
-        u.
+        Their product with u is the velocity of the bodies, without the part due to prescribed motion. They do not
+        depend on u.
 
         Parameters
         ----------
@@ -1594,7 +1594,7 @@ class Solver(Package):
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
             place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
         accelerations : bool, optional
-            Compute accelerations too, which takes the forward dynamics.
+            Also compute accelerations, which requires the forward dynamics.
 
         Returns
         -------
@@ -1633,7 +1633,7 @@ class Solver(Package):
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
             place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
         accelerations : bool, optional
-            Compute accelerations too, which takes the forward dynamics.
+            Also compute accelerations, which requires the forward dynamics.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -1825,7 +1825,7 @@ class Solver(Package):
         step, largest_step : float, optional
             First step of an adaptive method or constant step of "rk4", s; upper bound of all steps, s.
         most_steps : int, optional
-            Number of steps after which the motion is given up.
+            Maximum number of steps.
         events : sequence of Event or str, optional
             Outputs that cross a level; for a name alone, zero. The motion ends at the first event with `stop`.
         progress : callable, optional
@@ -1883,7 +1883,7 @@ class Solver(Package):
         rtol: float = RTOL, atol: Any = ATOL, integrator: str = METHOD, step: float | None = None,
         largest_step: float | None = None, most_steps: int = MOST_STEPS, memory: int = MEMORY,
     ) -> Judged:  # fmt: skip
-        """Return values of functionals of a motion and their gradients, exact for the steps that are made.
+        """Return values of functionals of a motion and their gradients, exact for the steps taken.
 
         Parameters
         ----------
@@ -1909,7 +1909,7 @@ class Solver(Package):
         step, largest_step : float, optional
             First or constant step, and upper bound of all steps, s.
         most_steps : int, optional
-            Number of steps after which the motion is given up.
+            Maximum number of steps.
         memory : int, optional
             Bytes in which the adjoint keeps steps. Steps that do not fit are computed twice.
 
@@ -1950,11 +1950,11 @@ class Solver(Package):
     # -- precision -----------------------------------------------------------------------------------------------------
 
     def in_precision(self, digits: int = 40, model: Any = None) -> Any:
-        """Return this solver in more digits, to settle a doubt about rounding.
+        """Return this solver in extended precision, to check rounding errors.
 
-        It runs the statements of the NumPy module on longer numbers. Its methods accept floats, which count as exactly
-        what they are, mpmath's numbers, and text such as ``"0.1"``. They return arrays of mpmath's numbers, which keep
-        their digits whatever ``mpmath.mp.dps`` is; ``.astype(float)`` rounds an array to doubles. `assemble` closes
+        It evaluates the statements of the NumPy module with more digits. Its methods accept floats (which are exact),
+        mpmath numbers, and text such as ``"0.1"``. They return arrays of mpmath numbers, which keep their digits for any
+        value of ``mpmath.mp.dps``; ``.astype(float)`` rounds an array to doubles. `assemble` closes
         loops to these digits.
 
         Parameters
@@ -1982,7 +1982,7 @@ class Solver(Package):
 
         Notes
         -----
-        For a model that begins in equilibrium, `initial` is the state of rest that double precision finds.
+        For a model that starts in equilibrium, `initial` is the equilibrium found in double precision.
 
         Examples
         --------
@@ -1995,5 +1995,5 @@ class Solver(Package):
         return extended(self, digits, None if model is None else self._extended_modules(model, digits))
 
     def _extended_modules(self, model: Any, digits: int) -> PartitionModules:
-        """The NumPy module of each partition with the numbers of a model in more digits, which its generator writes."""
+        """The NumPy modules of the partitions, with constants of a model in more digits; its generator writes them."""
         raise ValueError("model: a package by itself generates nothing; open it with ordernm.load to give its model")

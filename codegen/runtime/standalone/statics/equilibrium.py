@@ -43,7 +43,7 @@ KEPT = 1e-8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Equilibrium:
-    """A state of rest.
+    """An equilibrium.
 
     Attributes
     ----------
