@@ -18,9 +18,10 @@ from .mechanics.sweeps import SWEEP, Sweep
 from .model.expressions import Expression
 from .model.kinks import nodes
 from .model.model import Model, closure_row_names
+from .program.counting import counted
 from .program.operations import Operations, count
 from .program.plan import Plan
-from .program.procedure import WIDTHS, Array, Formulas, Procedure, Single, counted, walk
+from .program.procedure import WIDTHS, Array, Formulas, Procedure, Single, walk
 
 OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""

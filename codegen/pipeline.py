@@ -33,11 +33,12 @@ from .model.collector import collector_paused
 from .model.errors import ModelError
 from .model.model import Model
 from .program.algebra import expressions_kept
+from .program.chosen_steps import for_target
 from .program.digits import long_numbers
 from .program.limits import limited
 from .program.operations import Operations
 from .program.plan import Plan
-from .program.procedure import Procedure, for_target
+from .program.procedure import Procedure
 from .program.progress import Progress, silent
 
 Printed = Callable[[Mapping[str, str], Mapping[str, Any]], None]

@@ -8,8 +8,8 @@ from functools import cache, cached_property, partial
 
 from ..program.addresses import Kind
 from ..program.block import Block
+from ..program.counting import sweeps as sweeps_run
 from ..program.plan import Merged
-from ..program.procedure import sweeps as sweeps_run
 from ..program.store import ARGUMENT, MARGIN, Store
 from .function import Function
 from .language import Language, Located

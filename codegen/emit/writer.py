@@ -10,16 +10,8 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-from ..program.procedure import (
-    CONSTANTS,
-    Formulas,
-    Prepare,
-    Procedure,
-    Run,
-    pruned,
-    routines,
-    walk,
-)
+from ..program.chosen_steps import pruned, routines
+from ..program.procedure import CONSTANTS, Formulas, Prepare, Procedure, Run, walk
 from ..program.store import MARGIN
 from ..version import __version__
 from .function import Function

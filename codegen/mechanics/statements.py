@@ -7,9 +7,10 @@ from collections.abc import Collection
 from ..loops.partition import Partition
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
+from ..program.counting import sweeps
 from ..program.formula import Formula
 from ..program.plan import Plan
-from ..program.procedure import Formulas, Procedure, sweeps, walk
+from ..program.procedure import Formulas, Procedure, walk
 from ..program.progress import Progress, silent
 from .ears.orthogonal import RankLossError
 from .elimination import ZeroPivotError

@@ -8,6 +8,7 @@ The rules are those of sympy where it has one. Terms that differ only in their n
 one base. A product of a number and a sum is multiplied out; other products are not. Results of `raw_sum` and `raw_product` keep
 their order until something is substituted into them.
 """
+# long: the operators of expressions apply the rules of sums, products and powers, which make expressions
 
 from __future__ import annotations
 

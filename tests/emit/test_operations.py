@@ -18,7 +18,9 @@ from codegen.mechanics.procedures.words import MOTIONS
 from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
 from codegen.pipeline import Source, write_solver
-from codegen.program.procedure import Together, counted, for_target, walk
+from codegen.program.chosen_steps import for_target
+from codegen.program.counting import counted
+from codegen.program.procedure import Together, walk
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -27,9 +27,9 @@ from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
 from codegen.program import field_table
 from codegen.program.block import FieldError, Scope
+from codegen.program.counting import sweeps as sweeps_run
 from codegen.program.field import Field, ScalarField
 from codegen.program.procedure import Run
-from codegen.program.procedure import sweeps as sweeps_run
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = (

@@ -15,6 +15,8 @@ from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
 from codegen.model.model import Model
+from codegen.program.chosen_steps import routines
+from codegen.program.counting import sweeps
 from codegen.program.procedure import (
     WIDTHS,
     Array,
@@ -33,8 +35,6 @@ from codegen.program.procedure import (
     Step,
     Zero,
     over_directions,
-    routines,
-    sweeps,
     walk,
     within,
 )
@@ -55,7 +55,7 @@ outputs:
 NAMES = ("double_pendulum", "arm", "satellite", "four_bar", "stewart", "bricard", "sprung")
 LOOP_SWEEPS = {"closures", "residuals", "correct", "condition_numbers", "complete", "seed_residuals"}
 TREE_FUNCTIONS = {"mass_matrix", "inverse_mass_matrix", "solve_mass", "inverse_dynamics"}
-TARGETS = {"tau", "coefficient", "outputs", "energy", "initial_q", "initial_u"}
+TARGETS = {"tau", "coefficient", "outputs", "energy", "initial_q", "initial_u", "switches"}
 
 
 @cache

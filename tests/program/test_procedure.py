@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from codegen.program.chosen_steps import pruned, routines
+from codegen.program.counting import counted
 from codegen.program.procedure import (
     Array,
     Bind,
@@ -16,9 +18,6 @@ from codegen.program.procedure import (
     Run,
     Single,
     Take,
-    counted,
-    pruned,
-    routines,
 )
 
 U = Array("u", ("nu",), 3)

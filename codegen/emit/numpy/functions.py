@@ -137,7 +137,7 @@ class _Lines:
             case steps.Columns():
                 return self.columns(step)
             case steps.AllColumns() | steps.Primitives() | steps.IfAsked() | steps.Together():
-                raise TypeError("NumPy takes columns one after the other, see procedure.for_target")
+                raise TypeError("NumPy takes columns one after the other, see chosen_steps.for_target")
 
     def guarded(self, name: str) -> list[str]:
         """A call; division by a zero pivot is reported afterwards."""

@@ -14,10 +14,11 @@ from ...program import procedure as procedures
 from ...program.addresses import Kind
 from ...program.algebra import ZERO
 from ...program.block import Block
+from ...program.chosen_steps import routines
 from ...program.digits import text_of
 from ...program.field_table import identifier
 from ...program.plan import Plan
-from ...program.procedure import Procedure, routines
+from ...program.procedure import Procedure
 from ...program.store import MARGIN, MODES, Store
 from ..function import in_lines
 from ..language import Located, Place

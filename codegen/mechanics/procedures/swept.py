@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from ...program.counting import sweeps
 from ...program.procedure import (
     PASSING_ADJOINTS,
     Check,
     Prepare,
     Procedure,
     Run,
-    sweeps,
     walk,
 )
 from ..sweeps import GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEPS, transpose_name
