@@ -18,7 +18,7 @@ from ..target import Scalar
 from ..templates import render
 from . import library_function
 from .functions import CFunctions, Lines, batch_members, parameters
-from .vectors import most_lanes
+from .vectors import most_lanes, short, short_rows
 
 OVER_STATES = ("accelerations", "sensitivities")
 """Functions that exist for several states at once."""
@@ -117,8 +117,11 @@ def states_context(
                 "turned": ["}"] if p.seeds else [],
             }
         )  # fmt: skip
+    few = short(scalar, (a.size for p in procedures for a in (*p.arguments, *p.seeds, *p.results)))
     return {
         "functions_over_states": found,
+        "short": few,
+        "short_rows": short_rows(scalar, few),
         "states_workspace": most_lanes(scalar) * (room + workspace) + most_lanes(scalar),
         "state_structs": [batch_members(procedures, "seen", "filled")] if procedures else [],
         "of_one": [library_function(f, scalar) for f in library if f not in OF_TWO],

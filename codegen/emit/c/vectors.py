@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from ..target import InstructionSet, Scalar
 from . import C
@@ -73,13 +73,65 @@ def parts(scalar: Scalar) -> list[str]:
     return by_set(scalar, of)
 
 
-def part_of_row(scalar: Scalar) -> dict[str, list[str]]:
-    """Load and store of the first n entries of a row in such a part, for n less than its size."""
-    some = range(1, 16 // scalar.bytes - 1)
-    return {
-        "first_entries": ["row[0]", *(f"n > {i} ? row[{i}] : {scalar.literal('0.0')}" for i in some)],
-        "later_entries": [f"if (n > {i}) row[{i}] = x[{i}];" for i in some],
-    }
+def short(scalar: Scalar, sizes: Iterable[int]) -> list[int]:
+    """Return those row sizes, from two entries on, that are below the entries of a part of sixteen bytes."""
+    return sorted({n for n in sizes if 1 < n < 16 // scalar.bytes}) if scalar.integer else []
+
+
+def short_rows(scalar: Scalar, sizes: Iterable[int]) -> list[str]:
+    """Return the functions that move rows of these sizes, stored without gaps, between memory and vectors of states."""
+    return by_set(scalar, lambda lanes: [line for n in sizes for line in (*_take(n, lanes), *_give(n, lanes))])
+
+
+def _take(n: int, lanes: int) -> list[str]:
+    """From n vectors in memory to n vectors of states: lane i of state vector c is entry n*i + c."""
+    body = [f"const states {', '.join(f'x{s} = at[{s}]' for s in range(n))};"]
+    for c in range(n):
+        order = [n * i + c for i in range(lanes)]
+        if lanes % n == 0:  # n is two
+            body += [f"to[{c}*apart] = {_chosen('x0', 'x1', order)};"]
+            continue
+        # Each of these entries is in another lane: blend the vectors first, then order the lanes.
+        source = [next(s for s in range(n) if (s * lanes + i) % n == c) for i in range(lanes)]
+        body += _blended(f"y{c}", source, n)
+        body += [f"to[{c}*apart] = {_chosen(f'y{c}', f'y{c}', [entry % lanes for entry in order])};"]
+    return _function(f"take_{n}(states *to, int apart, const states_in_memory *at)", body)
+
+
+def _give(n: int, lanes: int) -> list[str]:
+    """The inverse of `_take`."""
+    body = []
+    if lanes % n == 0:
+        body += [f"const states {', '.join(f'x{c} = of[{c}*apart]' for c in range(n))};"]
+        for s in range(n):
+            order = [j % n * lanes + j // n for j in range(s * lanes, (s + 1) * lanes)]
+            body += [f"at[{s}] = {_chosen('x0', 'x1', order)};"]
+        return _function(f"give_{n}(states_in_memory *at, const states *of, int apart)", body)
+    for c in range(n):
+        place = {(n * i + c) % lanes: i for i in range(lanes)}
+        order = [place[i] for i in range(lanes)]
+        body += [f"const states x{c} = {_chosen(f'of[{c}*apart]', f'of[{c}*apart]', order)};"]
+    for s in range(n):
+        body += [*_blended(f"y{s}", [(s * lanes + i) % n for i in range(lanes)], n), f"at[{s}] = y{s};"]
+    return _function(f"give_{n}(states_in_memory *at, const states *of, int apart)", body)
+
+
+def _function(head: str, body: list[str]) -> list[str]:
+    return [f"static inline void {head}", "{", *(f"    {line}" for line in body), "}", ""]
+
+
+def _chosen(a: str, b: str, order: list[int]) -> str:
+    """Lanes of two vectors, by their numbers in both together."""
+    return f"CHOSEN({a}, {b}, {', '.join(map(str, order))})"
+
+
+def _blended(name: str, source: list[int], n: int) -> list[str]:
+    """Lines that set `name` to a vector whose lane i is lane i of ``x0``, ``x1``, ... by the number ``source[i]``."""
+    lines: list[str] = []
+    for k in range(1, n):
+        order = [len(source) + i if s == k else i for i, s in enumerate(source)]
+        lines.append(f"{'' if lines else 'states '}{name} = {_chosen(name if lines else 'x0', f'x{k}', order)};")
+    return lines
 
 
 def words(scalar: Scalar) -> dict[str, object]:
@@ -97,8 +149,7 @@ def words(scalar: Scalar) -> dict[str, object]:
         "state_lanes": states(scalar),
         "parts": parts(scalar),
         "exchanges": [2, 1][2 - 8 // scalar.bytes :] if scalar.integer else [],
-        **part_of_row(scalar),
     }
 
 
-__all__ = ["columns", "most_lanes", "words"]
+__all__ = ["columns", "most_lanes", "short", "short_rows", "words"]
