@@ -266,7 +266,7 @@ static int accept(ordernm_motion *m, const trial *step)
     int stop, reason;
     m->moved = m->refused = m->not_held = 0;
     m->shorter = 0.0;
-    if (p->method == ORDERNM_DOP853 && step->event < 0) ordernm_watch_stability(m, step->h); /* while the last stage is there */
+    if (p->method == ORDERNM_DOP853 && step->event < 0) ordernm_watch_stability(m, step); /* while the last stage is there */
     ordernm_look_for_lost(m, step);
     if (p->ntimes && (reason = ordernm_sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;

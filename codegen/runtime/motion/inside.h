@@ -178,6 +178,9 @@ struct ordernm_motion {
     int beside_power;         /* rates may change as steeply there as if they jumped */
     scalar root_end;          /* when the last such step has ended; else -INFINITY */
     ordernm_results *results;
+    scalar stable;            /* most by which stability lets the next step be longer, where derivatives are taken */
+    scalar *fast, growth;     /* the direction in which rates change most, and by how much more than it in the step before */
+    int fast_steps;           /* in which that is still looked at */
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
     scalar error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
     scalar advice;            /* how many times as large the next step should be, 0: as its error says */
@@ -370,7 +373,7 @@ void ordernm_look_for_lost(ordernm_motion *m, const trial *step);
 
 /* step_sizes.c */
 int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h);
-void ordernm_watch_stability(ordernm_motion *m, scalar h);
+void ordernm_watch_stability(ordernm_motion *m, const trial *step);
 int ordernm_plan(ordernm_motion *m, trial *step);
 scalar ordernm_after_failure(const ordernm_motion *m, scalar error);
 void ordernm_resize(ordernm_motion *m, const trial *step);

@@ -125,6 +125,7 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     m->system = s;
     m->method = method_of(p);
     m->adaptive = p->method != ORDERNM_RK4 && !p->fixed;
+    m->stable = INFINITY;
     m->ny = s->nfree_q + s->nfree_u;
     m->nx = p->nintegrals;
     m->nd = s->nq - s->nfree_q;
@@ -136,6 +137,7 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     scalar **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
     m->stages = ordernm_numbers(&of, ordernm_step_size(p));
+    m->fast = ordernm_numbers(&of, m->ny);
     scalar **rows[] = {&m->row, &m->known_row};
     for (int i = 0; i < 2; ++i) *rows[i] = ordernm_numbers(&of, ordernm_event_size(p));
     lay_out_arguments(m, &of);

@@ -2,6 +2,7 @@
 #include "inside.h"
 
 #include <math.h>
+#include <string.h>
 
 static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
@@ -12,6 +13,15 @@ static const scalar MEMORY = 0.04, LEAST_REMEMBERED = 1e-4;
 /* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */
 static const scalar LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
+
+/* With derivatives, steps are no longer than this part of the limit allows. Beyond it errors of a fast component grow from step to step, and
+ * in the state they begin with rounding: until they show there, they have grown by many orders in derivatives. */
+static const scalar STABLE = 4.5;
+
+/* Differences of rates and states at two stages show the largest eigenvalue only where rounding does not. Behind a step in which they came
+ * near the limit it is found anew in so many steps. */
+enum { FAST_STEPS = 50 };
+static const scalar NEARLY_STABLE = 2.0;
 
 /* Of no step that is accepted: rates jump between its last two stages, which are both at its end. */
 static const scalar JUMPS = 1e3;
@@ -51,9 +61,35 @@ int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h)
     return 0;
 }
 
+/* The largest eigenvalue of the rates' Jacobian at the end of a step, by one power iteration in units of what is allowed. Rates of coordinates
+ * are speeds, so that a vector grows and shrinks by turns: its growth is the mean of this step's and of the step's before. */
+static scalar fastest(ordernm_motion *m, scalar end)
+{
+    ordernm_results *const r = m->results;
+    const ordernm_problem *const p = m->problem;
+    const scalar condition = r->condition, here = r->condition_here, *const rate = m->rate[m->method->stages];
+    scalar *const beside = m->error[0], *const moved = m->error[1], size = 0.0, growth = 0.0;
+    for (int i = 0; i < m->ny; ++i) size += m->fast[i]*m->fast[i];
+    for (int i = 0; i < m->ny && size == 0.0; ++i) m->fast[i] = cos(1.0 + 7.0*i)/sqrt(m->ny);
+    memcpy(beside, m->next, m->values*sizeof(scalar));
+    for (int i = 0; i < m->ny; ++i) beside[i] += (p->atol[i] + p->rtol*fabs(m->next[i]))*m->fast[i];
+    const int status = ordernm_rates_of(m, end, beside, moved, 0, 0, RATES);
+    r->condition = condition, r->condition_here = here;
+    if (status) return 0.0;
+    for (int i = 0; i < m->ny; ++i) {
+        m->fast[i] = (moved[i] - rate[i])/(p->atol[i] + p->rtol*fabs(m->next[i]));
+        growth += m->fast[i]*m->fast[i];
+    }
+    growth = growth < INFINITY ? sqrt(growth) : 0.0;
+    for (int i = 0; i < m->ny; ++i) m->fast[i] = growth > 0.0 ? m->fast[i]/growth : 0.0;
+    const scalar mean = sqrt(growth*m->growth);
+    m->growth = growth;
+    return mean;
+}
+
 /* Whether the limit of stability keeps an explicit method's steps small (E. Hairer, S. P. Norsett and G. Wanner, DOP853): where
  * its last two stages, both at the step's end, differ, their rates differ by the largest eigenvalue. */
-void ordernm_watch_stability(ordernm_motion *m, scalar h)
+void ordernm_watch_stability(ordernm_motion *m, const trial *step)
 {
     const scalar *const last = m->rate[m->method->stages - 1], *const end = m->rate[m->method->stages];
     scalar rates = 0.0, states = 0.0;
@@ -62,9 +98,16 @@ void ordernm_watch_stability(ordernm_motion *m, scalar h)
         rates += rate*rate;
         states += state*state;
     }
-    const scalar product = states > 0.0 ? h*sqrt(rates/states) : 0.0;
+    scalar product = states > 0.0 ? step->h*sqrt(rates/states) : 0.0;
     m->jumps_at_end = product > JUMPS;
-    if (product > LIMIT_OF_STABILITY) {
+    if (m->derived && product > NEARLY_STABLE && !m->jumps_at_end) m->fast_steps = FAST_STEPS;
+    if (m->fast_steps > 0) {
+        --m->fast_steps;
+        product = step->h*fastest(m, step->end);
+        if (product > NEARLY_STABLE) m->fast_steps = FAST_STEPS;
+    }
+    m->stable = m->derived && product > 0.0 && !m->jumps_at_end ? STABLE/product : INFINITY;
+    if (product > (m->derived ? 0.9*STABLE : LIMIT_OF_STABILITY)) {
         m->near_steps = 0;
         if (++m->far_steps >= FAR_STEPS && product > m->results->stiffness) m->results->stiffness = product;
     } else if (++m->near_steps >= NEAR_STEPS) {
@@ -114,7 +157,7 @@ void ordernm_resize(ordernm_motion *m, const trial *step)
     if (step->error > 0.0) change = SAFETY*pow(step->error, 0.75*MEMORY - 1.0/m->method->order)*pow(before, MEMORY);
     m->error_before = fmax(step->error, LEAST_REMEMBERED);
     change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);
-    change = fmin(change, m->rejected_before ? 1.0 : LARGEST_CHANGE);
+    change = fmin(fmin(change, m->stable), m->rejected_before ? 1.0 : LARGEST_CHANGE);
     m->rejected_before = 0;
     const int shorter = step->to_wall || step->to_pose;
     if (m->adaptive && step->event < 0 && !(shorter && change*step->h < m->h)) m->h = step->h*change;
