@@ -1,7 +1,7 @@
-"""Where prescribed motion jumps, or has a velocity that jumps: other bodies would have to feel an impulse there.
+"""Jumps of prescribed motion or of its velocity, at which other bodies would receive an impulse.
 
-What can change from one branch to another has a switching function, such as ``t - 0.5`` in ``max(0, t - 0.5)``. Where it is
-zero, the motion is compared from both sides, with the branches of each. A jump of the acceleration alone is no kink.
+A node with branches has a switching function, such as ``t - 0.5`` in ``max(0, t - 0.5)``. At its zeros the motion is compared
+from both sides, with the branches of each side. A jump of the acceleration alone is not reported.
 """
 
 from __future__ import annotations
@@ -21,39 +21,39 @@ from .switches import switching
 from .trees import parts
 
 TOUCHING: Final = ("**", *named("name", lambda e: e.touches))
-"""Those that may not be smooth where the switching function touches zero, too."""
+"""Functions that may also be non-smooth where the switching function touches zero."""
 
 BESIDE: Final = 1e-9
-"""How far beside a time its branches are looked at, in parts of it."""
+"""Relative distance from a time at which the branches are determined."""
 
 FAR_BESIDE: Final = 1e-5
 """The same where a function has no derivative at the time itself."""
 
 JUMP: Final = 1e-7
-"""Jumps that are less, in parts of the largest values near by, are rounding."""
+"""Jumps below this fraction of the largest values nearby are rounding errors."""
 
 NEAR_BY: Final = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 15)])
-"""Where these are looked for, s, or in parts of later times."""
+"""Distances in s at which these values are computed; relative to t for t above 1 s."""
 
 MOST_TIMES: Final = 8
-"""As many zeros of a switching function that is not linear are looked at."""
+"""Number of zeros examined of a switching function that is not linear."""
 
 TIMES: Final = np.array(sorted({*np.logspace(-6, 6, 1201).tolist(), *np.linspace(0.0, 100.0, 2001).tolist()}))
-"""Where switching functions are looked at for changes of sign, s; linear ones are solved."""
+"""Times in s at which switching functions are searched for changes of sign; linear ones are solved."""
 
 
 @dataclass(frozen=True)
 class Kink:
-    """A place where a motion, or its velocity, jumps.
+    """A jump of a motion or of its velocity.
 
     Attributes
     ----------
     node : Expression
-        What is not smooth there.
+        The node that is not smooth there.
     t : float or None
-        When, s; None where inputs decide.
+        Time in s; None if it depends on inputs.
     order : int
-        0: the motion itself jumps, 1: its velocity.
+        0 if the motion itself jumps, 1 if its velocity does.
     before, after : float
     """
 
@@ -65,7 +65,7 @@ class Kink:
 
 
 def nodes(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
-    """What may not be smooth in a tree, with its switching function; each once, from the inside."""
+    """Nodes of a tree that may not be smooth, with their switching functions; each once, inner ones first."""
     seen: set[Tree] = set()
 
     def of(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
@@ -84,7 +84,7 @@ def nodes(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
 
 
 def find_kink(value: Expression, parameters: Mapping[str, float], inputs: frozenset[str]) -> Kink | None:
-    """The first kink or jump of a motion at some parameters, for times from 0 on and any inputs; None where none is found."""
+    """The first jump of a motion or its velocity at given parameters, for t >= 0 and any inputs; None if none is found."""
     moving = {"t", *inputs}
     branching = [
         (n, s) for n, s in ((n, Expression(s)) for n, s in nodes(value.tree)) if not s.names.isdisjoint(moving)
@@ -109,11 +109,11 @@ def find_kink(value: Expression, parameters: Mapping[str, float], inputs: frozen
     return None
 
 
-# -- where switching functions are zero ------------------------------------------------------------------------------
+# -- zeros of switching functions ------------------------------------------------------------------------------------
 
 
 def _zeros(s: Expression, at: Mapping[str, float], touching: bool) -> list[float]:
-    """Times from 0 on where a function changes its sign, or, if asked for, touches zero."""
+    """Times t >= 0 at which a function changes its sign or, if `touching`, touches zero."""
     f = _as_function(s, at)
     slope = rate(s)
     if "t" not in slope.names:
@@ -121,7 +121,7 @@ def _zeros(s: Expression, at: Mapping[str, float], touching: bool) -> list[float
         t = float(-start / by) if by else math.nan
         return [abs(t)] if t >= 0.0 and math.isfinite(t) else []
     extremes = np.array(list(_changes(_as_function(slope, at), TIMES)))
-    found = list(_changes(f, np.union1d(TIMES, extremes)))  # so that a short change of sign is seen, too
+    found = list(_changes(f, np.union1d(TIMES, extremes)))  # extremes are included to find short changes of sign
     if touching:
         of = f(TIMES)
         size = np.abs(of[np.isfinite(of)]).max(initial=0.0)
@@ -132,7 +132,7 @@ def _zeros(s: Expression, at: Mapping[str, float], touching: bool) -> list[float
 def _switched_by(
     s: Expression, at: Mapping[str, float], inputs: frozenset[str], name: str, rng: np.random.Generator
 ) -> Iterator[tuple[Callable[[np.ndarray], dict[str, Any]], np.ndarray]]:
-    """Times, and everything beside them, at which an input has a value where a function is zero."""
+    """Times at which an input makes a switching function zero, and all values around these times."""
     values = np.concatenate([-np.logspace(3, -3, 300), [0.0], np.logspace(-3, 3, 300)])
     for begin in rng.uniform(0.1, 2.0, 4).tolist():
         for x in _changes(_as_function(s, {**at, "t": begin}, name), values):
@@ -151,13 +151,13 @@ def _switched_by(
 
 
 def _changes(f: Callable[[np.ndarray], np.ndarray], t: np.ndarray) -> Iterator[float]:
-    """Where a function changes its sign, or is zero at one of some times."""
+    """Arguments at which a function changes its sign, or is zero at one of the points t."""
     of = f(t)
     sign = np.sign(of)
     yield from t[sign == 0.0][:MOST_TIMES].tolist()
     for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0)[:MOST_TIMES]:
         low, high = float(t[i]), float(t[i + 1])
-        guess = low - float(of[i]) * (high - low) / float(of[i + 1] - of[i])  # of what is linear between both
+        guess = low - float(of[i]) * (high - low) / float(of[i + 1] - of[i])  # linear interpolation
         apart = 4.0 * np.spacing(max(abs(low), abs(high)))
         beside = np.array([max(guess - apart, low), min(guess + apart, high)])
         if np.array_equal(np.sign(f(beside)), sign[i : i + 2]):
@@ -168,17 +168,17 @@ def _changes(f: Callable[[np.ndarray], np.ndarray], t: np.ndarray) -> Iterator[f
 
 
 def _as_function(e: Expression, at: Mapping[str, float], name: str = "t") -> Callable[[np.ndarray], np.ndarray]:
-    """An expression of one name; not a number where it has no value."""
+    """A function of one name from an expression; nan where it has no value."""
     return lambda x: _plain(e, {**at, name: x}, x.shape)
 
 
-# -- from both sides -------------------------------------------------------------------------------------------------
+# -- values from both sides ------------------------------------------------------------------------------------------
 
 
 def _jumps(
     motion: tuple[Expression, Expression], at: Callable[[np.ndarray], dict[str, Any]], t: np.ndarray
 ) -> Iterator[tuple[int, int, float, float]]:
-    """Which of some times jumps, the order of the derivative that does, and its values before and after."""
+    """Index of each time with a jump, order of the derivative that jumps, and its values before and after."""
     found: dict[int, tuple[int, int, float, float]] = {}
     for order, e in enumerate(motion):
         before, after = (_beside(e, at, t, side) for side in (-1.0, 1.0))
@@ -196,7 +196,7 @@ def _jumps(
 
 
 def _beside(e: Expression, at: Callable[[np.ndarray], dict[str, Any]], t: np.ndarray, side: float) -> np.ndarray:
-    """Values at times with the branches beside them; the limits from there where there are none."""
+    """Values at times t with the branches of one side; where they are not finite, limits from that side."""
     step = np.maximum(np.abs(t), 1e-6) * BESIDE * side
     here = _sided(e, at(np.stack([t, t + step])))[0]
     if np.isfinite(here).all():
@@ -207,7 +207,7 @@ def _beside(e: Expression, at: Callable[[np.ndarray], dict[str, Any]], t: np.nda
 
 
 def _sided(e: Expression, at: Mapping[str, Any]) -> np.ndarray:
-    """Values (2, n) at times and beside them, with the branches that are taken beside."""
+    """Values (2, n) at times and beside them, always with the branches taken beside them."""
     shape = at["t"].shape
 
     def beside(x: Any) -> np.ndarray:
@@ -230,7 +230,7 @@ def _sided(e: Expression, at: Mapping[str, Any]) -> np.ndarray:
 def _plain(
     e: Expression, at: Mapping[str, Any], shape: tuple[int, ...], by: Mapping[str, Callable[..., Any]] | None = None
 ) -> np.ndarray:
-    """Values of some shape; not numbers where there are none. Functions of the grammar may be given in place of NumPy's."""
+    """Values of a given shape, nan where there are none; functions of the grammar may replace those of NumPy."""
     functions = functions_for(np) | dict(by or {})
     with np.errstate(all="ignore"):
         try:

@@ -1,4 +1,4 @@
-"""The types of outputs: a new one is a class here, a value in `reference.outputs`, statements in `mechanics.outputs`."""
+"""The types of outputs. A new one is a class here, a value in `reference.outputs`, and statements in `mechanics.outputs`."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from .expressions import Expression
 from .places import GROUND, Point
 
 IN_GROUND: Final = {"axis": "x, y, z or a vector in the ground frame"}
-"""The hint of measures along an axis of the ground."""
+"""The hint for measures along an axis of the ground."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Output:
-    """A named scalar of interest.
+    """A named scalar output.
 
     Attributes
     ----------
     measure : str
-        What of: a name of `outputs.MEASURES`.
+        The measured quantity: a name of `outputs.MEASURES`.
     points, axis, expression, bodies
-        Those that it has; the axis is not normalised, bodies are indices of `Model.bodies` or `GROUND`.
+        Present if the measure has them; the axis is not normalised, bodies are indices of `Model.bodies` or `GROUND`.
     choice : tuple of str
-        What its measure lets one choose by words, such as the entry of a matrix.
+        Options of the measure given by words, such as the entry of a matrix.
     """
 
     name: str
@@ -60,24 +60,24 @@ class Output:
 
     @property
     def on(self) -> tuple[int, ...]:
-        """The bodies that it is about: those of its points, then its own; each once."""
+        """The bodies that it depends on: those of its points, then its own; each once."""
         return tuple(dict.fromkeys((*(p.body for p in self.points), *self.bodies)))
 
 
 class Speaker(Protocol):
-    """Says what an output is made of; see `codegen.listing`."""
+    """Describes the parts of an output in words; see `codegen.listing`."""
 
     def name(self, body: int) -> str:
-        """Of a body, or ``ground``."""
+        """The name of a body, or ``ground``."""
 
     def point(self, point: Point) -> str:
-        """A point."""
+        """Description of a point."""
 
     def axis(self, axis: Vector) -> str:
-        """A direction."""
+        """Description of a direction."""
 
     def long(self, expression: Expression) -> str:
-        """An expression."""
+        """Text of an expression."""
 
 
 class Measure:
@@ -86,13 +86,13 @@ class Measure:
     Attributes
     ----------
     name : str
-        The key that it has, or what stands in the place of a mapping.
+        Its first key, or the word that replaces a mapping.
     keys : dict of str to type
-        What a mapping holds; the first key is its name. Without keys it is written as its name alone.
+        Keys of its mapping; the first is its name. Without keys an entry is its name alone.
     hints : dict of str to str
-        For keys that have to stand beside the first: what to add.
+        For keys that are required besides the first: what to add.
     unit : str
-        Empty for what has none, or none that is known.
+        Empty if it has none, or if the unit is not known.
     """
 
     name: ClassVar[str]
@@ -102,17 +102,17 @@ class Measure:
 
     @classmethod
     def unit_of(cls, output: Output) -> str:
-        """The unit of an output; `unit`, where all have the same."""
+        """The unit of an output; by default `unit`, which all outputs of the type have."""
         return cls.unit
 
     @classmethod
     def read(cls, entry: Any, x: EntryReader) -> Output | None:
-        """The output of an entry (None for one without keys), or None after a problem."""
+        """The output of an entry (None for one without keys); None after an error."""
         return Output(x.name, cls.name)
 
     @classmethod
     def words(cls, output: Output, say: Speaker) -> str:
-        """What it is, for people."""
+        """Description of an output for users."""
         found = cls.name.replace("_", " ")
         if output.points:
             found += f" of {' and '.join(map(say.point, output.points))}"
@@ -120,7 +120,7 @@ class Measure:
 
 
 def along(output: Output, say: Speaker) -> str:
-    """`` along x`` of an output that has an axis."""
+    """The words `` along x`` if the output has an axis."""
     return "" if output.axis is None else f" along {say.axis(output.axis)}"
 
 
@@ -139,12 +139,12 @@ TwoPoints = Annotated[tuple[PointOrName, PointOrName] | None, WrapValidator(_two
 
 
 def word(*allowed: str) -> Any:
-    """One of some words, or left out."""
+    """A type for one of some words, which may be omitted."""
     return Annotated[str | None, one_of(*allowed)]
 
 
 class OfPoints(Measure):
-    """What is measured of one point, or of two, most of it along an axis of the ground frame."""
+    """A quantity of one point, or of two, usually along an axis of the ground frame."""
 
     hints: ClassVar[dict[str, str]] = IN_GROUND
 
@@ -161,7 +161,7 @@ class OfPoints(Measure):
 
 
 class Position(OfPoints):
-    """Of a point in the ground frame, along an axis, m."""
+    """Position of a point in the ground frame, along an axis, m."""
 
     name = "position"
     unit = "m"
@@ -169,7 +169,7 @@ class Position(OfPoints):
 
 
 class Velocity(OfPoints):
-    """Its derivative in time, m/s."""
+    """Velocity of a point in the ground frame, along an axis, m/s."""
 
     name = "velocity"
     unit = "m/s"
@@ -177,7 +177,7 @@ class Velocity(OfPoints):
 
 
 class Acceleration(OfPoints):
-    """Of a point against the ground, along an axis of it, m/s^2."""
+    """Acceleration of a point in the ground frame, along an axis, m/s^2."""
 
     name = "acceleration"
     unit = "m/s^2"
@@ -185,7 +185,7 @@ class Acceleration(OfPoints):
 
 
 class RelativePosition(OfPoints):
-    """From the first point to the second, along an axis of the ground frame, m."""
+    """Vector from the first point to the second, along an axis of the ground frame, m."""
 
     name = "relative_position"
     unit = "m"
@@ -198,7 +198,7 @@ class RelativePosition(OfPoints):
 
 
 class RelativeVelocity(RelativePosition):
-    """Its derivative in time, m/s."""
+    """Time derivative of the relative position, m/s."""
 
     name = "relative_velocity"
     unit = "m/s"
@@ -206,7 +206,7 @@ class RelativeVelocity(RelativePosition):
 
 
 class Distance(OfPoints):
-    """Of two points of different bodies, m. Where they coincide it has no derivative."""
+    """Distance of two points on different bodies, m. It has no derivative where they coincide."""
 
     name = "distance"
     unit = "m"
@@ -217,9 +217,7 @@ class Distance(OfPoints):
     def read(cls, entry: Any, x: EntryReader) -> Output | None:
         found = super().read(entry, x)
         if found is not None and found.points[0].body == found.points[1].body:
-            x.report(
-                (cls.name,), "two points of one body, whose distance does not change; points of two bodies are needed"
-            )
+            x.report((cls.name,), "two points of one body have a constant distance; points of two bodies are needed")
             return None
         return found
 
@@ -229,7 +227,7 @@ MATRIX: Final = tuple(a + b for a in "xyz" for b in "xyz")
 
 
 class Rotation(Measure):
-    """Of a body against the ground or another body: an entry of its quaternion, or of its matrix by row and column."""
+    """Rotation of a body relative to the ground or another body: an entry of its quaternion, or of its rotation matrix."""
 
     name = "rotation"
     keys: ClassVar[dict[str, Any]] = {
@@ -247,7 +245,7 @@ class Rotation(Measure):
             return None
         if body == other:
             at = ("rotation",) if entry.relative_to is None else ("relative_to",)
-            x.report(at, "rotation of a body relative to itself, which is none; two different ones are needed")
+            x.report(at, "the rotation of a body relative to itself is constant; two different bodies are needed")
             return None
         return Output(x.name, cls.name, bodies=(body, other), choice=(entry.entry,))
 
@@ -261,7 +259,7 @@ FRAMES: Final = ("ground", "body")
 
 
 class AngularVelocity(Measure):
-    """Of a body against the ground, along an axis of the ground frame or of the body, rad/s."""
+    """Angular velocity of a body relative to the ground, along an axis of the ground frame or of the body, rad/s."""
 
     name = "angular_velocity"
     unit = "rad/s"
@@ -287,7 +285,7 @@ class AngularVelocity(Measure):
 
 
 SYSTEM = "system"
-MASSLESS = "nothing has mass at the default parameters, so there is no centre of mass; give a body some"
+MASSLESS = "no body has mass at the default parameters, so there is no centre of mass; give a body mass"
 
 
 def _bodies(value: Any, handler: Callable[[Any], Any]) -> Any:
@@ -302,7 +300,7 @@ SystemOrBodies = Annotated[tuple[Reference, ...] | None, WrapValidator(_bodies)]
 
 
 class CenterOfMass(Measure):
-    """In the ground frame, along an axis, m. The system is all bodies, those that are fixed to the ground too."""
+    """Centre of mass in the ground frame, along an axis, m. The system is all bodies, including those fixed to the ground."""
 
     name = "center_of_mass"
     unit = "m"
@@ -323,13 +321,14 @@ class CenterOfMass(Measure):
             if body is None:
                 return None
             if body == GROUND or body in bodies:
-                what = "the ground, which has no mass" if body == GROUND else "a body that is in the list already"
-                x.report((cls.name, i), f"{what}; every body of the list counts once")
+                what = "the ground, which has no mass" if body == GROUND else "a body that is already in the list"
+                x.report((cls.name, i), f"{what}; list each body once")
                 return None
             bodies.append(body)
         if x.mass(bodies) == 0:
             x.report(
-                (cls.name,), "bodies without mass at the default parameters have no centre of mass; add one with mass"
+                (cls.name,),
+                "these bodies have no mass at the default parameters, so no centre of mass; add one with mass",
             )
             return None
         return Output(x.name, cls.name, axis=axis, bodies=tuple(bodies))
@@ -345,7 +344,7 @@ CENTERS: Final = ("ground", "center_of_mass")
 
 
 class Momentum(Measure):
-    """Of all bodies, along an axis of the ground frame: kg m/s, or kg m^2/s about the ground's origin or the centre of mass."""
+    """Momentum of all bodies along an axis of the ground, kg m/s; or kg m^2/s about the ground's origin or the centre of mass."""
 
     name = "momentum"
     keys: ClassVar[dict[str, Any]] = {"momentum": word(*KINDS), "axis": OptionalAxis, "about": word(*CENTERS)}
@@ -361,7 +360,7 @@ class Momentum(Measure):
         if entry.momentum == "linear" and entry.about is not None:
             x.report(
                 ("about",),
-                "about beside linear momentum, which is about no point; leave it out, or take momentum: angular",
+                "linear momentum does not refer to a point, so about is not allowed; leave it out, or use momentum: angular",
             )
             return None
         about = CENTERS[0] if entry.about is None else entry.about
@@ -379,7 +378,7 @@ class Momentum(Measure):
 
 
 class DrivingForce(Measure):
-    """Of a prescribed coordinate: the generalised force, N m or N, that acts on it beside the model's own forces."""
+    """Generalised force of a prescribed coordinate, N m or N, in addition to the model's own forces."""
 
     name = "driving_force"
     keys: ClassVar[dict[str, Any]] = {"driving_force": OptionalCoordinate}
@@ -399,7 +398,7 @@ class DrivingForce(Measure):
 
 
 class Value(Measure):
-    """Of p, inputs, t, q.x and u.x."""
+    """Value of an expression of p, inputs, t, q.x and u.x."""
 
     name = "value"
     keys: ClassVar[dict[str, Any]] = {"value": OptionalExpr}
@@ -415,14 +414,14 @@ class Value(Measure):
 
 
 class KineticEnergy(Measure):
-    """Of all bodies."""
+    """Kinetic energy of all bodies."""
 
     name = "kinetic_energy"
     unit = "J"
 
 
 class PotentialEnergy(Measure):
-    """Of gravity, zero at the ground's origin, and of force elements."""
+    """Potential energy of gravity, zero at the ground's origin, and of force elements."""
 
     name = "potential_energy"
     unit = "J"
@@ -447,4 +446,4 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         PotentialEnergy,
     )
 }
-"""By name, in the order in which messages list them."""
+"""Types by name, in the order in which messages list them."""

@@ -1,4 +1,4 @@
-"""Parses a text of the expression grammar, see `expressions`."""
+"""Parser of the expression grammar, see `expressions`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _WORDS = ("and", "or", "not")
 
 
 def _gap(what: str, start: Tree, end: Tree, c: str) -> Tree:
-    """A component of the way from one point to another, or of its rate."""
+    """A component of the vector from one point to another, or of its rate."""
     a, b = (
         ("name", f"{what}.{p[1]}.{c}") if p[0] == "name" else ("indexed", f"{what}.{p[1]}", p[2], f".{c}")
         for p in (start, end)
@@ -51,7 +51,7 @@ def _gap(what: str, start: Tree, end: Tree, c: str) -> Tree:
 
 
 def _length(start: Tree, end: Tree) -> Tree:
-    """How far one point is from another."""
+    """The distance of two points."""
     x, y, z = (("**", _gap("position", start, end, c), ("number", 2)) for c in "xyz")
     return ("call", "sqrt", ("+", ("+", x, y), z))
 
@@ -67,24 +67,24 @@ def parse(text: str) -> Expression:
     Returns
     -------
     Expression
-        As written; `bind` computes its numeric parts.
+        The expression as written; `bind` computes its numerical parts.
 
     Raises
     ------
     ExpressionError
-        With the column, what was seen there and what is allowed.
+        With the column, the text found there and the alternatives.
     """
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"{len(text)} characters; an expression has up to {MAX_LENGTH}, name its parts")
+        raise ExpressionError(f"{len(text)} characters; an expression may have {MAX_LENGTH}, give names to its parts")
     parser = _Parser(text)
     if parser.kind == "end":
-        raise ExpressionError("nothing here; a number or an expression is needed", 1)
+        raise ExpressionError("the expression is empty; a number or an expression is needed", 1)
     tree, _ = parser.expression(1, 0)
     if parser.kind != "end":
         if parser.token == ")":
-            parser.fail("a closing parenthesis that was never opened")
+            parser.fail("a closing parenthesis without an opening one; remove it")
         if parser.token == ",":
-            parser.fail("a comma outside a function's parentheses")
+            parser.fail("a comma outside a function's parentheses; remove it")
         parser.fail(f"{parser.token!r} follows a complete expression; an operator + - * / ** is missing before it")
     return Expression(tree)
 
@@ -126,7 +126,7 @@ class _Parser:
     def node(self, tree: Tree, depth: int) -> tuple[Tree, int]:
         if depth > MAX_DEPTH:
             self.fail(
-                f"more than {MAX_DEPTH} operations in a row or inside each other; "
+                f"more than {MAX_DEPTH} operations in a row or nested; "
                 f"group the terms in parentheses or split the expression"
             )
         return tree, depth
@@ -173,14 +173,14 @@ class _Parser:
             return result
         if self.kind == "end":
             self.fail("the expression ends here; a number, a name or ( is needed")
-        self.fail(f"{token!r} where a number, a name or ( is needed")
+        self.fail(f"{token!r} found, but a number, a name or ( is needed")
 
     def close(self, opened: int) -> None:
         if self.token != ")":
             self.fail(
                 "the parenthesis is not closed; inside [ ] or { } of YAML a comma ends the value, put quotes around it"
                 if self.kind == "end"
-                else f"{self.token!r} where a closing parenthesis or an operator is needed",
+                else f"{self.token!r} found, but a closing parenthesis or an operator is needed",
                 opened if self.kind == "end" else None,
             )
         self.advance()
@@ -190,18 +190,18 @@ class _Parser:
         if math.isinf(value):
             self.fail(f"number {token if len(token) < 30 else token[:27] + '...'} is too large; up to 1.8e308", start)
         if value != 0 and abs(value) < EXACT and token.isdigit():
-            return ("number", int(value))  # exact, and int(token) refuses some thousands of leading zeros
+            return ("number", int(value))  # exact; int(token) rejects thousands of leading zeros
         return ("number", canonical(value))
 
     def quantity(self, token: str, start: int) -> Tree:
-        """A number and the unit that follows it."""
+        """A number with the unit that follows it."""
         try:
             size, dimension, end = unit_at(self.text, self.start)
         except UnitError as error:
             self.fail(f"an operator + - * / ** is missing between the number and {self.token!r}; {error}")
         value = float(token)
         if 0 < value < math.inf:
-            try:  # of more digits than floats have not all count, and they take time
+            try:  # digits beyond those of a float have no effect but take time
                 value = float((Fraction(token) if len(token) <= 60 else Fraction(value)) * size)
             except OverflowError:
                 value = math.inf
@@ -256,12 +256,12 @@ class _Parser:
         if not many:
             return self.node(("call", name, *[a for a, _ in arguments]), 1 + max(d for _, d in arguments))
         result = arguments[0]
-        for tree, depth in arguments[1:]:  # min(a, b, c) is min(min(a, b), c): every walker then knows two arguments
+        for tree, depth in arguments[1:]:  # min(a, b, c) becomes min(min(a, b), c), so that only two arguments occur
             result = self.node(("call", name, result[0], tree), 1 + max(result[1], depth))
         return result
 
     def _if(self, start: int, nesting: int) -> tuple[Tree, int]:
-        """``if(a < b, x, y)``: x where the condition holds, else y."""
+        """``if(a < b, x, y)``: x if the condition holds, otherwise y."""
         opened = self.start
         self.advance()
         (holds, _), deep = self.condition(nesting + 1)
@@ -276,8 +276,7 @@ class _Parser:
         return self.node(("call", CHOICE, holds, x, y), 1 + max(deep, of_x, of_y))
 
     def condition(self, nesting: int) -> tuple[tuple[Tree, Tree], int]:
-        """Two trees, of which one is 1 and the other 0: the first where the condition here holds. Comparisons with ``not``,
-        ``and`` and ``or``."""
+        """A condition of comparisons, ``not``, ``and``, ``or``. Returns two trees: 1 and 0 if it holds, otherwise 0 and 1."""
         (holds, fails), depth = self.conjunction(nesting)
         while self.token == "or":
             self.advance()
@@ -320,7 +319,7 @@ class _Parser:
         return ((rest, tree) if sign in ("<", ">") else (tree, rest)), depth
 
     def enclosed(self, nesting: int) -> tuple[tuple[Tree, Tree], int] | None:
-        """A condition in parentheses; None where these are part of a number, which is then read from where they begin."""
+        """A condition in parentheses; None if they belong to a number, which is then parsed from its beginning."""
         here = self.end, self.start, self.kind, self.token
         self.advance()
         try:
@@ -330,32 +329,32 @@ class _Parser:
                 if self.token in (",", ")", "and", "or"):
                     return found
         except ExpressionError:
-            pass  # said again, from where a number is expected
+            pass  # reported again when a number is parsed here
         self.end, self.start, self.kind, self.token = here
         return None
 
     def _step(self, start: int, nesting: int) -> tuple[Tree, int]:
-        """``step(x, a, b)``: 0 below a, 1 above b, between them ``s^3 (10 - 15 s + 6 s^2)``, smooth to the second derivative."""
+        """``step(x, a, b)``: 0 below a, 1 above b, between them ``s^3 (10 - 15 s + 6 s^2)``, with two continuous derivatives."""
         (x, low, high), depth = self.arguments("step", 3, start, nesting)
         s = ("call", "min", ("call", "max", ("/", ("-", x, low), ("-", high, low)), ZERO), ONE)
         inner = ("+", ("-", ("number", 10), ("*", ("number", 15), s)), ("*", ("number", 6), ("**", s, ("number", 2))))
         return self.node(("*", ("**", s, ("number", 3)), inner), depth + 7)
 
     def _distance(self, start: int, nesting: int) -> tuple[Tree, int]:
-        """``distance(a, b)``: of two points, m."""
+        """``distance(a, b)``: distance of two points, m."""
         del nesting
         one, other = self.points("distance", start)
         return _length(one, other), 6
 
     def _rate(self, start: int, nesting: int) -> tuple[Tree, int]:
-        """``rate(a, b)``: of the distance of two points by time, m/s."""
+        """``rate(a, b)``: time derivative of the distance of two points, m/s."""
         del nesting
         one, other = self.points("rate", start)
         products = [("*", _gap("position", one, other, c), _gap("velocity", one, other, c)) for c in "xyz"]
         return ("/", ("+", ("+", products[0], products[1]), products[2]), _length(one, other)), 7
 
     def points(self, name: str, start: int) -> tuple[Tree, Tree]:
-        """Two names in parentheses, each perhaps with repeat indices."""
+        """The names of two points in parentheses, possibly with repeat indices."""
         found = []
         opened = self.start
         for k in range(2):
@@ -366,12 +365,12 @@ class _Parser:
                 self.fail(f"a point is needed, by its name or that of a body; write {WRITTEN_OUT[name]}", at)
             found.append(tree[0])
             if k == 0 and self.token != ",":
-                self.fail(f"{name} of one point; write {WRITTEN_OUT[name]}", start)
+                self.fail(f"{name} with only one point; write {WRITTEN_OUT[name]}", start)
         self.close(opened)
         return found[0], found[1]
 
     def arguments(self, name: str, count: int, start: int, nesting: int) -> tuple[list[Tree], int]:
-        """A given number of expressions in parentheses, and the depth of the deepest."""
+        """A given number of expressions in parentheses, and the depth of the deepest one."""
         opened = self.start
         found: list[tuple[Tree, int]] = []
         while not found or self.token == ",":
@@ -400,7 +399,8 @@ class _Parser:
             tree, depth = self.expression(1, nesting + 1)
             if self.token == ",":
                 self.fail(
-                    f"{name} is no function; {functions(name)}; of a name, two indices are written {name}(i)(j)", start
+                    f"{name} is not a function; {functions(name)}; in a name, two indices are written {name}(i)(j)",
+                    start,
                 )
             if self.token == ")" and (match := _SUFFIX.match(self.text, self.end)):
                 if measured and match.group() not in (".x", ".y", ".z"):

@@ -1,8 +1,8 @@
-"""The files that a model is read from: its own, those that it includes, and one for each submodel.
+"""The files of a model: its own, those that it includes, and one for each submodel.
 
-An included file is read as if it stood in the file that includes it. A submodel is a file read once more: its names have
-a prefix, its ground is a frame on a body of the model that uses it, and its numbers may be given from there. What an entry of
-such a file means is settled here, where its names are; everything else reads entries without knowing of files.
+An included file is read as if it were written in the file that includes it. A submodel is a further use of a file: its names
+have a prefix, its ground is a frame on a body of the model that uses it, and that model may give its numbers. The names in
+entries of such files are resolved here; everything else reads entries without knowing about files.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .trees import mapped, parts
 from .units import Dimension
 
 MAX_PARTS: Final = 20_000
-"""Uses of files in a model; so many are read within seconds."""
+"""Largest number of uses of files in a model; they are read within seconds."""
 
 
 @dataclass(slots=True)
@@ -35,15 +35,15 @@ class Instance:
     key : str
         As written, such as ``link(k)``.
     value : Any
-        The entry's plain data; the same object for all repetitions that mean the same.
+        The entry's plain data; the same object for all equal repetitions.
     container : dict
-        Where `key` stands, for places in messages.
+        The mapping that contains `key`, for places in messages.
     section : tuple of str
-        Path to print before the key.
+        Path that messages print before the key.
     indices : dict of str to int or str
-        Values of the repeat indices here.
+        Values of the repeat indices.
     part : Part
-        The file that it stands in, in one of its uses.
+        The use of the file that contains the entry.
     """
 
     key: str
@@ -61,11 +61,11 @@ class Given:
     Attributes
     ----------
     value : Any
-        As written, in names of the file that uses the submodel.
+        As written, with names of the file that uses the submodel.
     at : Instance
-        The entry there.
+        The entry of the submodel in that file.
     key : str
-        Its name there, under ``with``.
+        The number's key there, under ``with``.
     used : bool
         Whether the submodel has such a name.
     """
@@ -78,31 +78,31 @@ class Given:
 
 @dataclass(eq=False)
 class Part:
-    """A file in one of its uses.
+    """One use of a file.
 
     Attributes
     ----------
     document : Document
     outer : Part or None
-        The file that includes or uses this one.
+        The file that includes or uses this one; None for the model's own file.
     prefix : str
-        Stands before each name of a submodel; empty otherwise.
+        Prefix of each name of a submodel; empty otherwise.
     frame : Instance or None
-        Of a submodel: the entry of the body without mass that its ground is.
+        For a submodel: the entry of the massless body that replaces its ground.
     ground : str
-        What the file's ``ground`` is: that body, or the ground.
+        The name of that body, or of the ground.
     constants : dict of str to number
-        With the labels of repetitions; an included file has those of the one that includes it.
+        Also the labels of repetitions; an included file has those of the file that includes it.
     given : dict of str to Given
-        Numbers of a submodel that come from outside, by their names in it.
+        Numbers of a submodel that the model gives, by their names in the submodel.
     values : dict of str to tuple
-        The trees that stand in the place of names: of those which are given, and of named expressions.
+        The trees that replace names: given numbers, and named expressions.
     tables : dict of str to Table
-        By their names in the file.
+        Tables by their names in the file.
     asked : set of str
-        Names that have been looked up.
+        Names that have been used.
     dimensions : dict of str to Dimension
-        Of constants, parameters and given numbers that are written with a unit.
+        Dimensions of constants, parameters and given numbers that are written with a unit.
     """
 
     document: Document
@@ -124,7 +124,7 @@ class Part:
         self.binder = Binder(self.constants)
 
     def including(self, document: Document) -> Part:
-        """A file that is read as if it stood in this one."""
+        """The use of a file that this one includes."""
         part = Part(
             document, self, self.prefix, None, self.ground, self.constants, self.given, self.values, self.dimensions
         )
@@ -132,12 +132,12 @@ class Part:
         return part
 
     def stands_for(self, name: str, tree: Tree) -> None:
-        """From here on the tree stands in the place of a name."""
+        """Replace a name by a tree from now on."""
         self.values[name] = tree
         self._renamed.clear()
 
     def chain(self) -> list[Document]:
-        """The files that lead here, this one first."""
+        """The files from this one to the model's own."""
         found, part = [], self  # type: list[Document], Part | None
         while part is not None:
             found.append(part.document)
@@ -151,19 +151,19 @@ class Part:
 
     @property
     def where(self) -> str:
-        """`` (in NAME)`` for messages about what stands in the file of a submodel."""
+        """The words `` (in NAME)`` for messages about the file of a submodel."""
         return f" (in {self.prefix[:-1]})" if self.prefix else ""
 
     def entry(self, key: str) -> Instance:
-        """A key of the file's top level, for problems with it."""
+        """A key of the file's top level, for messages about it."""
         return Instance(key, self.document.root.get(key), self.document.root, (), {}, self)
 
     def name(self, name: str) -> str:
-        """What a body, loop, point, force, output, parameter or input of the file is called in the model."""
+        """The name in the model of a body, loop, point, force, output, parameter or input of the file."""
         return self.prefix + name
 
     def referred(self, name: str) -> str:
-        """The body or point that a name in the file means."""
+        """The body or point of the model that a name in the file refers to."""
         return self.ground if name == "ground" else self.prefix + name
 
     def written(self, name: str) -> str:
@@ -174,19 +174,19 @@ class Part:
         return name.removeprefix(self.prefix)
 
     def own(self, names: Iterable[str]) -> list[str]:
-        """Those of names of the model that the file knows, as it writes them."""
+        """Those names of the model that the file can use, as it writes them."""
         if not self.prefix:
             return [*names, *self.values]
         cut = len(self.prefix)
         return [*(n[cut:] for n in names if n.startswith(self.prefix)), *self.values]
 
     def bound(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
-        """With constants and indices as numbers, in names of the whole model.
+        """The expression with constants and indices as numbers, in names of the whole model.
 
         Raises
         ------
         ExpressionError
-            As `bind`.
+            Raised by `bind`.
         """
         if self.tables:
             expression = self._with_tables(expression, indices)
@@ -199,7 +199,7 @@ class Part:
         return known
 
     def _with_tables(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
-        """The expression with tables written out."""
+        """The expression with tables replaced by their formulas."""
         key = expression, tuple((i, n) for i, n in indices.items() if i in expression.names)
         found = self._written_out.get(key)
         if found is None:
@@ -218,7 +218,7 @@ class Part:
         return mapped(tree, lambda part: self._of_tables(part, numbers))
 
     def _table(self, tree: Tree, numbers: Numbers) -> str:
-        """The name of the table that is called, with indices before its argument; empty where there is none."""
+        """The name of the table that is called, with indices before its argument; empty if there is none."""
         name: str = tree[1]
         if name in self.tables and len(tree[2]) == 1:
             return name
@@ -231,12 +231,10 @@ class Part:
             try:
                 name = "_".join([name, *(index_text(i, numbers) for i in tree[2][:-1])])
             except ExpressionError:
-                return ""  # reported where the expression is bound
+                return ""  # reported when the expression is bound
             if name in self.tables:
                 return name
-            message = (
-                f"{name} is no table; there are {', '.join(repeated[:6])}, called {tree[1]}(k)(x) or {repeated[0]}(x)"
-            )
+            message = f"{name} is not a table; tables are {', '.join(repeated[:6])}, called {tree[1]}(k)(x) or {repeated[0]}(x)"
             raise ExpressionError(message) from None
         name = "_".join([name, *indices[:-1]])
         return name if name in self.tables else ""
@@ -263,14 +261,14 @@ class Part:
 
 
 class Files:
-    """Opens the files of a model, each once, none outside the folder of the first.
+    """Opens each file of a model once, and no file outside the folder of the first.
 
     Parameters
     ----------
     document : Document
-        The first.
+        The first file.
     folder : str or None
-        Where its files are; None for a text, which has no folder.
+        Its folder; None for a text without a folder.
     """
 
     def __init__(self, document: Document, folder: str | None) -> None:
@@ -278,21 +276,21 @@ class Files:
         self.folder = None if folder is None else os.path.realpath(folder)
         self.opened: dict[str, Document] = {os.path.realpath(document.file): document}
         self.names: list[str] = []
-        self.is_wanting = False  # whether one could not be had
+        self.is_wanting = False  # whether a file could not be opened
         self._paths: dict[int, str] = {id(document): os.path.realpath(document.file)}
 
     def open(self, text: str, writer: Document, add: Callable[[Problem], None]) -> Document | str:
-        """The document of a path as it is written in another one, or what is wrong with the path.
+        """The document of a path in another document, or an error message about the path.
 
-        What is wrong with the file itself is added to the problems, and its document is then empty.
+        Errors in the file itself are added to the problems, and its document is then empty.
         """
         if self.folder is None:
             return (
                 f"file {text!r} of a model that comes from no file; "
-                "load the model from a file, or say with folder=... where its files are"
+                "load the model from a file, or give the folder of its files by folder=..."
             )
         if os.path.isabs(text) or "\\" in text or "\0" in text:
-            return f"{text!r} is no path within the model's folder; write it from this file on, with /: parts/leg.yaml"
+            return f"{text!r} is not a path within the model's folder; write it relative to this file: parts/leg.yaml"
         own = self._paths.get(id(writer), "")
         start = os.path.dirname(own) if writer is not self.first else self.folder
         path = os.path.realpath(os.path.join(start, text))
@@ -301,7 +299,7 @@ class Files:
         found = self.opened.get(path)
         if found is None:
             if not os.path.isfile(path):
-                return f"no file {text!r}; {_there(path, text)}"
+                return f"file {text!r} does not exist; {_there(path, text)}"
             shown = os.path.join(os.path.dirname(self.first.file), os.path.relpath(path, self.folder))
             try:
                 found = compose(_text(path, shown), shown)
@@ -310,7 +308,7 @@ class Files:
                 found.problems.extend(error.problems)
             if not isinstance(found.root, dict):
                 if not found.problems:
-                    message = "a file of a model is a mapping with sections such as bodies and parameters"
+                    message = "a file of a model must be a mapping with sections such as bodies and parameters"
                     found.problems.append(Problem(shown, 1, 1, "", message))
                 found.root = {}
             for problem in found.problems:
@@ -329,12 +327,12 @@ def _text(path: str, shown: str) -> str:
 
 
 def _there(path: str, text: str) -> str:
-    """Which files there are instead."""
+    """A hint which files exist instead."""
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
         return "its folder does not exist; paths are relative to the folder of the file that contains them"
     names = sorted(n for n in os.listdir(folder) if n.endswith((".yaml", ".yml")))
     if not names:
-        return "its folder holds no YAML files"
+        return "its folder contains no YAML files"
     some = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
     return f"in its folder there are {some}{nearest(os.path.basename(text), names)}"

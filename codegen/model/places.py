@@ -31,7 +31,7 @@ class Face:
     at : Vector
         Origin in the body frame, m.
     rotation : tuple of (Vector, Expression)
-        As in `Joint`.
+        See `Joint`.
     """
 
     body: int

@@ -1,8 +1,8 @@
-"""YAML text to plain mappings, lists and strings that remember where in the file they stand.
+"""YAML text as plain mappings, lists and strings with their places in the file.
 
-The text is read event by event and not through `yaml.compose`: libyaml composes recursively in C and a deeply nested
-file ends the process there, and the events cost a third of the time. Scalars stay text, since a model's grammar and
-not YAML's decides what a number is (``1e-4`` is a string in YAML 1.1).
+The text is read event by event and not by `yaml.compose`. libyaml composes recursively in C, so a deeply nested file would end
+the process, and the events take a third of the time. Scalars stay text, because the grammar of the model and not YAML's decides
+what is a number (``1e-4`` is a string in YAML 1.1).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from .file_bytes import read_bytes
 
 MAX_BYTES: Final = 8 * 2**20
 MAX_VALUES: Final = 1_000_000
-"""Values in a file; so many are read within seconds."""
+"""Largest number of values in a file; they are read within seconds."""
 MAX_DEPTH: Final = 60
 MAX_NOTES: Final = 200
 ALIAS_ALLOWANCE: Final = 100_000
-"""Values that aliases may add to those written in the file."""
+"""Number of values that aliases may add to those written in the file."""
 
-# a place is (line * _COLUMNS + column) * 4 + flags, so that a million of them cost little
+# a place is (line * _COLUMNS + column) * 4 + flags, to save memory
 _COLUMNS: Final = 2**24
 _ON_ONE_LINE: Final = 1
 _QUOTED: Final = 2
@@ -48,14 +48,14 @@ class Document:
     Parameters
     ----------
     file : str
-        Name for messages.
+        Name of the file in messages.
     root : Any
-        Mappings, lists, and scalars; scalars of a file are str, or None where nothing is written.
+        Mappings, lists and scalars; scalars of a file are str, or None if nothing is written.
 
     Attributes
     ----------
     digest : hash object or None
-        SHA-256 of the text that it was read from.
+        SHA-256 of the text.
     """
 
     def __init__(self, file: str, root: Any = None) -> None:
@@ -64,11 +64,11 @@ class Document:
         self.problems: list[Problem] = []
         self.digest: Digest | None = None
         self._kept: list[Any] = []  # keeps ids valid
-        # by id of a mapping: for every key the places of key and value in one number; of a list: the places of its values
+        # by id of a mapping: for each key the places of key and value in one number; by id of a list: the places of its values
         self._places: dict[int, dict[str, int] | list[int]] = {}
 
     def _place(self, start: Any, path: Path_, key: bool = False) -> int | None:
-        """Place of the value (or key) that `path` leads to from `start`, or of the last part that exists."""
+        """Place of the value (or key) at `path` from `start`, or of the last part of the path that exists."""
         found, container = None, start
         for part in path:
             places = self._places.get(id(container))
@@ -77,24 +77,24 @@ class Document:
             elif isinstance(places, list) and isinstance(part, int) and part < len(places):
                 found = places[part]
             else:
-                continue  # a missing key, or pydantic's name for an alternative
+                continue  # a missing key, or pydantic's name of an alternative
             container = container[part]
         return found
 
     def place(
         self, start: Any, path: Path_, *, key: bool = False, inside: int | None = None
     ) -> tuple[int | None, int | None]:
-        """Line and column of a value, counted from 1; None where there is no text.
+        """Line and column of a value, counted from 1; None if there is no text.
 
         Parameters
         ----------
         start : dict or list
-            Where `path` begins.
+            Start of `path`.
         path : tuple
         key : bool
-            Of the key instead of the value.
+            Whether the place of the key is wanted.
         inside : int, optional
-            Column inside the scalar, counted from 1.
+            Column within the scalar, counted from 1.
         """
         place = self._place(start, path, key)
         if place is None:
@@ -119,7 +119,7 @@ class Document:
         return self.made(result, places)
 
     def made(self, mapping: dict[str, Any], places: dict[str, int]) -> dict[str, Any]:
-        """A mapping that stands in no file, with the places of what its keys were made from."""
+        """A mapping that is in no file, with the places of the data from which its keys were made."""
         self._places[id(mapping)] = places
         self._kept.append(mapping)
         return mapping
@@ -130,7 +130,7 @@ class Document:
 
 
 def show_path(path: Path_) -> str:
-    """``bodies.crank.joint.at[0]``."""
+    """Text of a path: ``bodies.crank.joint.at[0]``."""
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{_cut(part)}" if text else _cut(part)
@@ -138,7 +138,7 @@ def show_path(path: Path_) -> str:
 
 
 def shortened(text: str) -> str:
-    """A text of the file as messages show it: in quotes, and not longer than a line."""
+    """A text of the file for messages: in quotes, and at most one line long."""
     return repr(_cut(text))
 
 
@@ -153,7 +153,7 @@ def read_file(path: str | Path) -> str:
     Raises
     ------
     ModelError
-        If it cannot be read, is too large or no text.
+        If the file cannot be read, is too large or is not text.
     """
     file = str(path)
     data = read_bytes(path, MAX_BYTES, "a readable model file is needed", "use repeat for repeated structure")
@@ -162,12 +162,12 @@ def read_file(path: str | Path) -> str:
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8", "replace")
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        message = f"byte 0x{data[error.start]:02x} is no text in UTF-8; a model file is YAML in UTF-8"
+        message = f"byte 0x{data[error.start]:02x} is not valid in UTF-8; a model file is YAML in UTF-8"
         raise ModelError([Problem(file, line, column, "", message)]) from None
 
 
 def digest_of_documents(documents: Iterable[Document]) -> str:
-    """SHA-256 of a model's own text, followed by the SHA-256 of each of its other files; ``""`` for what came from no text."""
+    """SHA-256 of a model's own text, followed by the SHA-256 of each of its other files; ``""`` for documents without a text."""
     first, *others = (document.digest for document in documents)
     if first is None:
         return ""
@@ -183,7 +183,7 @@ def compose(text: str, file: str) -> Document:
     Raises
     ------
     ModelError
-        If the text is no YAML, or its nesting or aliases go beyond every model.
+        If the text is not YAML, or its nesting or aliases exceed the limits.
     """
     document = Document(file)
     document.digest = hashlib.sha256(text.encode("utf-8", "surrogatepass"))
@@ -201,12 +201,12 @@ def compose(text: str, file: str) -> Document:
         message = f"this is not YAML: {error.reason}; a model file is text"
         raise ModelError([Problem(file, line, column, "", message)]) from None
     except UnicodeError:
-        raise ModelError([Problem(file, 1, 1, "", "holds characters that are no Unicode text")]) from None
+        raise ModelError([Problem(file, 1, 1, "", "contains characters outside Unicode; remove them")]) from None
     return document
 
 
 def _events(text: str) -> Iterator[Any]:
-    loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # the fallback is slower, no different
+    loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # the fallback is slower, but otherwise equal
     parser = loader(text)
     try:
         while (event := parser.get_event()) is not None:
@@ -261,7 +261,7 @@ class _Frame:
 
     @property
     def is_open(self) -> bool:
-        """Whether the last value has an open parenthesis, so that what follows a comma belongs to it."""
+        """Whether the last value has an open parenthesis, so that the text after a comma belongs to it."""
         return self.cut.count("(") > self.cut.count(")")
 
 
@@ -282,10 +282,10 @@ class _Composer:
             if kind is yaml.ScalarEvent and self.stack and self.stack[-1].cut_at is not None and self.joined(event):
                 continue
             if kind is yaml.ScalarEvent:
-                # nothing written, as after "forces:" with every line commented out
+                # nothing is written, for instance after "forces:" with every line commented out
                 value = None if event.style in (None, "") and event.value in ("", "~", "null") else event.value
                 if value is not None and len(value) < 40:
-                    value = self.strings.setdefault(value, value)  # most texts stand many times
+                    value = self.strings.setdefault(value, value)  # equal texts are stored once
                 self.tag(event)
                 self.anchor(event, value)
                 self.add(value, event, 1)
@@ -299,11 +299,11 @@ class _Composer:
             elif kind is yaml.DocumentStartEvent:
                 self.documents += 1
                 if self.documents == 2:
-                    self.note(event, "a second YAML document begins here; a model file holds one")
+                    self.note(event, "a second YAML document begins here; a model file has only one")
         return self.root
 
     def may_be_cut(self, value: Any, event: Any) -> None:
-        """Note a value within braces or brackets that ends at a comma within its parentheses."""
+        """Note a value in braces or brackets that ends at a comma within its parentheses."""
         frame = self.stack[-1] if self.stack else None
         if frame is None or not frame.is_flow or value is None or event.style not in (None, ""):
             return
@@ -312,7 +312,7 @@ class _Composer:
             frame.cut_at = event if frame.is_open else None
 
     def joined(self, event: Any) -> bool:
-        """Whether a text belongs to the value before it, from which YAML has cut it at a comma: it is put there."""
+        """Whether a text belongs to the value before it, which YAML has cut at a comma; if so, it is appended there."""
         frame = self.stack[-1]
         if event.style not in (None, ""):
             frame.cut_at = None
@@ -320,7 +320,7 @@ class _Composer:
         if not frame.is_open or (not event.value and isinstance(frame.data, dict)):
             if not frame.is_open:
                 frame.cut_at = None
-            return not event.value  # the missing value of what was taken for a key
+            return not event.value  # the missing value of a text that was taken as a key
         frame.cut += f", {event.value}"
         key: Any = len(frame.data) - 1 if isinstance(frame.data, list) else frame.key
         frame.data[key] = frame.cut
@@ -328,7 +328,7 @@ class _Composer:
             start = f"{key}: " if isinstance(key, str) else ""
             self.note(
                 frame.cut_at,
-                f'a comma within {{ }} or [ ] ends the value; put quotes around it: {start}"{_cut(frame.cut)}"',
+                f'a comma in {{ }} or [ ] ends the value; put quotes around it: {start}"{_cut(frame.cut)}"',
             )
             if isinstance(frame.data, list):
                 frame.cut_at = None
@@ -347,7 +347,7 @@ class _Composer:
 
     def tag(self, event: Any) -> None:
         if event.tag is not None and event.tag not in _TAGS:
-            self.note(event, f"tag {event.tag}; a model file has no tags, leave it out")
+            self.note(event, f"tag {event.tag} is not allowed in a model file; remove it")
 
     def anchor(self, event: Any, value: Any) -> None:
         if event.anchor is not None:
@@ -355,7 +355,7 @@ class _Composer:
 
     def open(self, data: Any, event: Any) -> None:
         if len(self.stack) >= MAX_DEPTH:
-            self.stop(event, f"more than {MAX_DEPTH} levels of nesting; a model needs far fewer")
+            self.stop(event, f"more than {MAX_DEPTH} levels of nesting; reduce them")
         self.tag(event)
         self.anchor(event, data)
         places: Any = {} if isinstance(data, dict) else []
@@ -369,7 +369,7 @@ class _Composer:
         for source in frame.merges:
             for one in source if isinstance(source, list) else [source]:
                 if not isinstance(one, dict):
-                    self.note(frame.event, "<< is followed by something else than a mapping or a list of mappings")
+                    self.note(frame.event, "<< must be followed by a mapping or a list of mappings")
                     continue
                 known = self.document.places_of(one)
                 for key, value in one.items():
@@ -393,11 +393,11 @@ class _Composer:
             self.stop(event, f"alias *{name} has no anchor &{name} before it")
         value = self.anchors[event.anchor]
         if any(f.data is value for f in self.stack):
-            self.stop(event, f"alias *{name} stands inside the value it repeats")
+            self.stop(event, f"alias *{name} is inside the value that it repeats")
         self.add(value, event, self.sizes.get(id(value), 1))
 
     def add(self, value: Any, event: Any, size: int) -> None:
-        """Put a value where the innermost mapping or list expects it."""
+        """Add a value to the innermost mapping or list."""
         self.written += 1
         if self.written > MAX_VALUES:
             self.stop(event, f"more than {MAX_VALUES} keys and values; use repeat for repeated structure")
@@ -415,10 +415,10 @@ class _Composer:
             frame.expects_key = False
             frame.key, frame.key_event = None, event
             if not isinstance(value, str):
-                self.note(event, "a key that is not a name; quote it, or put a name before the colon")
+                self.note(event, "this key is not a name; quote it, or put a name before the colon")
             elif value in frame.data:
                 line = (frame.places[value] >> _HALF >> 2) // _COLUMNS + 1
-                self.note(event, f"key {shortened(value)} is there already, on line {line}; each key may stand once")
+                self.note(event, f"key {shortened(value)} is already used on line {line}; each key may be used once")
             else:
                 frame.key = value
         else:

@@ -1,4 +1,4 @@
-"""What is wrong with a model, with the places in its files: each once, and not without end."""
+"""Errors and warnings of a model with their places in the files, each reported once, up to a limit."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from .positions import Document, Path_, show_path
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000
-"""Errors that are counted at most, with those of repetitions that are not reported again."""
+"""Largest number of errors counted, including those of repetitions that are not reported again."""
 
 
 class TooManyProblems(Exception):
-    """Enough problems to print."""
+    """Raised when enough errors have been collected."""
 
 
 class Problems:
-    """Gathers the problems of a model.
+    """Collects the errors and warnings of a model.
 
     Attributes
     ----------
     problems : list of Problem
     errors : int
-        How often an error was reported, those of repeated entries that were said before included: as long as it stays,
-        what was read is sound.
+        Number of errors found, including those of repeated entries that are reported only once. If it has not changed, the
+        entries that were read are correct.
     """
 
     def __init__(self, document: Document) -> None:
@@ -37,7 +37,7 @@ class Problems:
 
     def add(self, problem: Problem) -> None:
         if problem.severity == "error" and sum(p.severity == "error" for p in self.problems) >= MAX_PROBLEMS:
-            message = f"more than {MAX_PROBLEMS} problems; mend these first"
+            message = f"more than {MAX_PROBLEMS} problems; correct these first"
             self.problems.append(Problem(self.document.file, problem.line, problem.column, "", message))
             raise TooManyProblems
         self.problems.append(problem)
@@ -52,20 +52,20 @@ class Problems:
         inside: int | None = None,
         severity: str = "error",
     ) -> None:
-        """A problem in an entry; of a repeated one the first repetition is enough.
+        """Report an error or a warning in an entry; for repeated entries only the first one.
 
         A message that takes long to make, such as one with the nearest of many names, is given as a function.
         """
         self.errors += severity == "error"
         path = (at.key, *sub)
         existing = existing_path(at.container, path)
-        if at.section == ("submodels",):  # where such an entry has the keys of a joint, see `files._frame`
+        if at.section == ("submodels",):  # such an entry has the keys of a joint there, see `files._frame`
             existing = tuple("on" if key == "parent" else key for key in existing if key != "joint")
         shown = show_path((*at.section, *existing))
         document = at.part.document
         line, column = document.place(at.container, path, key=key, inside=inside)
         if self.errors > MAX_ERRORS:
-            message = f"more than {MAX_ERRORS} mistakes with those that repetitions repeat; mend these first"
+            message = f"more than {MAX_ERRORS} errors, counting those in repetitions; correct these first"
             self.problems.append(Problem(document.file, line, column, shown, message))
             raise TooManyProblems
         if at.indices or at.part.is_submodel:
@@ -81,7 +81,7 @@ class Problems:
 
 
 def existing_path(container: Any, path: Path_) -> Path_:
-    """The parts of a path that lead to something written."""
+    """The beginning of a path up to its last part that exists."""
     result: list[str | int] = []
     for part in path:
         listed = isinstance(container, (list, tuple)) and isinstance(part, int) and part < len(container)

@@ -1,4 +1,4 @@
-"""Products of expressions taken apart into powers of bases, so that powers of one base can be put together; see `slopes`."""
+"""Products of expressions as powers of bases, so that powers of the same base can be combined; see `slopes`."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ MINUS_ONE: Tree = ("number", -1)
 HALF: Tree = ("number", 0.5)
 
 NORM = "norm"
-"""Key of a power of the length of a vector: ``(NORM, ((weight, component), ...))``, the root of weights times squares."""
+"""Key of a power of a vector's length: ``(NORM, ((weight, component), ...))``, the root of the weighted sum of squares."""
 
 SIZE = "size"
 """Key of a power of an absolute value: ``(SIZE, ((1, x),))``."""
 
 HELD = "held_"
-"""Begins the names of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
+"""Prefix of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
 
 NOT_NEGATIVE = (AT_LEAST, *named("name", lambda e: e.positive == LIKE_ITS_ARGUMENT))
-"""Functions whose values are not below zero, beside those that are above it."""
+"""Functions that are never negative, besides those that are always positive."""
 
 Factors = list[tuple[Tree, Tree]]
 """Trees, or keys, with their exponents."""
@@ -39,7 +39,7 @@ _LARGEST = 2.0**1000
 
 
 def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
-    """The sum of two exponents, each times a number; equal terms are put together: n + (1 - n) is 1."""
+    """Sum of two exponents, the second times a number; equal terms are combined, so n + (1 - n) is 1."""
     terms: dict[Tree, Fraction] = {}
     _add_terms(a, Fraction(times), terms)
     _add_terms(b, Fraction(times), terms)
@@ -49,11 +49,11 @@ def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
         found = combine("+" if factor > 0 else "-", found, size)
     found = combine("+" if number > 0 else "-", found, _number(abs(number)))
     left = number - Fraction(float(number))
-    return ("+", found, _number(left)) if left else found  # exact, in the digits of whoever computes it
+    return ("+", found, _number(left)) if left else found  # exact, evaluated later with any number of digits
 
 
 def _add_terms(e: Tree, factor: Fraction, terms: dict[Tree, Fraction]) -> None:
-    """Add the terms of an exponent, each with its number, to others."""
+    """Add the terms of an exponent, with their coefficients, to others."""
     match e:
         case ("number", value):
             terms[ONE] = terms.get(ONE, Fraction(0)) + factor * Fraction(value)
@@ -72,27 +72,27 @@ def _add_terms(e: Tree, factor: Fraction, terms: dict[Tree, Fraction]) -> None:
 
 def _number(value: Fraction) -> Tree:
     if value > sys.float_info.max:
-        raise ExpressionError("the exponents of a product add up to too large a number; up to 1.8e308 are allowed")
+        raise ExpressionError("the sum of exponents in a product is too large; up to 1.8e308 is allowed")
     return Expression.number(float(value)).tree
 
 
 def product(*factors: tuple[Tree, Tree]) -> Tree:
-    """A product of trees and their exponents, written so that it is finite where it can be."""
+    """A product of trees with exponents, written so that it is finite wherever possible."""
     return Product().with_all(factors).tree()
 
 
 class Product:
-    """A product, taken apart.
+    """A product of powers.
 
     Attributes
     ----------
     number : Tree
     powers : dict of Tree to Tree
-        Exponents of bases, which are trees or keys of norms.
+        Exponents by base, which is a tree or the key of a norm.
     choices : list of Tree
         Factors with branches.
     merges : bool
-        Whether powers have been put together of which one may be infinite.
+        Whether powers have been combined of which one may be infinite.
     """
 
     __slots__ = ("choices", "merges", "number", "powers")
@@ -109,19 +109,19 @@ class Product:
         return found
 
     def without(self, key: Tree) -> Product:
-        """The others."""
+        """The product without one of its powers."""
         found = self.copy()
         found.powers.pop(key, None)
         return found
 
     def with_all(self, factors: Iterable[tuple[Tree, Tree]]) -> Product:
-        """With more factors, trees or keys and their exponents."""
+        """The product with more factors: trees or keys, and their exponents."""
         for tree, e in factors:
             self.times(tree, e)
         return self
 
     def times(self, tree: Tree, e: Tree = ONE) -> Product:
-        """With one more factor, a tree or a key, to the power of an exponent."""
+        """The product with one more factor, a tree or a key, with its exponent."""
         kind, is_whole = tree[0], e[0] == "number" and isinstance(e[1], int)
         if kind in (NORM, SIZE):
             self._add(tree, e)
@@ -156,7 +156,7 @@ class Product:
         return self
 
     def _number_times(self, value: float, e: int) -> Tree | None:
-        """The number of the product times a power of another, or None where rounding would change it."""
+        """The number of the product times a power of another number; None if rounding would change it."""
         if value == 0 < e:
             return ZERO
         if value == 0 or not 0 < abs(e) <= 16:
@@ -168,11 +168,11 @@ class Product:
 
     @staticmethod
     def _is_positive(tree: Tree) -> bool:
-        """Whether a power has a base that cannot be negative, so that exponents may be multiplied."""
+        """Whether the base of a power cannot be negative, so that exponents may be multiplied."""
         return tree[1][:2] in (("call", "abs"), ("call", "sqrt")) or is_positive(tree[1])
 
     def _add_size(self, x: Tree, e: Tree) -> None:
-        """An absolute value to some power: of a product, that of each factor."""
+        """Add an absolute value with an exponent; for a product, the absolute value of each factor."""
         of = Product().times(x)
         if of.choices or any(k[0] in (NORM, SIZE) or n[0] != "number" for k, n in of.powers.items()):
             self._add((SIZE, ((ONE, x),)), e)
@@ -195,18 +195,18 @@ class Product:
 
     @property
     def may_be_infinite(self) -> bool:
-        """Whether a power has an exponent that may be negative, or is a logarithm."""
+        """Whether an exponent may be negative, or a power is a logarithm."""
         return any(_may_be_negative(e) or k[:2] == ("call", "log") for k, e in self.powers.items())
 
     @property
     def is_better(self) -> bool:
-        """Whether putting powers together, and setting factors with bounds apart, can make a value finite."""
+        """Whether combining powers and separating bounded factors can make a value finite."""
         logarithm = any(k[:2] == ("call", "log") for k in self.powers) and len(self.powers) + len(self.choices) > 1
         chosen = self.may_be_infinite and any(ZERO in c[3:] for c in self.choices)
         return self.merges or logarithm or chosen or bool(self._split()[1])
 
     def _split(self) -> tuple[dict[Tree, Tree], list[Tree], list[Tree]]:
-        """Powers, factors that have bounds, and signs: components of vectors are divided by lengths that are to be divided by."""
+        """Powers, bounded factors, and signs. If a vector's length is a divisor, the vector's components are divided by it."""
         powers, bounded, signs = dict(self.powers), [], []
         for key in [k for k in powers if k[0] in (NORM, SIZE)]:
             e = powers[key]
@@ -219,7 +219,7 @@ class Product:
                 moves.append(x)
                 e = plus(e, ONE)
             if not moves or (e[0] == "number" and e[1] < 0):
-                continue  # it is infinite all the same
+                continue  # it is infinite in any case
             powers = left | {key: e}
             for x in moves:
                 of, number = Product().times(x), Product()
@@ -262,7 +262,7 @@ class Product:
         found = ("/", above, below) if are_numbers else combine("/", above, below)
         if not slow:
             return found
-        slow += signs  # a sign is zero at a kink, where the product need not vanish
+        slow += signs  # a sign is zero at a kink, where the product need not be zero
         factor = slow[0]
         for more in slow[1:]:
             factor = combine("*", factor, more)
@@ -270,18 +270,18 @@ class Product:
 
 
 def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
-    """A product with a factor that is zero in one of its branches: no other factor counts there."""
+    """A product with a factor that is zero in one of its branches; there the other factors have no effect."""
     if y == ZERO:
         return combine(CHOICE, condition, rest.times(x).tree(), ZERO)
     if condition[:2] == ("call", AT_LEAST) and rest.may_be_infinite:
-        # where both are equal an infinite slope of the rest is not passed over: there it is one-sided
+        # where both are equal, an infinite slope of the rest is kept: there it is one-sided
         edge = combine("*", rest.copy().tree(), combine(CHOICE, condition, ZERO, y))
         return combine(CHOICE, combine(AT_LEAST, condition[3], condition[2]), edge, ZERO)
     return combine(CHOICE, condition, ZERO, rest.times(y).tree())
 
 
 def _take(powers: dict[Tree, Tree], x: Tree) -> bool:
-    """Whether a tree is a factor of a product of powers, but for a number; it is taken out of them."""
+    """Whether a tree is a factor of a product of powers, up to a number; if so, it is removed."""
     of = Product().times(x)
     have = [(key, e, powers.get(key, ZERO)) for key, e in of.powers.items() if key[0] != "number"]
     if not have or of.choices or not all(e[0] == n[0] == "number" and n[1] >= e[1] > 0 for _, e, n in have):
@@ -307,7 +307,7 @@ def power_of(key: Tree, e: Tree) -> Tree:
             return combine("**", square, ("number", e[1] // 2))
         base = combine("sqrt", square)
     elif key[0] == "number":
-        return key if e == ONE else ("**", key, e)  # in the digits of whoever computes it
+        return key if e == ONE else ("**", key, e)  # evaluated later with any number of digits
     elif e == HALF:
         return combine("sqrt", key)
     else:
@@ -316,12 +316,12 @@ def power_of(key: Tree, e: Tree) -> Tree:
 
 
 def _multiplied(a: Tree, b: Tree) -> Tree:
-    """A product of trees; one of numbers is left to whoever computes it, in as many digits."""
+    """A product of trees; a product of numbers is evaluated later, with any number of digits."""
     return ("*", a, b) if a[0] == b[0] == "number" and ONE not in (a, b) else combine("*", a, b)
 
 
 def squares(tree: Tree) -> tuple[tuple[Tree, Tree], ...]:
-    """Weights and what is squared, of a sum of such terms; empty for anything else."""
+    """Weights and squared terms of a weighted sum of squares; empty for any other tree."""
     if tree[0] == "+":
         one = squares(tree[1])
         other = squares(tree[2]) if one else ()
@@ -343,7 +343,7 @@ def squares(tree: Tree) -> tuple[tuple[Tree, Tree], ...]:
 
 
 def is_positive(tree: Tree) -> bool:
-    """Whether a tree is seen to be above zero whatever its names are."""
+    """Whether a tree is known to be positive for all values of its names."""
     kind = tree[0]
     if kind == "number":
         return bool(tree[1] > 0)

@@ -1,7 +1,7 @@
-"""Rotations by quarter turns, which are exact.
+"""Exact rotations by quarter turns.
 
-pi/2 is no floating-point number, and the cosine of the nearest one is 6e-17. Who writes ``rpy: [0, 0, pi/2]`` means a quarter
-turn, whose matrix has zeros and ones: so a turned frame costs nothing, and all engines turn by the same matrix.
+pi/2 is not a floating-point number, and the cosine of the nearest one is 6e-17. ``rpy: [0, 0, pi/2]`` means a quarter turn, whose
+matrix contains only zeros and ones. Such a rotation costs nothing, and all engines use the same matrix.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ import math
 from .expressions import Expression
 
 MOST = 64
-"""Angles of more quarter turns are taken as they are: so far from zero neighbouring numbers are no longer close to each other."""
+"""Angles of more quarter turns are used as they are, because neighbouring floating-point numbers are too far apart there."""
 
 
 def quarter_turns(angle: Expression) -> int | None:
-    """How often a fixed angle is a quarter turn, 0 to 3; None where it is none, or depends on parameters.
+    """Number of quarter turns of a fixed angle, 0 to 3; None if it is not a multiple or depends on parameters.
 
-    It is one where it is the nearest number to a multiple of pi/2, as ``pi/2``, ``-90 deg`` and ``3*pi/2`` are; 1.5707963 is not.
+    An angle is a multiple if it is the number nearest to one, as are ``pi/2``, ``-90 deg`` and ``3*pi/2``; 1.5707963 is not.
     """
     if not angle.is_number:
         return None
@@ -28,5 +28,5 @@ def quarter_turns(angle: Expression) -> int | None:
 
 
 def cosine_and_sine(quarters: int) -> tuple[int, int]:
-    """Of so many quarter turns."""
+    """Cosine and sine of a number of quarter turns."""
     return (1, 0, -1, 0)[quarters], (0, 1, 0, -1)[quarters]

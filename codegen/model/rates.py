@@ -1,9 +1,9 @@
-"""Derivatives of expressions by one name, as expressions: what the rate of a prescribed coordinate is.
+"""Derivatives of expressions with respect to one name, as expressions; used for rates of prescribed coordinates.
 
-By time, inputs that prescribed motion reads have derivatives too, which are inputs themselves: see `rates_of`.
+Inputs in prescribed motion have time derivatives too, which are themselves inputs: see `rates_of`.
 
-They are exact: rules of differentiation, operation by operation, with what is zero left out. At the kinks of `abs`, `sign`,
-`min`, `max` and where comparisons change, where there is no derivative, the expression has the value that these rules give there.
+The derivatives are exact: rules of differentiation, without terms that are zero. At the kinks of `abs`, `sign`, `min` and `max`,
+and where comparisons change, there is no derivative; the expression then has the value that these rules give.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .switches import has_modes
 from .trees import parts
 
 ORDERS: Final = ("rate", "acceleration")
-"""What an input over time brings beside its value where prescribed motion reads it, as ``way.rate`` and ``way.acceleration``."""
+"""Suffixes of the additional inputs for an input in prescribed motion: ``way.rate`` and ``way.acceleration``."""
 
 
 def rates_of(name: str) -> tuple[str, str]:
@@ -29,18 +29,18 @@ def rates_of(name: str) -> tuple[str, str]:
 
 
 def rate(expression: Expression, name: str = "t", moving: frozenset[str] = frozenset()) -> Expression:
-    """The derivative of an expression by a name that stands in it.
+    """The derivative of an expression with respect to one of its names.
 
     Parameters
     ----------
     moving : frozenset of str
-        Inputs that change with it: the derivative of ``way`` is ``way.rate``, that of ``way.rate`` is ``way.acceleration``, and
-        that of this is zero, for more is not known.
+        Inputs that depend on this name: the derivative of ``way`` is ``way.rate``, that of ``way.rate`` is
+        ``way.acceleration``, and that of ``way.acceleration`` counts as zero, because it is not known.
 
     Raises
     ------
     ExpressionError
-        A number of the derivative is not finite.
+        If a number in the derivative is not finite.
     """
     by = {name: Expression.number(1)}
     for n in moving:
@@ -56,7 +56,7 @@ def rate(expression: Expression, name: str = "t", moving: frozenset[str] = froze
 
 @lru_cache(maxsize=4096)
 def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Expression:
-    """The same by rules alone; `by` has the derivatives of names, those of others are zero."""
+    """The same by rules alone; `by` has the derivatives of names, other names have the derivative zero."""
     kind = of.tree[0]
     if kind == "number":
         return ZERO
@@ -75,7 +75,7 @@ def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Express
         return da * b + a * db
     if kind == "/":
         base, n = (b.tree[1], Expression(b.tree[2])) if b.tree[0] == "**" else (b.tree, ONE)
-        if base[:2] == ("call", "cosh") and n.is_number:  # else infinity over infinity far from zero
+        if base[:2] == ("call", "cosh") and n.is_number:  # otherwise infinity over infinity far from zero
             return da / b - n * of * made("tanh", Expression(base[2])) * derivative(Expression(base[2]), by)
         return (da - of * db) / b
     assert kind == "**", kind
@@ -95,7 +95,7 @@ def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Ex
     if function in ("mod", "wrapped"):
         (x, m), (dx, dm) = of, d
         return dx - (x - value) / m * dm
-    if function == "tanh":  # the slope in the table, 1/cosh(x)**2, has derivatives without a value where cosh overflows
+    if function == "tanh":  # derivatives of the tabulated slope 1/cosh(x)**2 have no value where cosh overflows
         return (1 - value**2) * d[0]
     total = ZERO
     for slope_, d_of in zip(TABLE[function].slopes, d, strict=True):
@@ -105,12 +105,12 @@ def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Ex
 
 
 def _times(factor: Tree, d: Expression) -> Expression:
-    """A product, with a division instead of one by a reciprocal."""
+    """A product; a factor that is a reciprocal becomes a division."""
     return Expression(factor[1]) * d / Expression(factor[2]) if factor[0] == "/" else Expression(factor) * d
 
 
 def with_names_replaced(expression: Expression, by: dict[str, Tree]) -> Expression:
-    """The expression with trees in the place of some of its names."""
+    """The expression with some of its names replaced by trees."""
     return expression if by.keys().isdisjoint(expression.names) else Expression(_replaced(expression.tree, by))
 
 

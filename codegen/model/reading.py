@@ -1,6 +1,6 @@
-"""What every section needs while it is read: problems with their places, bound and checked expressions, names.
+"""Services for reading sections: errors with places, bound and checked expressions, and names.
 
-A `Reader` holds the state of one reading. The modules of `sections` are functions that take it.
+A `Reader` holds the state of reading one model. The modules of `sections` are functions that receive it.
 """
 
 from __future__ import annotations
@@ -37,35 +37,35 @@ _VECTOR: Final = TypeAdapter(entries.Vector)
 
 
 SWITCHED = ("expressions", "forces", "outputs")
-"""Sections in which expressions may change their branch: where they are used, motions find when they do."""
+"""Sections whose expressions may change branches: motions locate these changes where the expressions are used."""
 
 
 class Reader(Problems):
-    """One reading of one model.
+    """State of reading one model.
 
     Attributes
     ----------
     parts : list of Part
-        The files that it is read from: its own first, each before those that it uses.
+        The files of the model: its own first, each file before those that it uses.
     own : Part
-        Its own file.
+        The model's own file.
     defaults : dict of str to float
-        Values of the parameters.
+        Default values of the parameters.
     inputs : list of str
     used : set of str
-        Names that expressions have.
+        Names that occur in expressions.
     allowed : dict of str to dict
-        Names that expressions of a scope may have: ``constants``, ``parameters``, ``inputs`` (parameters, inputs and t)
-        or ``motion`` (coordinates and speeds too). A scope ``measured`` has, beside the last, positions and velocities of points,
-        a scope ``equations``, beside parameters, the coordinates of one.
+        Names allowed in expressions by scope: ``constants``, ``parameters``, ``inputs`` (parameters, inputs and t) or ``motion``
+        (also coordinates and speeds). The scope ``measured`` adds positions and velocities of points to the latter; the scope
+        ``equations`` adds the coordinates of a point to the parameters.
     points : list of mapping
-        What is a point, by name, once points are read.
+        Mappings of the points by name, once the points have been read.
     prescribed : dict of str to Tree
-        What is put in the place of coordinates and speeds that are prescribed: functions of time.
+        Functions of time that replace prescribed coordinates and speeds.
     units_of_motion : dict of (str, str) to tuple of str
         Units of coordinates (``q``) and speeds (``u``) of a joint, or of a single one, by name.
     broken : set of str
-        Bodies that were reported; their coordinates are not known.
+        Bodies with reported errors; their coordinates are not known.
     places : dict of str to dict of str to (int, int)
         Line and column of entries by section and name.
     """
@@ -81,7 +81,7 @@ class Reader(Problems):
         self.inputs: list[str] = []
         self.used: set[str] = set()
         self.first_seen: dict[tuple[str, str], str] = {}
-        # dicts used as ordered sets: names are printed in the order of the file
+        # dicts used as ordered sets: messages list names in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.allowed["equations"] = self.allowed["parameters"]  # and coordinates of a point
         self.broken: set[str] = set()
@@ -96,24 +96,24 @@ class Reader(Problems):
         self._repaired: set[int] = set()  # ids of specs with placeholders
         self._keep: list[Entry] = []  # keeps those ids valid
         self._checked: set[tuple[Expression, str]] = set()
-        self._regular: set[Tree] = set()  # trees that `regular` leaves as they are: long models repeat them
+        self._regular: set[Tree] = set()  # trees that `regular` does not change, which long models repeat
         self._values: dict[Expression, float | str] = {}
 
     def added(self, part: Part) -> Part:
-        """A file that is read from now on, too."""
+        """Add a file, and return it."""
         part.constants.update(labels(part.document.root))
         self._repetitions[id(part)] = Repetition(part, self.add, self._counter)
         self.parts.append(part)
         return part
 
     def expand(self, part: Part, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
-        """Entries of a section of a file, those of repeat blocks one repetition after the other."""
+        """Entries of a section of a file; those of repeat blocks one repetition after the other."""
         return self._repetitions[id(part)].expand(section, path)
 
     # --- expressions and names ----------------------------------------------------------------------------------
 
     def bound(self, expression: Expression, at: Instance, sub: Path_, scope: str) -> Expression:
-        """The expression with constants and indices as numbers, its names checked; 0 after a problem."""
+        """The expression with constants and indices as numbers and with its names checked; 0 after an error."""
         if expression.tree[0] == "number":
             return expression
         try:
@@ -139,27 +139,27 @@ class Reader(Problems):
             self.used |= result.names
             if (at.section or ("",))[0] not in SWITCHED and compares(result.tree):
                 message = (
-                    f"{expression} changes from one branch to the other at once; derivatives are those of the branch taken; "
+                    f"{expression} jumps at a change of branch; derivatives are those of the branch taken; "
                     f"step(x, from, to) is smooth"
                 )
                 self.report(at, sub, message, severity="warning")
         return with_names_replaced(result, self.prescribed) if self.prescribed else result
 
     def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
-        """Whether what an expression is, by the units in it, may stand where it stands."""
+        """Whether an expression has, by its units, the dimension that is wanted at its place."""
         found = self.dimension(expression, at, sub)
         wanted = self.unit_wanted(at, sub)
         if found is None or wanted is None or found == wanted:
             return True
         message = f"{expression} is {in_words(found)}; {in_words(wanted)} is needed"
         if has_factors(expression.tree):
-            message += "; a number without a unit counts as a factor, give it its own"
+            message += "; a number without a unit counts as a factor, so give it a unit"
         if not _is_said(expression):
             self.report(at, sub, message)
         return False
 
     def dimension(self, expression: Expression, at: Instance, sub: Path_ = (), quiet: bool = False) -> Dimension | None:
-        """What an expression is, as far as units in it tell; None after a problem too, which is not reported if `quiet`."""
+        """The dimension of an expression as far as its units determine it; None also after an error, which `quiet` suppresses."""
         try:
             return dimension_of(expression.tree, at.part.dimensions)
         except DimensionError as error:
@@ -168,7 +168,7 @@ class Reader(Problems):
             return None
 
     def unit_wanted(self, at: Instance, sub: Path_) -> Dimension | None:
-        """The dimension of the number at a path."""
+        """The dimension that is wanted at a path."""
         section = str(at.section[0]) if at.section else at.key
         if section in ("initial", "motion"):
             part = str(at.section[1]) if section == "initial" else "q"
@@ -194,14 +194,14 @@ class Reader(Problems):
             unknown = [
                 n for n in unknown if not (is_measured(n) and any(n.split(".")[1] in known for known in self.points))
             ]
-        if scope != "measured":  # one that may not stand here stands for all of them
+        if scope != "measured":  # one name that is not allowed is reported for all of them
             several = [n for n in unknown if is_measured(n)]
             unknown = [n for n in unknown if n not in several[1:]]
         for name in [] if _is_said(written) else unknown:
             if name[:2] in ("q.", "u.") and moving and name.split(".")[1] in self.broken:
                 continue
             if is_measured(name) and scope == "measured" and ("point", name.split(".")[1]) in self.first_seen:
-                continue  # a point that is there but wrong has been reported
+                continue  # a point with errors has been reported
             self.report(at, sub, partial(unknown_name, self, name, scope, at), inside=column_of(at, sub, name))
         if unknown:
             return False
@@ -213,13 +213,13 @@ class Reader(Problems):
         return True
 
     def loop_hint(self, name: str) -> str:
-        """``; 'foot' closes a loop, ...`` where a loop is taken for a joint with coordinates, or nothing."""
+        """The hint ``; 'foot' closes a loop, ...`` if a loop is taken for a joint with coordinates; otherwise empty."""
         loop = name.partition(".")[0]
         is_loop = self.first_seen.get(("body", loop)) == "loop"
         return f"; {loop!r} closes a loop, and such a joint has no coordinates" if is_loop else ""
 
     def value(self, expression: Expression) -> float | str:
-        """Value at the default parameters, or why there is none."""
+        """Value at the default parameters, or the reason why there is none."""
         found = self._values.get(expression)
         if found is None:
             try:
@@ -240,21 +240,21 @@ class Reader(Problems):
         return 0.0 if isinstance(value, str) else value
 
     def new_name(self, at: Instance, name: str, space: str, what: str, sub: Path_ = (), key: bool = True) -> bool:
-        """Register a name in its namespace; False after a problem, which is reported at the path, or the `key` there."""
+        """Register a name in its namespace; False after an error, which is reported at the path or at the `key` there."""
         if name in RESERVED:
             message = f"{name!r} is reserved and cannot name {with_article(what)}; choose another name"
             self.report(at, sub, message, key=key)
             return False
         taken = self.first_seen.get((space, name))
         if taken is not None:
-            message = f"name {name!r} is already taken by {with_article(taken)}; each name may be given once"
+            message = f"name {name!r} is already taken by {with_article(taken)}; choose another name"
             self.report(at, sub, message, key=key)
             return False
         self.first_seen[space, name] = what
         return True
 
     def key_name(self, at: Instance, what: str, space: str) -> str | None:
-        """Name of an entry from its key, registered."""
+        """The registered name of an entry, from its key."""
         local = self.name_at(at, (), at.key, key=True)
         if local is None or not self.new_name(at, at.part.name(local), space, what):
             return None
@@ -263,15 +263,15 @@ class Reader(Problems):
         return name
 
     def local_name(self, at: Instance) -> str:
-        """The name of an entry whose key has been read, as the file has it."""
+        """The name, as in the file, of an entry whose key has been read."""
         return name_of(parse_name(at.key), self.numbers(at))
 
     def name_at(
         self, at: Instance, sub: Path_, written: Any, key: bool = False, prefix: str = "", quiet: bool = False
     ) -> str | None:
-        """The name that a text, or the expression of one, means with its indices in place, as the file has it.
+        """The name, as in the file, that a text or an expression denotes after its indices have been replaced.
 
-        It is written at a path, or is the `key` there; `prefix`, such as ``q.``, is put before a text. None after a problem,
+        It is written at a path, or is the `key` there; `prefix`, such as ``q.``, is put before a text. None after an error,
         which is not reported if `quiet`.
         """
         try:
@@ -295,7 +295,7 @@ class Reader(Problems):
         return found
 
     def given(self, at: Instance, name: str, scope: str) -> tuple[Expression, ...] | None:
-        """What stands in the place of a submodel's own number, because the model that uses it says so; else None.
+        """The expressions that the using model gives for a number of a submodel; None if it gives none.
 
         One expression, or three for a vector.
         """
@@ -321,14 +321,14 @@ class Reader(Problems):
         try:
             written = _EXPRESSION.validate_python(given.value)
         except ValidationError:
-            return (one,)  # reported where it was bound, as is what does not fit in it
+            return (one,)  # reported where it was bound, as is one that does not fit
         dimension = self.dimension(written, given.at, path, quiet=True)
         if dimension is not None:
             at.part.dimensions[name] = dimension
         return (one,)
 
     def given_entry(self, at: Instance, scope: str) -> tuple[Expression, ...] | None:
-        """The same of an entry, by its key."""
+        """The same for an entry, by its key."""
         if not at.part.given:
             return None
         name = self.name_at(at, (), at.key, quiet=True)  # reported where the name is read
@@ -343,7 +343,7 @@ class Reader(Problems):
         return None if name is None else at.part.referred(name)
 
     def coordinate(self, written: Any, at: Instance, sub: Path_, key: bool = False, of: str = "q") -> str | None:
-        """The coordinate, or speed ``of="u"``, that ``q.NAME`` or a text names, without its ``q.``; None after a problem."""
+        """The coordinate, or speed with ``of="u"``, that ``q.NAME`` or a text names, without ``q.``; None after an error."""
         name = self.name_at(at, sub, written, key, f"{of}.")
         return None if name is None else at.part.name(name[2:])
 
@@ -361,12 +361,12 @@ class Reader(Problems):
             yield from self.expand(part, value, (name,))
 
     def entries(self, name: str, cls: Any, what: str, space: str) -> Iterator[tuple[Instance, str | None, Any]]:
-        """The entries of a section with their names, registered, and what they say; None after a problem with either."""
+        """The entries of a section with their registered names and validated structures; None for those with errors."""
         for at in self.section(name):
             yield at, self.key_name(at, what, space), self.spec(cls, at)
 
     def listed(self, name: str, example: str) -> Iterator[tuple[Instance, Path_, Any]]:
-        """The names of a section that is a list: where to report each, with the path there, and what is written."""
+        """The names in a section that is a list: the entry to report, the path in it, and the text."""
         for part in self.parts:
             value = part.document.root.get(name)
             if value is None:
@@ -384,13 +384,13 @@ class Reader(Problems):
                     yield at, (), at.key
 
     def only(self, name: str) -> Instance | None:
-        """A key of the top level that one file has for all: the model's own, or one that it includes."""
+        """A top-level key that only one file of the model may have."""
         found = [
             part.entry(name) for part in self.parts if not part.is_submodel and part.document.root.get(name) is not None
         ]
         for at in found[1:]:
             self.report(
-                at, (), f"{name} stands in {found[0].part.document.file} already; only one file may have it", key=True
+                at, (), f"{name} is already given in {found[0].part.document.file}; only one file may have it", key=True
             )
         return found[0] if found else None
 
@@ -398,7 +398,7 @@ class Reader(Problems):
         return self.own.entry(name)
 
     def spec(self, cls: Any, at: Instance) -> Any:
-        """The validated structure of an entry, once for all its repetitions; None after problems."""
+        """The validated structure of an entry, made once for all its repetitions; None after errors."""
         key = (id(at.value), id(cls))
         if isinstance(at.value, dict) and key in self._specs:
             return self._specs[key]
@@ -417,16 +417,16 @@ class Reader(Problems):
         return result
 
     def is_whole(self, spec: Entry | None) -> bool:
-        """Whether a structure is there and was right as written, without placeholders for what was wrong."""
+        """Whether a structure exists and has no placeholders for errors."""
         return spec is not None and id(spec) not in self._repaired
 
     def parsed(self, at: Instance, sub: Path_, value: Any) -> Expression | None:
-        """The expression that is written at a path, or None after a problem."""
+        """The expression at a path; None after an error."""
         if type(value) is str:
             try:
                 return parse(value)
             except ExpressionError:
-                pass  # reported below, as it is for other values
+                pass  # reported below, as for other values
         try:
             found: Expression = _EXPRESSION.validate_python(value)
             return found
@@ -436,12 +436,12 @@ class Reader(Problems):
             return None
 
     def scalar(self, at: Instance, sub: Path_, value: Any, scope: str) -> Expression | None:
-        """The bound expression that is written at a path, or None after a problem."""
+        """The bound expression at a path; None after an error."""
         found = self.parsed(at, sub, value)
         return None if found is None else self.bound(found, at, sub, scope)
 
     def numbers_at(self, at: Instance, sub: Path_, value: Any) -> list[tuple[Path_, Expression]]:
-        """The expression at a path, or the three of a vector, with their paths; as written."""
+        """The expression at a path, or the three of a vector, with their paths; not yet bound."""
         listed = [((*sub, i), v) for i, v in enumerate(value)] if isinstance(value, (list, tuple)) else [(sub, value)]
         if len(listed) not in (1, 3) or (len(listed) == 1 and isinstance(value, (list, tuple))):
             self.report(at, sub, f"{seen(value)}; a number, or three for a vector, is needed")
@@ -451,7 +451,7 @@ class Reader(Problems):
     def vector(
         self, at: Instance, sub: Path_, value: Any, scope: str, wanted: str
     ) -> tuple[Expression, Expression, Expression] | None:
-        """The three bound expressions of a vector that is written as a list, or as an expression of vectors."""
+        """The three bound expressions of a vector, which is a list or a vector expression."""
         if isinstance(value, str):
             try:
                 parts = _VECTOR.validate_python(value)
@@ -481,5 +481,5 @@ class Reader(Problems):
 
 
 def _is_said(expression: Expression) -> bool:
-    """Whether what is wrong with names was reported for the first of three components."""
+    """Whether errors in names have been reported for the first of three components."""
     return bool(expression.tree[0] == "component" and expression.tree[2] > 0)

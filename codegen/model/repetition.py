@@ -1,7 +1,7 @@
-"""``repeat INDEX in RANGE:`` blocks: one entry of a section written once and meant many times.
+"""``repeat INDEX in RANGE:`` blocks: entries of a section that are written once and repeated.
 
-The entries inside a block are templates. They are read and parsed once; a repetition is the template together with the
-values of its indices, and whatever does not use an index is shared by all repetitions.
+The entries inside a block are templates, which are parsed once. A repetition is the template together with the values of its
+indices; everything that does not use an index is shared by all repetitions.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .parts import Instance, Part
 from .positions import Path_, shortened, show_path
 
 MAX_REPETITIONS: Final = 400_000
-"""Entries that the repeat blocks of a model may stand for; so many are read within seconds."""
+"""Largest number of repeated entries of a model; they are read within seconds."""
 
 _HEADER = re.compile(r"repeat\s+([A-Za-z_][A-Za-z0-9_]*)\s+in\s+(.*\S)\s*", re.DOTALL)
 _LABEL = re.compile(r"[A-Za-z0-9_]+")
@@ -28,27 +28,27 @@ _FORM = "write 'repeat k in 1..n:', 'repeat k in 1..n step 2:' or 'repeat leg in
 
 
 class CannotGoOn(Exception):
-    """What has been reported would bring forth mistakes that are none, or take too long."""
+    """Raised if going on would cause false error messages, or take too long."""
 
 
 @dataclass(slots=True)
 class Counter:
-    """How many entries the repeat blocks of a model have stood for."""
+    """Counts the repeated entries of a model."""
 
     repeated: int = 0
 
 
 class Repetition:
-    """Expands the sections of one file.
+    """Expands the repeat blocks of one file.
 
     Parameters
     ----------
     part : Part
-        The file. Its constants are read when a range is; they may still grow.
+        The file. Its constants are read when a range is, so constants may still be added.
     report : callable
-        Takes a `Problem`.
+        Receives a `Problem`.
     counter : Counter
-        Of the whole model.
+        Counter of the whole model.
     """
 
     def __init__(self, part: Part, report: Callable[[Problem], None], counter: Counter) -> None:
@@ -60,7 +60,7 @@ class Repetition:
         self._variants: dict[tuple[int, bool, bool], tuple[Any, dict[str, Any]]] = {}
 
     def expand(self, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
-        """Entries of a section in order, those of repeat blocks one repetition after the other."""
+        """Entries of a section in order; those of repeat blocks one repetition after the other."""
         return self._expand(section, path, {}, False, False)
 
     def _expand(
@@ -93,7 +93,7 @@ class Repetition:
     def _variant(
         self, container: dict[str, Any], key: str, first: bool, last: bool, path: Path_
     ) -> tuple[Any, dict[str, Any]]:
-        """An entry with its ``first`` and ``last`` applied, and a container in which it has its places."""
+        """An entry with its ``first`` and ``last`` keys applied, and a container with its places."""
         value = container[key]
         first, last = first and "first" in value, last and "last" in value
         known = self._variants.get((id(value), first, last))
@@ -118,10 +118,10 @@ class Repetition:
     def _header(
         self, container: dict[str, Any], key: str, path: Path_, indices: dict[str, int | str]
     ) -> tuple[str, range | list[int | str]] | None:
-        """Index and values of a repeat block, or None after reporting what is wrong with it."""
+        """Index and values of a repeat block; None after an error."""
         match = _HEADER.fullmatch(key)
         if match is None:
-            self._problem(container, (key,), path, f"{shortened(key)} is no repetition; {_FORM}")
+            self._problem(container, (key,), path, f"{shortened(key)} is not a repetition; {_FORM}")
             return None
         index, text = match.groups()
         if index in RESERVED or index in indices or index in self.constants:
@@ -136,7 +136,7 @@ class Repetition:
             self._problem(container, (key,), path, message)
             raise CannotGoOn
         if not isinstance(container[key], dict):
-            message = "a repeat block without entries; put the entries to repeat under it"
+            message = "a repeat block is empty; put the entries to repeat under it"
             self._problem(container, (key,), path, message)
             return None
         try:
@@ -147,7 +147,7 @@ class Repetition:
 
     @staticmethod
     def _is_cut(container: dict[str, Any], key: str, text: str) -> bool:
-        """Whether the labels of a repeat block go on in the next key, as in ``{repeat s in left, right: {...}}``."""
+        """Whether YAML has cut the labels of a repeat block into the next key, as in ``{repeat s in left, right: {...}}``."""
         following = list(container)[list(container).index(key) + 1 :]
         return ".." not in text and bool(following) and _LABEL.fullmatch(following[0]) is not None
 
@@ -157,19 +157,19 @@ class Repetition:
             end, *more = re.split(r"\bstep\b", rest)
             ends = [self._whole(t, numbers) for t in (begin, end, *more)]
             if len(ends) > 3:
-                raise ExpressionError("step stands once")
+                raise ExpressionError("step may be given only once")
             step = ends[2] if len(ends) == 3 else 1
             if step < 1:
-                raise ExpressionError(f"step {step}; a step is at least 1")
+                raise ExpressionError(f"step is {step}; it must be at least 1")
             return range(ends[0], ends[1] + 1, step)
         labels = [t.strip() for t in text.split(",")]
         for label in labels:
             if not _LABEL.fullmatch(label):
-                raise ExpressionError(f"{label!r} is no label; a label has letters, digits and _")
+                raise ExpressionError(f"{label!r} is not a label; a label has letters, digits and _")
         if len(labels) == 1 and not labels[0].isdigit():
             raise ExpressionError("this is neither a range nor a list of labels")
         if len(set(labels)) < len(labels):
-            raise ExpressionError("a label stands twice")
+            raise ExpressionError("a label is given twice")
         return [int(t) if t.isdigit() and len(t) < 16 else t for t in labels]
 
     @staticmethod
@@ -177,22 +177,22 @@ class Repetition:
         value = bind(parse(text.strip()), numbers)
         if not value.is_number:
             raise ExpressionError(
-                f"{text.strip()} is unknown here; a range has numbers, constants and indices of outer blocks"
+                f"{text.strip()} is unknown; a range may have numbers, constants and indices of outer blocks"
             )
         if not isinstance(value.value, int):
-            raise ExpressionError(f"{text.strip()} is {value.value}; a whole number is needed")
+            raise ExpressionError(f"{text.strip()} is {value.value}; an integer is needed")
         return value.value
 
 
 def _length(values: range | list[int | str]) -> int:
-    """``len`` for ranges beyond the machine's integers too."""
+    """The number of values, also for ranges beyond the machine's integers."""
     if isinstance(values, list):
         return len(values)
     return max(0, (values.stop - values.start + values.step - 1) // values.step)
 
 
 def labels(root: Any) -> dict[str, str]:
-    """The labels of all repeat blocks of a document, under their `label_key`."""
+    """The labels of all repeat blocks of a document, by their `label_key`."""
     found: dict[str, str] = {}
     waiting = list(root.values()) if isinstance(root, dict) else []
     while waiting:
@@ -210,7 +210,7 @@ def labels(root: Any) -> dict[str, str]:
 
 
 def name_of(tree: Any, numbers: Numbers) -> str:
-    """The name that a name tree means, with its indices in place: ``link(k-1)`` is ``link_2`` at k = 3.
+    """The name that a tree denotes, with its indices replaced: ``link(k-1)`` is ``link_2`` at k = 3.
 
     Raises
     ------

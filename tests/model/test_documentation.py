@@ -20,7 +20,7 @@ def test_examples_load_without_warnings(text):
 def test_there_are_examples_and_the_four_legs_stand_apart():
     models = {m.name: m for m in (parse_model(text, folder=ROOT / "examples") for text in EXAMPLES)}
     assert set(models) == {
-        "arm", "chain", "four_bar", "cam", "walker", "quadruped", "hopper", "shaken", "winch", "geared_arm",
+        "arm", "chain", "four_bar", "cam", "walker", "quadruped", "hopper", "shaken", "winch", "geared_arm", "forearm",
     }  # fmt: skip
     assert models["chain"].nu == 100
     hips = [b for b in models["walker"].bodies if b.name.startswith("hip")]

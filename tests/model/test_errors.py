@@ -71,7 +71,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("yy: 1,", "yy: -1,", "m.yaml:16:14: bodies.hand.inertia: the inertia of 'hand' has the negative principal moment -1*"),
         ("axis: y}", "axis: [0, 0, L - 1]}", "m.yaml:9:35: bodies.arm.joint.axis: the axis is zero*"),
         ("axis: y}", "axis: w}", "m.yaml:9:35: bodies.arm.joint.axis: 'w' is not an axis*"),
-        ("  hand:", "  arm:", "m.yaml:12:3: bodies: key 'arm' is there already, on line 7*"),
+        ("  hand:", "  arm:", "m.yaml:12:3: bodies: key 'arm' is already used on line 7*"),
         ("inputs: [motor]", "inputs: [L]", "m.yaml:5:10: inputs[0]: name 'L' is already taken by a parameter*"),
         ("  hand:", "  3rd:", "m.yaml:12:3: bodies.3rd: '3rd' is not a valid name*"),
         ("  L: 1.0", "  sin: 1.0", "m.yaml:4:3: parameters.sin: 'sin' is reserved*"),
@@ -94,7 +94,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("outputs:", "ouputs:", "m.yaml:19:1: ouputs: unknown key 'ouputs'; * did you mean 'outputs'?"),
         ("gravity: [0, 0, -9.81]", "gravity: -9.81", "m.yaml:2:10: gravity: '-9.81'; three numbers are needed*"),
         ("    mass: 2*L", "    mass:", "m.yaml:10:10: bodies.arm.mass: nothing; a number or an expression is needed"),
-        ("mass: 2*L", "mass: !!python/name:os.system 2", "m.yaml:10:11: bodies.arm.mass: tag *; a model file has no tags*"),
+        ("mass: 2*L", "mass: !!python/name:os.system 2", "m.yaml:10:11: bodies.arm.mass: tag * is not allowed in a model file*"),
         ("inertia: {yy: 0.1}", "first: {mass: 1}", "m.yaml:11:5: bodies.arm.first: 'first' is only allowed directly inside*"),
     ],
 )  # fmt: skip

@@ -161,7 +161,7 @@ def test_names():
 @pytest.mark.parametrize(
     ("text", "column", "words"),
     [
-        ("", 1, "nothing here"),
+        ("", 1, "the expression is empty"),
         ("1 +", 4, "ends here"),
         ("1 2", 3, "operator"),
         ("2x", 2, "operator"),
@@ -169,7 +169,7 @@ def test_names():
         ("a^2", 2, "**"),
         ("link[k]", 5, "link(k)"),
         ("(1 + 2", 1, "not closed"),
-        ("1)", 2, "never opened"),
+        ("1)", 2, "without an opening one"),
         ("sine(x, y)", 1, "did you mean 'sin'"),
         ("sin", 1, "without its argument"),
         ("sin(1, 2)", 1, "it takes 1"),

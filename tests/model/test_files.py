@@ -235,12 +235,12 @@ def mistakes(folder: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("file", "old", "new", "expected"),
     [
-        ("walker", "parts/leg.yaml", "parts/log.yaml", "walker.yaml:11:12: submodels.leg(s).use: no file 'parts/log.yaml'; * did you mean 'leg.yaml'?"),
-        ("walker", "parts/leg.yaml", "legs/leg.yaml", "walker.yaml:11:12: submodels.leg(s).use: no file 'legs/leg.yaml'; its folder does not exist"),
+        ("walker", "parts/leg.yaml", "parts/log.yaml", "walker.yaml:11:12: submodels.leg(s).use: file 'parts/log.yaml' does not exist; * did you mean 'leg.yaml'?"),
+        ("walker", "parts/leg.yaml", "legs/leg.yaml", "walker.yaml:11:12: submodels.leg(s).use: file 'legs/leg.yaml' does not exist; its folder does not exist"),
         ("walker", "parts/leg.yaml", "../leg.yaml", "walker.yaml:11:12: submodels.leg(s).use: '../leg.yaml' leaves the model's folder"),
-        ("walker", "parts/leg.yaml", "/etc/passwd", "walker.yaml:11:12: submodels.leg(s).use: '/etc/passwd' is no path within"),
+        ("walker", "parts/leg.yaml", "/etc/passwd", "walker.yaml:11:12: submodels.leg(s).use: '/etc/passwd' is not a path within"),
         ("walker", "parts/leg.yaml", "[1]", "walker.yaml:11:12: submodels.leg(s).use: a list of 1; a file is needed"),
-        ("walker", "parts/leg.yaml", "parts", "walker.yaml:11:12: submodels.leg(s).use: no file 'parts'"),
+        ("walker", "parts/leg.yaml", "parts", "walker.yaml:11:12: submodels.leg(s).use: file 'parts' does not exist"),
         ("walker", "on: hull", "on: hul", "walker.yaml:12:11: submodels.leg(s).on: unknown body 'hul'; *hull, leg_left,* (s = left)"),
         ("walker", "length: 2*thigh/2", "lenght: thigh", "walker.yaml:15:29: submodels.leg(s).with.lenght: parts/leg.yaml has no constant, parameter or input 'lenght'; * did you mean 'length'?"),
         ("walker", "length: 2*thigh/2", "length: thig", "walker.yaml:15:37: submodels.leg(s).with.length: unknown name 'thig'; * did you mean 'thigh'?"),
@@ -253,11 +253,11 @@ def mistakes(folder: Path) -> list[str]:
         ("leg", "mass: 1\n", "mas: 1\n", "parts/leg.yaml:10:5: bodies.hip.mas: unknown key"),
         ("leg", "mass: 1\n", "mass: 1: 2\n", "parts/leg.yaml:10:12: this is not YAML"),
         ("leg", "points:", "point:", "parts/leg.yaml:19:1: point: unknown key 'point'; * 'points'?"),
-        ("leg", LEG, "- a\n", "parts/leg.yaml:1:1: a file of a model is a mapping"),
+        ("leg", LEG, "- a\n", "parts/leg.yaml:1:1: a file of a model must be a mapping"),
         ("leg", "model: leg\n", "include: [leg.yaml]\n", "parts/leg.yaml:1:11: include[0]: files that read each other in a circle, parts/leg.yaml -> parts/leg.yaml"),
         ("leg", "model: leg\n", "submodels: {x: {use: ../walker.yaml}}\n", "parts/leg.yaml:1:22: submodels.x.use: files that read each other in a circle"),
         ("walker", "model: walker\n", "model: walker\ninclude: parts/leg.yaml\n", "walker.yaml:2:10: include: 'parts/leg.yaml'; a list of files is needed"),
-        ("walker", "model: walker\n", "model: walker\ninclude: [parts/leg.yaml]\n", "walker.yaml:3:1: gravity: gravity stands in parts/leg.yaml already"),
+        ("walker", "model: walker\n", "model: walker\ninclude: [parts/leg.yaml]\n", "walker.yaml:3:1: gravity: gravity is already given in parts/leg.yaml"),
     ],
 )  # fmt: skip
 def test_mistakes_name_their_file(tmp_path: Path, file: str, old: str, new: str, expected: str) -> None:

@@ -259,7 +259,7 @@ SPRING, HINT = "strut: {type: spring, from: end, to: ground, stiffness: 1}", "in
         ("angle: 0.1*L}]", "angle: 0}], rpy: [0, 0, 0]", "m.yaml:20:9: loops.foot.to: rotate and rpy are both given*"),
         ("rotate: [{axis: y,", "rotate: [{axis: [0, 0, 0],", "m.yaml:20:59: loops.foot.to.rotate[0].axis: the axis is zero*"),
         # names
-        ("  foot:", "  crank:", "m.yaml:17:3: loops.crank: name 'crank' is already taken by a body; each name may be given once"),
+        ("  foot:", "  crank:", "m.yaml:17:3: loops.crank: name 'crank' is already taken by a body; choose another name"),
         ("  foot:", "  ground:", "m.yaml:17:3: loops.ground: 'ground' is reserved and cannot name a loop*"),
         ("loops:", "loop:", "m.yaml:16:1: loop: unknown key 'loop'; *did you mean 'loops'?"),
         ("joint: crank,", "joint: foot,", "m.yaml:23:31: forces.drive.joint: unknown joint 'foot'; *'foot' closes a loop, and such a joint has no coordinates"),

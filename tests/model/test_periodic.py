@@ -122,7 +122,7 @@ def test_tables_of_a_repeat_are_called_with_their_index_or_by_their_whole_name(c
 
 
 def test_a_table_of_a_repeat_without_its_index() -> None:
-    with pytest.raises(ModelError, match=r"there are wave_1, wave_2, called wave\(k\)\(x\) or wave_1\(x\)"):
+    with pytest.raises(ModelError, match=r"tables are wave_1, wave_2, called wave\(k\)\(x\) or wave_1\(x\)"):
         parse_model(REPEATED.format("wave(q.arm(k))"))
 
 

@@ -50,8 +50,8 @@ def test_it_is_the_mean_of_the_mass_centers(engine: type) -> None:
         ("{center_of_mass: [], axis: x}", "a list of 0; system or a list of bodies"),
         ("{center_of_mass: system}", "center_of_mass without axis; add axis"),
         ("{center_of_mass: [arm, amr], axis: x}", "center_of_mass[1]: unknown body 'amr'; *did you mean 'arm'?"),
-        ("{center_of_mass: [arm, arm], axis: x}", "center_of_mass[1]: a body that is in the list already"),
-        ("{center_of_mass: [ground], axis: x}", "the ground, which has no mass; every body of the list counts once"),
+        ("{center_of_mass: [arm, arm], axis: x}", "center_of_mass[1]: a body that is already in the list"),
+        ("{center_of_mass: [ground], axis: x}", "the ground, which has no mass; list each body once"),
     ],
 )
 def test_mistakes_are_told(entry: str, said: str) -> None:
@@ -64,11 +64,11 @@ def test_a_system_without_mass_has_none(entry: str) -> None:
     wheel = (
         "model: m\nbodies:\n  a: {parent: ground, joint: {type: revolute, axis: x}, inertia: {xx: 1, yy: 1, zz: 1}}\n"
     )
-    with pytest.raises(ModelError, match="nothing has mass at the default parameters, so there is no centre of mass"):
+    with pytest.raises(ModelError, match="no body has mass at the default parameters, so there is no centre of mass"):
         parse_model(wheel + f"outputs:\n  o: {{{entry}, axis: x}}\n")
 
 
 def test_bodies_without_mass_are_told() -> None:
     light = TREE.replace("points:", "  light: {parent: arm, joint: {type: fixed}}\npoints:")
-    with pytest.raises(ModelError, match="bodies without mass at the default parameters have no centre of mass"):
+    with pytest.raises(ModelError, match="these bodies have no mass at the default parameters, so no centre of mass"):
         parse_model(light + outputs_of("o: {center_of_mass: [light], axis: x}"))

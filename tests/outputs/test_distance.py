@@ -87,7 +87,7 @@ def test_a_package_without_distances_has_no_such_error_in_its_module(tmp_path: P
         ("{distance: [tip, rim, arm]}", "distance: a list of 3; a list of two points is needed"),
         ("{distance: [tip, rmi]}", "distance[1]: unknown point 'rmi'"),
         ("{distance: [tip, {body: arm, at: [0, 1]}]}", "distance[1].at: too few numbers; three numbers are needed"),
-        ("{distance: [tip, ring]}", "two points of one body, whose distance does not change; points of two bodies are"),
+        ("{distance: [tip, ring]}", "two points of one body have a constant distance; points of two bodies are"),
         (
             "{distance: [null, tip]}",
             "distance[0]: nothing; the name of a point or a mapping is needed with the keys body, at",

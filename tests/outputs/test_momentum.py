@@ -67,7 +67,7 @@ outputs:
         ("{momentum: linear}", "momentum without axis; add axis"),
         (
             "{momentum: linear, axis: x, about: ground}",
-            "about: about beside linear momentum, which is about no point; leave",
+            "about: linear momentum does not refer to a point, so about is not allowed; leave",
         ),
         ("{momentum: angular, axis: x, about: tip}", "about: 'tip'; ground or center_of_mass is allowed"),
     ],

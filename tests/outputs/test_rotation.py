@@ -91,10 +91,10 @@ def test_the_quaternion_of_a_ball_is_its_own_coordinates(ball: codegen.Solver, e
         ("{rotation: arm, entry: w}", "'w'; qw, qx, qy, qz, xx, xy, xz, yx, yy, yz, zx, zy or zz is allowed"),
         ("{rotation: amr, entry: qw}", "unknown body 'amr'; *did you mean 'arm'?"),
         ("{rotation: tip, entry: qw}", "unknown body 'tip'; ground or one of"),
-        ("{rotation: arm, entry: qw, relative_to: arm}", "relative_to: rotation of a body relative to itself"),
+        ("{rotation: arm, entry: qw, relative_to: arm}", "relative_to: the rotation of a body relative to itself"),
         (
             "{rotation: ground, entry: qw}",
-            "rotation: rotation of a body relative to itself, which is none; two different",
+            "rotation: the rotation of a body relative to itself is constant; two different",
         ),
         ("{rotation: arm, entry: qw, axis: z}", "an axis beside rotation; axis belongs to"),
     ],

@@ -132,7 +132,9 @@ def test_a_motion_has_derivatives_by_what_the_crank_does(tmp_path: Path) -> None
 
 
 def test_more_than_a_loop_leaves_free_cannot_be_prescribed() -> None:
-    with pytest.raises(PartitionError, match="loop foot: crank, rocker cannot be prescribed together, since closure"):
+    with pytest.raises(
+        PartitionError, match="loop foot: crank, rocker cannot be prescribed together, because the loops"
+    ):
         partition(prescribed(bars(motion=""), {"crank": expression("0.3"), "rocker": expression("1.8 + t")}))
 
 
