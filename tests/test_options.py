@@ -232,9 +232,9 @@ TOGETHER = {
     "view swing.yaml --html page.html --port 8000": "nothing is served",
     "view swing.yaml --force": "--force is for files",
     "bench --list --quick -o x.json": "leave out --quick, --output",
-    "bench pendulum --plots pictures": "only families at several sizes (not with --quick) and robots",
-    "bench --results x.json --peers": "--peers are of a new one",
-    "bench pendulum --force": "--force is for what",
+    "bench pendulum --plots pictures": "select a family (without --quick) or robots",
+    "bench --results x.json --peers": "--peers, which start a new one",
+    "bench pendulum --force": "--force applies to",
 }
 
 

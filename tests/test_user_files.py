@@ -147,7 +147,7 @@ def test_a_report_knows_its_files_by_their_contents(here):
     for _ in range(2):
         written_report(folder)
     (folder / "report.md").write_text("with a remark of mine")
-    with pytest.raises(FolderError, match=r"report\.md \(changed since\), which no report wrote; .*--force"):
+    with pytest.raises(FolderError, match=r"no report wrote: report\.md \(changed since\)\. .*--force"):
         pages.refuse_foreign(folder)
     written_report(folder, force=True)
     (folder / "figures" / "mine.svg").write_text("mine")
@@ -208,10 +208,10 @@ def test_a_comparison_with_another_model_is_refused_before_the_work(here, capsys
     text |= {"machine": dict.fromkeys(("processor", "instructions", "compiler", "flags"), "x")}
     Path("old/report.json").write_text(json.dumps(text))
     assert run("report", "swing.yaml", "--compare", "old") == 2
-    assert "they are of different models, other and swing" in capsys.readouterr().err
+    assert "the reports are of different models, other and swing" in capsys.readouterr().err
     Path("old/report.json").write_text(json.dumps(text | {"model": "swing"}))
     assert run("report", "swing.yaml", "--compare", "old") == 2
-    assert "they are of different machines: processor: x, " in capsys.readouterr().err
+    assert "the reports are from different machines: processor: x, " in capsys.readouterr().err
     assert not Path("report").exists()
 
 
@@ -233,7 +233,7 @@ def test_results_are_looked_through_before_they_are_used(here, capsys):
     good["problems"] = {"x": {"kind": "family", "sizes": [row]}}
     Path("old.json").write_text(json.dumps(good))
     assert run("bench", "--results", "old.json") == 2
-    assert "does not hold results of the benchmark" in capsys.readouterr().err
+    assert "does not contain benchmark results" in capsys.readouterr().err
     assert read_results(results(here))["quick"]
 
 

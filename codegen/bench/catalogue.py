@@ -21,15 +21,15 @@ MODULES = (pendulum, four_bars, motions, families, planar_chains)
 PROBLEMS: dict[str, Problem] = {p.name: p for p in (*(p for module in MODULES for p in module.PROBLEMS), ROBOTS)}
 
 KINDS = ("motions", "families")
-"""Words that stand for all problems of a kind."""
+"""Words that select all problems of a kind."""
 
 
 class UnknownProblemError(Failure, ValueError):
-    """A name that no problem has."""
+    """A name that is not the name of a problem."""
 
 
 def chosen(names: Sequence[str]) -> list[Problem]:
-    """The problems with these names, in the order of the catalogue; all if there are none.
+    """The problems with these names, in the order of the catalogue; without names, all problems.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``ordernm bench``: what it takes and what it does."""
+"""``ordernm bench``: its options and its work."""
 
 from __future__ import annotations
 
@@ -18,27 +18,30 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What ``ordernm bench`` takes."""
+    """Add the options of ``ordernm bench``."""
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="problems, if not all; motions or families for all of a kind"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="problems to measure (default: all); motions or families selects a kind",
     )
     parser.add_argument("--list", action="store_true", help="print the names of the problems")
-    parser.add_argument("--quick", action="store_true", help="a cheap part of each problem")
+    parser.add_argument("--quick", action="store_true", help="measure only a cheap part of each problem")
     parser.add_argument(
-        "--peers", action="store_true", help="other programs on the same models, where they are installed"
+        "--peers", action="store_true", help="also measure other programs, if installed, on the same models"
     )
-    parser.add_argument("-o", "--output", metavar="FILE", help="write what was found as JSON, after every problem")
-    parser.add_argument("--compare", metavar="OLD", help="print it beside an earlier run (JSON)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write the results as JSON after every problem")
+    parser.add_argument("--compare", metavar="OLD", help="compare with an earlier run (JSON)")
     parser.add_argument(
         "--results",
         metavar="FILE",
         action="append",
-        help="take an earlier run (JSON) in place of a new one; several make one",
+        help="print an earlier run (JSON) without measuring; several are combined",
     )
     parser.add_argument(
-        "--plots", metavar="FOLDER", help="draw what grows how, a roofline, and robots beside Pinocchio (SVG)"
+        "--plots", metavar="FOLDER", help="draw time by size, a roofline, and robots beside Pinocchio (SVG)"
     )
-    parser.add_argument("--page", metavar="FILE", help="write it as a page of the manual (Markdown)")
+    parser.add_argument("--page", metavar="FILE", help="write the results as a page of the manual (Markdown)")
     add_force(parser)
 
 
@@ -48,12 +51,12 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     Returns
     -------
     lines, failures : list of str
-        What to print, and what is not as it should be.
+        Lines to print, and failed checks.
 
     Raises
     ------
     UnknownProblemError, ResultsError, FolderError
-        Before the work.
+        Before anything is measured.
     CompileError, NoCompilerError, OSError
     """
     from ..runtime.standalone.files.whole_file import write_whole
@@ -68,8 +71,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
         return list_lines(problems), []
     if options.plots is not None and options.results is None and not any(_is_drawn(p, options.quick) for p in problems):
         raise ResultsError(
-            "--plots: only families at several sizes (not with --quick) and robots have pictures, and none of them is measured; "
-            "name one, or leave it out"
+            "--plots: no selected problem has a picture; select a family (without --quick) or robots, or leave out --plots"
         )
     old = None if options.compare is None else read_results(Path(options.compare))
     _refuse_places(options)
@@ -82,14 +84,14 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
             raise
         several = ", ".join(options.results)
         raise ResultsError(f"{several}: damaged, or of another version: {type(error).__name__}: {error}") from None
-    _refuse_places(options)  # once more: measuring takes long
+    _refuse_places(options)  # again: files may have changed during the measurement
     if options.output is not None:
         write_results(results, Path(options.output))
     if options.plots is not None:
         from .plots import write_plots
 
         if not pictures:
-            raise ResultsError("--plots: nothing of what was measured has a picture; families and robots have")
+            raise ResultsError("--plots: the results contain no picture; only families and robots have one")
         write_plots(pictures, Path(options.plots))
     if options.page is not None:
         write_whole(Path(options.page), lambda file: file.write(page.encode()))
@@ -99,7 +101,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
 
 
 def _measured(problems: list[Problem], options: argparse.Namespace, status: StatusLine) -> dict[str, Any]:
-    """A new run; what there is of it is written after every problem."""
+    """A new run; the results so far are written after every problem."""
     from .results import write_results
 
     def keep(results: dict[str, Any]) -> None:
@@ -110,18 +112,20 @@ def _measured(problems: list[Problem], options: argparse.Namespace, status: Stat
 
 
 def _earlier(options: argparse.Namespace) -> dict[str, Any]:
-    """Earlier runs, as one."""
+    """Earlier runs, combined into one."""
     from .results import ResultsError, joined, read_results
 
     if options.names or options.quick or options.peers:
-        raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
+        raise ResultsError(
+            "--results takes an earlier run; leave out names, --quick and --peers, which start a new one"
+        )
     return joined([(Path(file), read_results(Path(file))) for file in options.results])
 
 
 def _shown(
     results: dict[str, Any], options: argparse.Namespace, columns: int | None
 ) -> tuple[list[str], str, dict[str, str]]:
-    """Results as lines, as the page and as pictures, as far as these are wanted."""
+    """Results as lines, and as page and pictures if requested."""
     from .lines import result_lines
     from .page import page_of
     from .plots import plots
@@ -131,7 +135,7 @@ def _shown(
 
 
 def _is_drawn(problem: Problem, quick: bool) -> bool:
-    """Whether what is measured of a problem has a picture."""
+    """Whether a picture can be drawn from the results of a problem."""
     from .problem import Family, Robots
 
     if isinstance(problem, Family):
@@ -140,22 +144,24 @@ def _is_drawn(problem: Problem, quick: bool) -> bool:
 
 
 def _refuse_beside_list(options: argparse.Namespace) -> None:
-    """Raise ResultsError for options that a list of names leaves without a meaning."""
+    """Raise ResultsError for options that have no meaning beside ``--list``."""
     from .results import ResultsError
 
     names = ("quick", "peers", "output", "compare", "results", "plots", "page", "force")
     if given := [f"--{name}" for name in names if getattr(options, name)]:
-        raise ResultsError(f"--list measures nothing: leave out {', '.join(given)}")
+        raise ResultsError(f"--list only prints names: leave out {', '.join(given)}")
 
 
 def _refuse_places(options: argparse.Namespace) -> None:
-    """Raise ResultsError or FolderError for a place where something cannot be written, or that holds something else."""
+    """Raise ResultsError or FolderError if an output file cannot be written, or is a file that ordernm did not write."""
     from .results import ResultsError
 
     named = {"-o": options.output, "--page": options.page}
     places = {option: Path(place) for option, place in named.items() if place is not None}
     if options.force and not places and options.plots is None:
-        raise ResultsError("--force is for what -o, --page and --plots write, and none of them is given")
+        raise ResultsError(
+            "--force applies to the files of -o, --page and --plots; give one of them, or leave out --force"
+        )
     for option, place in places.items():
         try:
             refuse_foreign_file(place, options.force)
@@ -175,7 +181,7 @@ def _refuse_places(options: argparse.Namespace) -> None:
 def run(
     problems: list[Any], quick: bool, peers: bool, status: StatusLine, keep: Callable[[dict[str, Any]], None]
 ) -> dict[str, Any]:
-    """Measure problems, and other programs on them; `keep` is given what there is after every problem."""
+    """Measure problems and other programs on them; after every problem, `keep` is called with the results so far."""
     from ..measure.clock import one_core
     from ..measure.core import peaks
     from ..measure.machine import machine

@@ -1,4 +1,4 @@
-"""Dual numbers over any scalars: a value and its derivatives along directions, through code that is written for numbers."""
+"""Dual numbers over any scalars: a value and its derivatives along directions. They run through code written for numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import mpmath
 
 
 class Dual:
-    """value + slope*epsilon, epsilon^2 = 0; the slope is a number, or an array of one for each direction."""
+    """value + slope*epsilon with epsilon^2 = 0; the slope is a number, or an array with an entry for each direction."""
 
     __slots__ = ("slope", "value")
 
@@ -49,12 +49,12 @@ class Dual:
 
 
 def sine(x: Any) -> Dual:
-    """Of mpmath numbers."""
+    """Sine, for mpmath numbers."""
     y = Dual.of(x)
     return Dual(mpmath.sin(y.value), y.slope * mpmath.cos(y.value))
 
 
 def cosine(x: Any) -> Dual:
-    """Of mpmath numbers."""
+    """Cosine, for mpmath numbers."""
     y = Dual.of(x)
     return Dual(mpmath.cos(y.value), -(y.slope * mpmath.sin(y.value)))

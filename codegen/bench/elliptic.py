@@ -1,7 +1,7 @@
 """Exact motions of a plane pendulum, phi'' = -c sin(phi), by Jacobi's elliptic functions in 40 digits.
 
-Swinging between -90 and 90 degrees: sin(phi/2) = k sn(K - sqrt(c) t, k), k = sin(45 degrees). Going round:
-sin(phi/2) = sn(w t/2, k), k = 2 sqrt(c)/w, where w is its speed at the lowest point (Whittaker, Analytical Dynamics, art. 44).
+Oscillation between -90 and 90 degrees: sin(phi/2) = k sn(K - sqrt(c) t, k), k = sin(45 degrees). Rotation: sin(phi/2) = sn(w t/2,
+k), k = 2 sqrt(c)/w, where w is the angular velocity at the lowest point (Whittaker, Analytical Dynamics, art. 44).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ DIGITS = 40
 
 @dataclass(frozen=True)
 class Angle:
-    """An angle by its sine and cosine, mpmath numbers."""
+    """Angle from its sine and cosine, mpmath numbers."""
 
     sin: Any
     cos: Any
@@ -28,7 +28,7 @@ def swing(c: str, t: float) -> tuple[Angle, Any]:
     Parameters
     ----------
     c : str
-        g/length, 1/s^2, as it is written.
+        g/length, 1/s^2, as a decimal number.
     t : float
     """
     with mpmath.workdps(DIGITS):
@@ -41,7 +41,7 @@ def swing(c: str, t: float) -> tuple[Angle, Any]:
 
 
 def rotation(c: Any, speed: Any, t: Any) -> tuple[Angle, Any]:
-    """The same of one that goes round, above the highest point; there, with this speed (1/s), at time 0.
+    """The same for a pendulum that rotates: at time 0 it is at the highest point, with angular velocity `speed` in 1/s.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ def machine_line(machine: dict[str, str]) -> str:
 
 
 def result_lines(results: dict[str, Any], width: int | None) -> list[str]:
-    """All that was found: the machine, the problems, and other programs."""
+    """All results as lines: the machine, the problems, and other programs."""
     lines = [machine_line(results["machine"])]
     for name, result in results["problems"].items():
         lines += ["", *problem_lines(name, result, width)]
@@ -53,7 +53,7 @@ def motion_lines(result: dict[str, Any], width: int | None) -> list[str]:
 
 
 Rows = tuple[Sequence[str], list[list[str]]]
-"""The head of a table, and its rows; the page has the same."""
+"""Header and rows of a table; the page uses the same."""
 
 
 def point_table(result: dict[str, Any]) -> Rows:
@@ -67,16 +67,16 @@ def point_table(result: dict[str, Any]) -> Rows:
 
 
 def error_of(p: dict[str, Any]) -> str:
-    """The error of a point; of a motion that ended before its end, that it did."""
-    # what a motion says of its end is long; the place is before the first colon
+    """The error of a point; for a motion that ended early, the reason."""
+    # the reason of an early end is long; its part before the first colon names the place
     return error(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended'].partition(':')[0]}"
 
 
 def goal_line(goal: dict[str, Any]) -> str:
-    """An aim, and what reached it."""
+    """A goal, and the setting that reached it."""
     p = goal["reached"]
     if p is None:
-        return f"error {goal['goal']}: missed at every tolerance"
+        return f"error {goal['goal']}: missed at all tolerances"
     how = f"{error(p['error'])}, {p['evaluations']} evaluations, {seconds(p['seconds'])} with {setting_of(p)}"
     return f"error {goal['goal']}: {'reached' if goal['met'] else 'missed'}, {how}"
 
@@ -91,7 +91,7 @@ def family_lines(result: dict[str, Any], width: int | None) -> list[str]:
 
 
 def family_table(result: dict[str, Any]) -> Rows:
-    """Models of a family by size: error, operations and times, both for each coordinate."""
+    """Models of a family by size: error, operations and times, the last two also per coordinate."""
     functions = list(result["sizes"][0]["seconds"])
     head = [result["unit"], "coordinates", "error", "udot, operations each", "one more direction",
             *(x for f in functions for x in (f, "ns each"))]  # fmt: skip
@@ -113,7 +113,7 @@ def growth(result: dict[str, Any]) -> str:
 
 
 def robot_table(rows: Sequence[dict[str, Any]]) -> Rows:
-    """Robots: ours, theirs and their ratio by function."""
+    """Robots: times of ordernm and of Pinocchio, and their ratio, by function."""
     head = ["", "speeds", "difference", *(x for what in rows[0]["seconds"] for x in (what, "Pinocchio", "ratio"))]
     cells = []
     for r in rows:
@@ -138,33 +138,33 @@ LINES: dict[str, Callable[[dict[str, Any], int | None], list[str]]] = {
 
 
 def peer_lines(peers: dict[str, Any], width: int | None) -> list[str]:
-    """Other programs on the same problems, the same run."""
+    """Results of other programs on the same problems in the same run."""
     lines = [f"{who}: not compared, {why}" for who, why in peers["skipped"].items()]
     for name, rows in peers["problems"].items():
-        lines.append(f"{name}, others beside it, taking turns")
+        lines.append(f"{name}: ordernm and other programs, taking turns")
         lines += table(*peer_table(rows), width)
     return lines
 
 
 def peer_table(rows: Sequence[dict[str, Any]]) -> Rows:
-    """Everybody on one problem."""
+    """Results of all programs on one problem."""
     return ("", "setting", "error", "of derivatives", "time"), [
         [r["who"], r["setting"], error(r["error"]), error(r["error_derivatives"]), seconds(r["seconds"])] for r in rows
     ]
 
 
 def compare_lines(new: dict[str, Any], old: dict[str, Any], width: int | None) -> list[str]:
-    """Two runs beside each other."""
+    """Two runs compared."""
     differing = other_machine(new, old)
     rows = compare(new, old)
     lines = [f"warning: another machine: {x}" for x in differing]
     if not rows:
-        return [*lines, "the two runs have no figure in common"]
+        return [*lines, "the two runs have no results in common"]
     return [*lines, *table(COMPARED, rows, width)]
 
 
 def failures(problems: dict[str, Any]) -> list[str]:
-    """What is not as it should be, by problem."""
+    """Failed checks by problem."""
     return [f"{name}: {', '.join(map(str, r['failed']))}" for name, r in problems.items() if r["failed"]]
 
 

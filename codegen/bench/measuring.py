@@ -1,4 +1,4 @@
-"""One problem measured: its solver generated, its error against the reference, its work and its time."""
+"""Measures one problem: generates its solver, compares with the reference, counts operations and takes times."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, S
 from .work_precision import Point, cheapest, diagram, error_at_end, fastest, integrate
 
 BATCH = 1e-3
-"""Seconds of a turn in C, about."""
+"""Approximate seconds of a turn in C."""
 
 Progress = Callable[[str], None]
 Result = dict[str, Any]
 
 WIDTH = 8
-"""Directions of the function over directions that is timed."""
+"""Number of directions for the timed function over directions."""
 
 
 def measure(problem: Problem, folder: Path, quick: bool, progress: Progress, budget: float = 0.3) -> Result:
-    """What a problem gives, as it is written to JSON.
+    """Measure a problem; returns the entry for the JSON file.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ def measure(problem: Problem, folder: Path, quick: bool, progress: Progress, bud
     folder : Path
         For generated packages.
     quick : bool
-        Its cheap part only.
+        Measure only the cheap part.
     progress : callable
-        Told what is being done.
+        Called with a description of the current step.
     budget : float
-        Seconds of timing for each figure, about.
+        Approximate seconds of timing for each figure.
     """
     if isinstance(problem, Motion):
         return _motion(problem, folder, quick, progress, budget)
@@ -99,7 +99,7 @@ def point_record(p: Point) -> Result:
 
 
 def _goal(goal: Goal, points: Sequence[Point]) -> Result:
-    """Whether a goal is met, and by which setting: the one with fewest evaluations, or, where time counts, the fastest."""
+    """Whether a goal is met, with the setting: the one with fewest evaluations, or the fastest if the goal limits time."""
     best = fastest(points, goal.error) if goal.seconds is not None else cheapest(points, goal.error)
     slow = best is not None and goal.seconds is not None and best.seconds >= goal.seconds
     costly = best is not None and goal.evaluations is not None and best.evaluations >= goal.evaluations
@@ -113,7 +113,7 @@ TIGHT, LOOSE = Setting("dop853", 1e-12, 1e-12), Setting("dop853", 1e-9, 1e-9)
 
 
 def _derivatives(problem: Motion, solver: Solver, start: dict[str, float], quick: bool) -> Result:
-    """Derivatives of the end against the exact ones: the largest error over the largest derivative by each parameter."""
+    """Derivatives of the final state compared with exact ones: largest error over largest derivative, for each parameter."""
     assert problem.derivatives is not None
     setting = LOOSE if quick else TIGHT
     x, seconds = timed(lambda: integrate(solver, problem.end, setting, start, problem.sensitivities))
@@ -154,7 +154,7 @@ def _evaluation(x: Evaluation, name: str, folder: Path, progress: Progress, budg
         "operations_direction": total(solver.operations["sensitivities"], "per_direction"), "error": None, "errors": None,
     }  # fmt: skip
     if x.reference is not None:
-        progress(f"{name}: computing its reference in many digits")
+        progress(f"{name}: computing the reference in extended precision")
         start = time.perf_counter()
         exact = x.reference()
         errors = accuracy.by_direction([udot, *dudot[: len(exact.dudot)]], [exact.udot, *exact.dudot])
@@ -171,7 +171,7 @@ def _evaluation(x: Evaluation, name: str, folder: Path, progress: Progress, budg
 
 
 def _times(solver: Solver, package: Path, q: Array, u: Array, x: Evaluation, budget: float) -> dict[str, float]:
-    """Seconds of an evaluation in C: of udot, and of udot with eight directions (those of the problem in turn)."""
+    """Seconds of an evaluation in C: of udot, and of udot with eight directions (the problem's directions, repeated)."""
     functions, workshop = Functions.of_package(package), Workshop.of_packages(package.parent)
     given = {"q": q, "u": u, "p": np.array(solver.parameters, float)}
     seeds = {n: np.resize(d, (WIDTH, d.shape[1])) for n, d in (("dq", x.dq), ("du", x.du), ("dp", x.dp))}

@@ -1,4 +1,4 @@
-"""The page "How accurate, how fast" of the manual, from results of the benchmark."""
+"""The page "How accurate, how fast" of the manual, from benchmark results."""
 
 from __future__ import annotations
 
@@ -14,53 +14,55 @@ TITLE = "How accurate, how fast"
 
 
 def _prose(text: str) -> str:
-    """A paragraph in one line."""
+    """Join the lines of a paragraph."""
     return " ".join(text.split())
 
 
 ORIGIN = _prose("""
-Written by `ordernm bench --page`; do not edit. `ordernm bench` measures all of it anew, `ordernm bench --compare OLD.json` puts
-two runs beside each other.
+`ordernm bench --page` writes this page; do not edit it. `ordernm bench` repeats all measurements, and `ordernm bench --compare
+OLD.json` compares two runs.
 """)
 MACHINE = _prose("""
 **Machine.** One core of: {processor}, {instructions}; {compiler}, `{flags}`; {system}, Python {python}, NumPy {numpy}, ordernm
-{ordernm}. Others may have used the machine meanwhile: times are the least of several turns.
+{ordernm}. Other processes may have used the machine, so each time is the least of several turns.
 """)
-QUICK = "These are figures of `--quick`, a cheap part of each problem."
+QUICK = "These are results of `--quick`, which measures only a cheap part of each problem."
 MOTIONS = _prose("""
-Errors are absolute, the largest of the quantities named, at the end. Evaluations are those of the accelerations; times are the
-integrator's in C, with the closing of loops. Tolerances are rtol = atol where atol is not named.
+Each error is the largest absolute error of the listed quantities at the final time. Evaluations are those of the accelerations.
+Times are those of the integrator in C, including the closure of loops. A single tolerance means rtol = atol.
 """)
 EXACT = _prose("""
-Derivatives of the motion's end against the exact ones, the largest relative error of those by each parameter; the evaluations are
-with all derivatives:
+Derivatives of the final state with respect to each parameter, compared with exact ones. The error is the largest relative
+error. Evaluations include all derivatives:
 """)
 DIGITS = _prose("""
-Relative error of the accelerations and of each derivative: the largest difference over the largest entry, against {source}. Total
-length and mass are 1; speeds are 0.2 cos k. The mass matrix of the coiled chain has the condition 4e4, 4e8 and 3.9e12 with 10,
-100 and 1000 rods. The accelerations do not follow it: no mass matrix is factored. Nor do the derivatives, those that are
-small beside the accelerations among them, as that by the middle joint of a coil. "Any one joint", "any one speed": the worst of
-the derivatives by each joint's angle, by each joint's speed; with 1000 rods by twenty of them, from the first to the last.
+Relative error of the accelerations and of each derivative: the largest difference divided by the largest entry. Reference:
+{source}. Total length and mass are 1; the speeds are 0.2 cos k. The mass matrix of the coiled chain has the condition number
+4e4, 4e8 and 3.9e12 with 10, 100 and 1000 rods. The errors of the accelerations do not grow with it, because no mass matrix is
+factored. The same holds for the derivatives, even for those that are much smaller than the accelerations. "Any one joint" and
+"any one speed" give the worst derivative with respect to the angle or the speed of a single joint; with 1000 rods, twenty
+joints are tried.
 """)
 FAMILIES = _prose("""
-Operations are additions and multiplications, for each coordinate; times are those of one evaluation called from C, one core.
-Errors are relative, the worst of the accelerations and all directions that were compared.
+Operations are additions and multiplications per coordinate. Times are those of one evaluation, called from C, on one core. Each
+error is the largest relative error of the accelerations and of all compared directions.
 """)
 ROBOTS = _prose("""
-Times of one call from Python, one core, ours and Pinocchio's as it is installed, in turns: accelerations, their derivatives by
-coordinates, speeds and a force along every freedom, mass matrix and its inverse; of a batch of 1024 states, the time a state (for
-Pinocchio calls one after the other). Difference: the largest of all of these, over the largest entry. Reference: {source}. In C,
-with Pinocchio compiled for the machine, they are in [benchmarks.md](benchmarks.md).
+Times of one call from Python on one core, where ordernm and Pinocchio as installed by pip take turns. The functions are:
+accelerations; their derivatives with respect to coordinates, speeds and generalised forces; the mass matrix; its inverse. For a
+batch of 1024 states, the time is per state; Pinocchio is called once per state. The difference is the largest one of all
+results, divided by the largest entry. Reference: {source}. [benchmarks.md](benchmarks.md) has times in C, with Pinocchio
+compiled for the machine.
 """)
 PEERS = _prose("""
-The same models and the same end, in the same run, taking turns, each at the best build and method that was found for it. Times
-are CPU time from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside
-it only CasADi's has derivatives.
+All programs compute the same models up to the same time and take turns in one run. Each uses the best build and method found
+for it. Times are CPU times of calls from Python. If a row of ordernm has derivatives, they are under error control and its time
+includes them; of the other programs, only CasADi computes derivatives.
 """)
 
 
 def page_of(results: dict[str, Any]) -> str:
-    """The page, Markdown."""
+    """The page in Markdown."""
     machine, problems = results["machine"], results["problems"]
     parts = [
         f"# {TITLE}",
@@ -94,8 +96,8 @@ def _motions(motions: dict[str, Any]) -> list[str]:
     parts = [MOTIONS]
     aims = [[f"`{n}`", *_aim(g)] for n, r in motions.items() for g in r.get("goals", ())]
     if aims:
-        parts += ["What was asked, and the cheapest setting that gives it:",
-                  markdown(("problem", "error asked for", "", "error", "evaluations", "ms", "setting"), aims)]  # fmt: skip
+        parts += ["Goals, and the cheapest setting that reaches each of them:",
+                  markdown(("problem", "goal: error", "", "error", "evaluations", "ms", "setting"), aims)]  # fmt: skip
     exact = [
         [f"`{n}`", ", ".join(r["derivatives"]["by"]), r["derivatives"]["setting"], f"{r['derivatives']['error']:.1e}",
          str(r["derivatives"]["evaluations"]), f"{1e3 * r['derivatives']['seconds']:.2f}"]
@@ -106,7 +108,7 @@ def _motions(motions: dict[str, Any]) -> list[str]:
     for name, r in motions.items():
         parts += [
             f"### {r['title']}",
-            f"`{name}`: {', '.join(r['quantities'])} at {r['end']:g} s. Reference: {r['source']}. An evaluation has "
+            f"`{name}`: {', '.join(r['quantities'])} at {r['end']:g} s. Reference: {r['source']}. An evaluation takes "
             f"{plain(r['operations'])} additions and multiplications.",
             markdown(*point_table(r)),
         ]
@@ -122,12 +124,12 @@ def _aim(goal: dict[str, Any]) -> list[str]:
 
 
 def _named(row: dict[str, Any]) -> bool:
-    """Whether its directions are single ones with names."""
+    """Whether the directions are named single ones."""
     return row["errors"] is not None and "direction 1" not in row["errors"]
 
 
 def _worst_of_each_kind(errors: dict[str, float]) -> dict[str, float]:
-    """Errors by direction, those of single joints put together."""
+    """Errors by direction; for directions of single joints, the largest of each kind."""
     kinds = {SPEED: "any one speed", JOINT: "any one joint"}
     found = {n: x for n, x in errors.items() if not n.startswith(tuple(kinds))}
     for start, words in reversed(kinds.items()):
@@ -154,7 +156,7 @@ def _digits(families: dict[str, Any]) -> list[str]:
 def _families(families: dict[str, Any]) -> list[str]:
     parts = [FAMILIES]
     for name, r in families.items():
-        grows = f" Time grows with the size to the power: {slopes}." if (slopes := growth(r)) else ""
+        grows = f" Exponent of time against size: {slopes}." if (slopes := growth(r)) else ""
         parts += [
             f"### {r['title'][0].upper()}{r['title'][1:]}",
             f"`{name}`. Reference: {r['source']}.{grows}",

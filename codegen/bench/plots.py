@@ -1,5 +1,4 @@
-"""Pictures of what the benchmark found, SVG, to be read in black and white: what grows how, a roofline, and robots beside
-Pinocchio."""
+"""Pictures of benchmark results as SVG, readable in black and white: growth of time, a roofline, and robots beside Pinocchio."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ PICTURES = ("time_by_size", "roofline", "robots")
 
 
 def refuse_foreign(folder: Path, force: bool) -> None:
-    """Raise `FolderError` where a picture cannot be written, or would replace a file that ordernm did not write."""
+    """Raise `FolderError` if a picture cannot be written, or would replace a file that ordernm did not write."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise FolderError(f"{folder} is a file; give a folder for the pictures")
     for name in PICTURES if folder.is_dir() else ():
@@ -24,7 +23,7 @@ def refuse_foreign(folder: Path, force: bool) -> None:
 
 
 def write_plots(pictures: dict[str, str], folder: Path) -> None:
-    """Write what `plots` gives into a folder, which is made."""
+    """Write the pictures of `plots` into a folder, which is created if needed."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, svg in pictures.items():
         (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
@@ -61,7 +60,7 @@ def time_by_size(families: dict[str, Any]) -> str:
 
 
 def roofline(families: dict[str, Any], peaks: dict[str, float]) -> str:
-    """Operations per second of an evaluation in C under what the core can do: udot hollow, with directions filled."""
+    """Operations per second of an evaluation in C, below the limits of the core: udot hollow, with directions filled."""
     with under_the_roof(peaks) as (ax, text):
         for (name, r), style in zip(families.items(), STYLES, strict=False):
             points = [row["roofline"] for row in r["sizes"] if "roofline" in row]
@@ -73,7 +72,7 @@ def roofline(families: dict[str, Any], peaks: dict[str, float]) -> str:
 
 
 def robots(rows: list[dict[str, Any]]) -> str:
-    """Of each robot: its times over those of Pinocchio, by function."""
+    """For each robot: time divided by that of Pinocchio, by function."""
     functions = list(rows[0]["seconds"])
     label = "time over Pinocchio's, both from Python (dashed: equal); beside names the number of speeds"
     names = [f"{row['model']}, {row['speeds']}" for row in rows]

@@ -1,4 +1,4 @@
-"""What a problem of the benchmark is: a motion with a known end, or a family of models of growing size."""
+"""Problems of the benchmark: a motion whose final state is known, or a family of models of growing size."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 JOINT, SPEED = "joint ", "speed of joint "
-"""What names of directions begin with that are one of many alike: a page has the worst of them."""
+"""Prefixes of the names of directions that belong to single joints; the page shows only the worst of each kind."""
 
 
 @dataclass(frozen=True)
@@ -41,16 +41,16 @@ def setting_of(point: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Goal:
-    """What a motion is to reach: an error at its end, and with how much.
+    """A goal for a motion: an error at its end, and a limit of the cost.
 
     Attributes
     ----------
     error : float
-        The largest of the quantities at the end, absolute.
+        Largest absolute error of the quantities at the end.
     evaluations : int or None
-        Fewer than these.
+        Limit of the number of evaluations.
     seconds : float or None
-        In less than these, in C on one core.
+        Limit of the time in C on one core.
     """
 
     error: float
@@ -73,34 +73,34 @@ def tolerances(method: str, least: int, most: int) -> tuple[Setting, ...]:
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion whose end is known.
+    """A motion whose final state is known.
 
     Attributes
     ----------
     name, title : str
     text : callable
-        Gives the model file.
+        Returns the text of the model file.
     end : float
-        s; it begins at 0.
+        Final time, s; it begins at 0.
     quantities : tuple of str
         Names in a `Trajectory`: outputs, ``q.NAME``, ``u.NAME``.
     exact : callable
-        Their values at the end: (len(quantities),) numbers.
+        Returns their values at the end: (len(quantities),) numbers.
     source : str
-        Where these come from.
+        Origin of the reference.
     settings : tuple of Setting
-        Of the work-precision diagram, from loose to tight.
+        Settings of the work-precision diagram, from loose to tight.
     quick : tuple of Setting
-        A few that cost little, each with its `within`.
+        A few cheap settings.
     within : float
-        The error that all of `quick` keep.
+        Largest error allowed for the settings of `quick`.
     goals : tuple of Goal
     start : mapping of str to float
-        Initial coordinates that are not the model's, by name.
+        Initial coordinates that differ from the model's, by name.
     derivatives : callable or None
-        Exact derivatives at the end, (len(sensitivities), len(quantities)).
+        Returns the exact derivatives at the end, (len(sensitivities), len(quantities)).
     sensitivities : tuple of str
-        By which parameters.
+        Parameters of these derivatives.
     """
 
     name: str
@@ -121,13 +121,13 @@ class Motion:
 
 @dataclass(frozen=True)
 class Reference:
-    """Accelerations, and their derivatives along given directions, from elsewhere.
+    """Reference accelerations, and their derivatives along given directions.
 
     Attributes
     ----------
     udot : (nu,) numbers
     dudot : (k, nu) numbers
-        Along the first k directions of the problem.
+        Derivatives along the first k directions of the problem.
     """
 
     udot: Sequence[Any]
@@ -143,12 +143,12 @@ class Evaluation:
     text : str
         The model file.
     q, u : (nq,) and (nu,), or None
-        None: the model's initial state, which closes its loops.
+        State; None for the model's initial state, which closes its loops.
     dq, du, dp : (k, nq), (k, nu), (k, np)
     reference : callable or None
-        Gives the exact ones; None where there are none.
+        Returns the reference values; None if there are none.
     directions : tuple of str
-        What the directions are; empty where they are arbitrary ones. Those of one joint begin with `JOINT` or `SPEED`.
+        Names of the directions; empty for arbitrary ones. Those of one joint begin with `JOINT` or `SPEED`.
     """
 
     text: str
@@ -169,12 +169,12 @@ class Family:
     ----------
     name, title, source : str
     unit : str
-        What the size counts.
+        Objects that the size counts.
     make : callable
-        The model of a size.
+        Returns the model of a size.
     sizes, quick : tuple of int
     within : float
-        The relative error that every size keeps.
+        Largest relative error allowed at any size.
     """
 
     name: str
@@ -189,14 +189,14 @@ class Family:
 
 @dataclass(frozen=True)
 class Robots:
-    """Robots that another program reads and computes too, which is their reference.
+    """Robots that another program reads and computes, too; it is the reference.
 
     Attributes
     ----------
     name, title, source : str
     models, quick : tuple of str
     within : float
-        The relative difference that every robot keeps.
+        Largest relative difference allowed for any robot.
     """
 
     name: str

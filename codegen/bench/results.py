@@ -1,4 +1,4 @@
-"""What a run of the benchmark found, as JSON, and two runs beside each other."""
+"""Results of a benchmark run as JSON, and the comparison of two runs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..measure import tables
 from ..runtime.standalone.files.whole_file import MARK, write_whole
 
 FORMAT = 1
-"""Raised when figures change their names or meaning."""
+"""Format number, raised when entries change their names or meaning."""
 
 
 DAMAGE = (KeyError, TypeError, AttributeError, ValueError, IndexError, ArithmeticError)
-"""What comes of a file that was changed by hand, or by another version."""
+"""Errors that a file causes if it was edited by hand or comes from another version."""
 
 
 class ResultsError(Failure, ValueError):
@@ -24,7 +24,7 @@ class ResultsError(Failure, ValueError):
 
 
 def write_results(results: dict[str, Any], path: Path) -> None:
-    """Write results whole, or leave what was there."""
+    """Write results completely, or leave the existing file unchanged."""
     text = json.dumps({"written": MARK, **results}, indent=1, allow_nan=False) + "\n"
     write_whole(path, lambda file: file.write(text.encode()))
 
@@ -42,10 +42,10 @@ def read_results(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise ResultsError(f"{path} cannot be read: {error.strerror or error}; {hint}") from None
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise ResultsError(f"{path} is no JSON ({error}); {hint}") from None
+        raise ResultsError(f"{path} is not valid JSON ({error}); {hint}") from None
     if isinstance(found, dict) and found.get("format", FORMAT) != FORMAT:
         raise ResultsError(
-            f"{path} has format {found['format']!r}, this version reads {FORMAT}; measure again with `ordernm bench -o`"
+            f"{path} has format {found['format']!r}; this version reads format {FORMAT}. Measure again with `ordernm bench -o`"
         )
     try:
         compare(found, found)
@@ -54,26 +54,26 @@ def read_results(path: Path) -> dict[str, Any]:
             raise TypeError
         return dict(found)
     except DAMAGE:
-        raise ResultsError(f"{path} does not hold results of the benchmark; {hint}") from None
+        raise ResultsError(f"{path} does not contain benchmark results; {hint}") from None
 
 
 def joined(parts: Sequence[tuple[Path, dict[str, Any]]]) -> dict[str, Any]:
-    """Runs of parts of the benchmark as one: of a problem that several measured, the last counts.
+    """Combine runs of parts of the benchmark; for a problem in several runs, the last one counts.
 
     Raises
     ------
     ResultsError
-        They are of different machines, or some of them only are quick.
+        If they are from different machines, or only some used ``--quick``.
     """
     (first, whole), *others = parts
     whole = {**whole, "problems": dict(whole["problems"])}
     for path, part in others:
         if differing := other_machine(part, whole):
             raise ResultsError(
-                f"{path} and {first} are of different machines ({differing[0]}); give runs of one machine"
+                f"{path} and {first} are from different machines ({differing[0]}); give runs from one machine"
             )
         if part["quick"] != whole["quick"]:
-            raise ResultsError(f"one of {path} and {first} was measured with --quick; give runs of one kind")
+            raise ResultsError(f"only one of {path} and {first} was measured with --quick; give runs of one kind")
         whole["problems"] |= part["problems"]
         whole |= {"peaks": part["peaks"]} if "peaks" in part else {}
         if "peers" in part:
@@ -83,7 +83,7 @@ def joined(parts: Sequence[tuple[Path, dict[str, Any]]]) -> dict[str, Any]:
 
 
 def figures(results: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float | None, int | None, float]]:
-    """Every measured thing: (problem, setting or size and function), error, evaluations, seconds."""
+    """Every measured entry: (problem, setting or size and function), error, evaluations, seconds."""
     for name, problem in results["problems"].items():
         if problem["kind"] == "motion":
             for p in problem["points"]:
@@ -99,13 +99,13 @@ def figures(results: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float | 
 
 
 def other_machine(new: dict[str, Any], old: dict[str, Any]) -> list[str]:
-    """What differs between the machines of two runs, in words."""
+    """Differences between the machines of two runs, in words."""
     keys = [k for k in new["machine"] if k != "ordernm" and new["machine"][k] != old["machine"].get(k)]
     return [f"{k}: {old['machine'].get(k, 'unknown')} then, {new['machine'][k]} now" for k in keys]
 
 
 def compare(new: dict[str, Any], old: dict[str, Any]) -> list[list[str]]:
-    """Rows of what both runs have: problem, setting, errors, evaluations and times, and the ratio of times, new over old."""
+    """Rows for entries of both runs: problem, setting, errors, evaluations, times, and the ratio of times, new over old."""
     before = {key: (error, evaluations, seconds) for key, error, evaluations, seconds in figures(old)}
     rows = []
     for key, error, evaluations, seconds in figures(new):
@@ -120,4 +120,4 @@ def compare(new: dict[str, Any], old: dict[str, Any]) -> list[list[str]]:
 
 
 COMPARED = ("", "", "error then", "now", "evaluations then", "now", "time then", "now", "ratio")
-"""What stands above the rows of `compare`."""
+"""Header of the table of `compare`."""

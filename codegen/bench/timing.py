@@ -1,4 +1,4 @@
-"""The former name of `codegen.measure.clock`; it goes with the next version."""
+"""Former name of `codegen.measure.clock`; it will be removed in the next version."""
 
 import warnings
 

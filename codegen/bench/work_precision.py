@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 5_000_000
 LONG = 5.0
-"""Budgets."""
+"""Largest number of steps; motions that take this multiple of the budget get only two turns."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def integrate(solver: Solver, end: float, setting: Setting, start: dict[str, flo
         solver, [0.0, end], q=q, sensitivities=sensitivities, rtol=setting.rtol, atol=setting.atol,
         atol_sensitivities=setting.atol if sensitivities else None, method=setting.method, most_steps=MOST_STEPS,
     )  # fmt: skip
-    if found.stats["reason"] == INTERRUPTED:  # which a simulation ends with what it has
+    if found.stats["reason"] == INTERRUPTED:  # which ends a simulation early but keeps its result
         raise KeyboardInterrupt
     return found
 
@@ -138,7 +138,7 @@ def diagram(
     sensitivities : sequence of str, optional
         Derivatives that are integrated with error control.
     budget : float, optional
-        Time for each setting, s, approximately. At least three turns, but two for a motion that takes `LONG` of it.
+        Time for each setting, s, approximately. At least three turns, but two for a motion that takes `LONG` times as long.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def diagram(
         stats, found = x.stats, error(x)
         seconds = float(stats["seconds"])
         if math.isfinite(found):
-            seconds = min(seconds, again())  # the first may have compiled what it needs near singular poses
+            seconds = min(seconds, again())  # the first motion may have compiled functions for singular poses
             if seconds < budget * LONG:
                 contestants[str(i)] = again
         points.append(
@@ -244,7 +244,7 @@ def seconds_at(points: Sequence[Point], error: float) -> float:
     """
     known = sorted((p for p in points if math.isfinite(p.error) and p.error > 0), key=lambda p: (p.error, p.seconds))
     front: list[Point] = []
-    for p in known:  # from the least error on: a larger one is of use only where it takes less time
+    for p in known:  # from the least error on: a point with larger error is useful only if it takes less time
         if not front or p.seconds < front[-1].seconds:
             front.append(p)
     if not front or not front[0].error <= error <= front[-1].error:

@@ -1,7 +1,7 @@
-"""``ordernm report``: speed against error of one model, as a page that anyone makes again.
+"""``ordernm report``: speed and accuracy of one model, as a page that anyone can reproduce.
 
-`measuring` says what is measured and in which order; each part has a file of its own, which returns plain numbers;
-`figures` draws them, `pages` prints them as HTML, Markdown and JSON.
+`measuring` defines what is measured and in which order. Each part has a file of its own, which returns plain numbers. `figures`
+draws them, and `pages` prints them as HTML, Markdown and JSON.
 """
 
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _PLACES = {"Request": "measuring", "report": "measuring", "write_gallery": "gallery"}
 
-# processes that take times need neither sympy nor what draws
+# processes that take times need neither sympy nor matplotlib
 __getattr__ = deferred(__name__, _PLACES)
 
 __all__ = ["Request", "report", "write_gallery"]

@@ -1,4 +1,4 @@
-"""Whether two reports of a model agree: numbers in all their digits, times within the spread that both state."""
+"""Agreement of two reports of a model: numbers must agree in all digits, times within the spread that both reports state."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ..ending import Failure
 from ..measure.core import FIXED_WORK
 
 SPREAD = 0.15
-"""Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this
-part beyond. Where the core itself or its caches were slower in one of them, by the fixed work beside these turns, its range goes
-on below, by `slowed`."""
+"""Times of two runs agree if their ranges overlap after each is widened by this fraction. A range goes from the least time to
+the 90th percentile over several processes. If the core or its caches were slower in one run, by the fixed work timed beside,
+the lower end of its range is reduced by `slowed`."""
 
 MOST_SLOWED = 2.0
-"""Exponent: code that shares its core with others' loses up to the square of what the fixed work loses. Seen on two AVX2 cores of
-a virtual machine: where fixed work took 1.6 times as long most functions did, too, and the worst 2.5 times, of long code and of
-long arrays."""
+"""Exponent: code that shares its core with other processes loses up to the square of what the fixed work loses. On two AVX2
+cores of a virtual machine, fixed work took 1.6 times as long. Most functions did, too; long code and long arrays took up to
+2.5 times as long."""
 
 DIGITS = 1e-9
-"""Relative; what is computed is the same on one machine, but for the last digits of what LAPACK gives."""
+"""Relative tolerance of numbers. Results on one machine are equal except for the last digits of LAPACK results."""
 
 SAME_MACHINE = ("processor", "instructions", "compiler", "flags")
 
@@ -43,35 +43,30 @@ MEASURED = {
     "written",
     "files",
 }
-"""Keys of what is compared in another way than entry by entry, or not at all: dates, and times that were taken once."""
+"""Keys that are not compared entry by entry: dates, times that were taken once, and parts with a comparison of their own."""
 
 NOTABLE = 1.1
 """Ratio of the fixed work from which a slower core is reported."""
 
 MOST_LINES = 12
-"""Differences of a part that are listed."""
+"""Largest number of differences listed for a part."""
 
 
 class NoReportError(Failure):
-    """A file or folder that holds no report."""
+    """A file or folder that contains no report."""
 
 
 def read(path: Path) -> dict[str, Any]:
-    """A report's numbers, from its folder or its ``report.json``.
-
-    Raises
-    ------
-    NoReportError
-    """
+    """The numbers of a report, from its folder or its ``report.json``."""
     file = path / "report.json" if path.is_dir() else path
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise NoReportError(f"{file} cannot be read: {error.strerror or error}") from None
     except (ValueError, RecursionError) as error:
-        raise NoReportError(f"{file} holds no report: it is no JSON ({error})") from None
+        raise NoReportError(f"{file} contains no report: it is not valid JSON ({error})") from None
     if not isinstance(found, dict) or "generated" not in found or "model" not in found:
-        raise NoReportError(f"{file} holds no report; give the folder that ordernm report wrote, or its report.json")
+        raise NoReportError(f"{file} contains no report; give the folder that ordernm report wrote, or its report.json")
     try:
         disagreements(found, found)
         agreed(found, found)
@@ -81,28 +76,30 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def read_gallery(folder: Path) -> dict[str, dict[str, Any]]:
-    """All reports of a gallery by their folders' names.
+    """All reports of a gallery, by the names of their folders.
 
     Raises
     ------
     NoReportError
-        There are none.
+        If there are none.
     """
     found = {p.parent.name: read(p) for p in sorted(folder.glob("*/report.json"))}
     if not found:
-        raise NoReportError(f"{folder} holds no folders with a report.json; give the one that ordernm report wrote")
+        raise NoReportError(
+            f"{folder} contains no folders with a report.json; give the folder that ordernm report wrote"
+        )
     return found
 
 
 def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = MOST_LINES) -> list[str]:
-    """What two reports of one model say differently, in sentences; none if they agree.
+    """Differences between two reports of one model, in sentences; empty if they agree.
 
     Parameters
     ----------
     one, other : mapping
-        As `read` gives them.
+        Reports as `read` returns them.
     most : int
-        Sentences of a kind, at most; the others are counted.
+        Largest number of sentences of each kind; the others are counted.
     """
     if why := incomparable(one, other):
         return [why]
@@ -112,16 +109,16 @@ def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = 
 
 
 def incomparable(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """Why nothing of two reports can be compared, by their entries ``model`` and ``machine``; nothing if it can."""
+    """Why two reports cannot be compared, from their entries ``model`` and ``machine``; empty if they can."""
     if one["model"] != other["model"]:
-        return f"they are of different models, {one['model']} and {other['model']}"
+        return f"the reports are of different models, {one['model']} and {other['model']}"
     elsewhere = [k for k in SAME_MACHINE if one["machine"][k] != other["machine"][k]]
     several = [f"{k}: {one['machine'][k]}, {other['machine'][k]}" for k in elsewhere]
-    return f"they are of different machines: {'; '.join(several)}" if several else ""
+    return f"the reports are from different machines: {'; '.join(several)}" if several else ""
 
 
 def agreed(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """The sentence for two reports that do, with what the core did otherwise."""
+    """The sentence for two reports that agree, with the change in speed of the core."""
     cores = [
         Beside.of({w: (r.get("times") or {}).get(w, {}).get("median", 1.0) for w in FIXED_WORK}) for r in (one, other)
     ]
@@ -130,7 +127,7 @@ def agreed(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Beside:
-    """Seconds of the fixed work, see `Core.turn`; 1 where it was not done."""
+    """Seconds of the fixed work, see `Core.turn`; 1 if it was not timed."""
 
     core: float
     cache: float
@@ -140,12 +137,12 @@ class Beside:
         return cls(*(record.get(work, 1.0) for work in FIXED_WORK))
 
     def slower(self, than: Beside) -> float:
-        """By so much the core or its caches were slower than in another run; at least 1."""
+        """Ratio by which the core or its caches were slower than in another run; at least 1."""
         return max(self.core / than.core, self.cache / than.cache, 1.0)
 
 
 def slowed(beside: Beside, other: Beside) -> float:
-    """How much longer something may have taken than in another run, by the fixed work beside both."""
+    """Ratio by which times may be longer than in another run, from the fixed work of both."""
     return beside.slower(other) ** MOST_SLOWED
 
 
@@ -153,7 +150,7 @@ def _of_the_core(before: Beside, now: Beside) -> str:
     slower, faster = now.slower(before), before.slower(now)
     if max(slower, faster) < NOTABLE:
         return ""
-    return f"; fixed work takes {slower if slower > faster else 1 / faster:.2f} times as long now"
+    return f"; fixed work now takes {slower if slower > faster else 1 / faster:.2f} times as long"
 
 
 def _first(lines: list[str], most: int) -> list[str]:
@@ -162,23 +159,23 @@ def _first(lines: list[str], most: int) -> list[str]:
 
 
 def _different(place: str, a: Any, b: Any) -> Iterator[str]:
-    """Entries that are not the same, by their place."""
+    """Entries that differ, by their place."""
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         for key in dict.fromkeys([*a, *b]):
             if key in MEASURED:
                 continue
             here = f"{place}.{key}" if place else key
             if key not in a or key not in b:
-                yield f"{here} is in one of them only"
+                yield f"only one report has {here}"
             else:
                 yield from _different(here, a[key], b[key])
     elif isinstance(a, list) and isinstance(b, list):
         if len(a) != len(b):
-            yield f"{place} has {len(a)} entries, and {len(b)}"
+            yield f"{place} has {len(a)} entries in one report and {len(b)} in the other"
         for i, (x, y) in enumerate(zip(a, b, strict=False)):
             yield from _different(f"{place}[{i}]", x, y)
     elif not _same(a, b):
-        yield f"{place} is {a}, and {b}"
+        yield f"{place} is {a} in one report and {b} in the other"
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -188,7 +185,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _errors(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
-    """Errors of what both have compared: the time that the reference may take is a matter of seconds."""
+    """Differences of errors at states and directions in both reports; how many there are depends on the time of the reference."""
     a, b = ({e["state"]: e for e in x.get("errors") or []} for x in (one, other))
     for state in (s for s in a if s in b):
         for key in (k for k in a[state] if k in b[state]):
@@ -200,9 +197,9 @@ def _errors(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
     x, y = one.get("differences"), other.get("differences")
     if x and y and x["reference"] == y["reference"]:
         yield from _different("differences", x, y)
-    told = any("errors" in s["what"] for r in (one, other) for s in r["skipped"])
-    if set(a) != set(b) and not told:
-        yield f"errors are at the states {', '.join(a)}, and {', '.join(b)}"
+    noted = any("errors" in s["what"] for r in (one, other) for s in r["skipped"])
+    if set(a) != set(b) and not noted:
+        yield f"errors are at the states {', '.join(a)} in one report and {', '.join(b)} in the other"
 
 
 def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
@@ -211,13 +208,13 @@ def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
         x, y = a[name], b[name]
         lows = x.low / slowed(x.beside, y.beside), y.low / slowed(y.beside, x.beside)
         if lows[0] > y.high * (1 + SPREAD) or lows[1] > x.high * (1 + SPREAD):
-            told = _of_the_core(x.beside, y.beside)
-            yield f"{name}: {x.low:.3g} to {x.high:.3g}, and {y.low:.3g} to {y.high:.3g}{told}"
+            core = _of_the_core(x.beside, y.beside)
+            yield f"{name}: {x.low:.3g} to {x.high:.3g} in one report, {y.low:.3g} to {y.high:.3g} in the other{core}"
 
 
 @dataclass(frozen=True)
 class Range:
-    """Seconds from the least to the largest, and those of the fixed work beside them."""
+    """Range of a time in seconds, with the seconds of the fixed work beside it."""
 
     low: float
     high: float
@@ -225,7 +222,7 @@ class Range:
 
 
 def _ranges(report: Mapping[str, Any]) -> Iterator[tuple[str, Range]]:
-    """What has a spread, by its name."""
+    """Ranges of all times by name."""
 
     def of(record: Mapping[str, Any]) -> Range:
         return Range(record["least"], record["high"], Beside.of(record))

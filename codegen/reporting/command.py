@@ -1,4 +1,4 @@
-"""``ordernm report``: what it takes, and what it says."""
+"""``ordernm report``: its options and its output."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from ..terminal import StatusLine
 
 Reports = dict[str, dict[str, Any]]
-"""By the names of their models' files."""
+"""Reports by the names of their models' files."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What ``ordernm report`` takes."""
+    """Add the options of ``ordernm report``."""
     parser.add_argument("model", help="model file (YAML), or a folder of them")
     parser.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
     parser.add_argument(
@@ -44,9 +44,9 @@ def run(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], lis
     from .agreement import read, read_gallery
 
     if not 0 < options.time < float("inf"):
-        raise Failure(f"--time is {options.time:g}; motions need a positive number of seconds")
+        raise Failure(f"--time is {options.time:g}; give a positive number of seconds")
     request, model, target = Request(end=options.time), Path(options.model), Path(options.output)
-    # before the work: the new report may take the place of the old one
+    # before the work: the new report may replace the old one
     old = _earlier_reports(options, status) if options.compare is not None else {}
     if not model.is_dir():
         data = report(model, target, request=request, progress=status, force=options.force)
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], lis
 
 
 def _earlier_reports(options: argparse.Namespace, status: StatusLine) -> Reports:
-    """The reports to compare with; a failure for those of other models or machines, with which nothing agrees."""
+    """The reports to compare with. Raises Failure if they are of another model or machine."""
     from ..measure.machine import machine
     from ..model import load_model
     from .agreement import NoReportError, incomparable, read, read_gallery
@@ -87,7 +87,7 @@ def _earlier_reports(options: argparse.Namespace, status: StatusLine) -> Reports
 
 
 def _differences(pairs: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> tuple[list[str], int]:
-    """What reports say differently from earlier ones, by name, and the exit code."""
+    """Differences from earlier reports, by name, and the exit code."""
     from .agreement import agreed, disagreements
 
     found = {name: disagreements(*pair) for name, pair in pairs.items()}

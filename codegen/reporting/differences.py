@@ -1,4 +1,4 @@
-"""The V of finite differences: the digits that they lose at every step, beside the exact derivative."""
+"""The error of finite differences against their step, beside that of the exact derivative."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 COARSE, CURVED = 1e-3, 1e-5
-"""A relative step, and the relative error of a one-sided difference with it where udot is no straight line."""
+"""A relative step, and the relative error of a one-sided difference above which udot is not linear."""
 
 QUATERNION = ("qw", "qx", "qy", "qz")
-"""Coordinates that do not change one at a time."""
+"""Coordinates that cannot be changed one at a time."""
 
 STEPS = 10.0 ** np.arange(-16.0, 0.01, 0.5)
-"""Steps h of the differences, relative to the size of what is changed."""
+"""Steps h of the differences, relative to the size of the changed quantity."""
 
 
 def differences(
@@ -41,17 +41,17 @@ def differences(
     Parameters
     ----------
     references : mapping of str to (nu,) numbers
-        Derivatives at that state by the reference in extended precision, by parameter.
+        Derivatives at this state by the reference in extended precision, by parameter.
 
     Returns
     -------
     dict or None
-        ``by`` (a parameter; a coordinate or a speed where no parameter matters), ``steps``, ``forward``, ``central``, ``exact``,
-        and ``reference``, what errors are against.
+        ``by`` (a parameter, or a coordinate or speed if no parameter has an effect), ``steps``, ``forward``, ``central``,
+        ``exact``, and ``reference``, the origin of the reference values.
     """
     chosen = _direction(model, solver, state)
     if chosen is None:
-        why = "the accelerations depend on no parameter, independent coordinate or speed at that state"
+        why = "at this state, the accelerations do not depend on any parameter, independent coordinate or speed"
         skipped.append(Skipped("finite differences", why))
         return None
     name, seeds, size = chosen
@@ -83,8 +83,11 @@ def differences(
 
 
 def _direction(model: Model, solver: Solver, state: State) -> tuple[str, dict[str, Any], float] | None:
-    """What is changed, by name, the seed of that, and its size: the first parameter, independent coordinate or speed that udot is
-    no straight line of, parameters before the others; else the first with a derivative; None where nothing has one."""
+    """The quantity to change: its name, seed and size; None if udot depends on nothing.
+
+    It is the first parameter, independent coordinate or speed on which udot depends nonlinearly, parameters first. If there is
+    none, it is the first with a non-zero derivative.
+    """
     kinds = [
         ("dp", model.parameter_names, list(zip(model.parameter_names, np.abs(solver.parameters).tolist(), strict=True))),
         ("dq", solver.coordinate_names, [(n, 1.0) for n in solver.independent_names if n.rpartition(".")[2] not in QUATERNION]),
@@ -102,13 +105,13 @@ def _direction(model: Model, solver: Solver, state: State) -> tuple[str, dict[st
                 return name, seeds, size
             if straight is None and np.any(derivative):
                 straight = name, seeds, size
-        if straight is not None and kind == "dp":  # a parameter is what a report is about
+        if straight is not None and kind == "dp":  # a parameter is preferred, even if udot is linear in it
             return straight
     return straight
 
 
 def _is_curved(solver: Solver, state: State, seeds: dict[str, Array], h: float, derivative: Array) -> bool:
-    """Whether a coarse difference is off by more than rounding: of a straight line it never is, and there is no V."""
+    """Whether the error of a coarse difference exceeds rounding; for a linear function it does not."""
     size = np.max(np.abs(derivative), initial=0.0)
     ahead, middle = (_moved(solver, state, seeds, x) for x in (h, 0.0))
     return bool(size > 0 and ahead is not None and middle is not None
@@ -116,7 +119,7 @@ def _is_curved(solver: Solver, state: State, seeds: dict[str, Array], h: float, 
 
 
 def _moved(solver: Solver, state: State, seeds: dict[str, Array], h: float) -> Array | None:
-    """udot a step away, loops closed again; None where they do not close."""
+    """udot after a step, with the loops closed again; None if they do not close."""
     p = solver.parameters + h * seeds["dp"][0] if "dp" in seeds else solver.parameters
     q = state.q + h * seeds["dq"][0] if "dq" in seeds else state.q
     u = state.u + h * seeds["du"][0] if "du" in seeds else state.u

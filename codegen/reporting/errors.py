@@ -1,4 +1,4 @@
-"""Errors of the generated solver against the generic engine in extended precision, from the same doubles."""
+"""Errors of the generated solver against the generic engine in extended precision, at the same double-precision states."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 DIGITS = 40
-"""Of the numbers of the reference."""
+"""Decimal digits of the reference."""
 
 MOST_PARAMETERS, MIXED = 16, 3
-"""Parameters by which derivatives are compared, and random directions of everything at once."""
+"""Number of parameters with derivatives that are compared, and of random directions of all quantities together."""
 
 VANISHING = 1e-12
-"""What is less, in parts of its natural size, is zero but for the rounding of the state, such as the derivatives by speeds of a
-parallelogram, whose links turn alike."""
+"""Below this fraction of its natural size, a derivative is zero except for the rounding of the state. An example is the
+derivative with respect to the speeds of a parallelogram, whose links rotate alike."""
 
 MOST_COLUMNS = 60
-"""Columns of the Jacobians up to which they, and a gradient, are compared."""
+"""Largest number of columns for which Jacobians and a gradient are compared."""
 
 WITNESS = """\
 model: witness
@@ -54,27 +54,27 @@ bodies:
     joint: {type: revolute, axis: x, at: [0, 0, -length]}
     shape: {type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}
 """
-"""A small model on which the reference is timed in both kinds of numbers."""
+"""A small model on which the reference is timed with both kinds of numbers."""
 
 Exact = Any
-"""Numbers of the reference, (nu,), as mpmath's."""
+"""Numbers of the reference, (nu,), in mpmath."""
 
 NUMBERS = "decimal"
-"""Kind of the reference's numbers."""
+"""Number type of the reference."""
 
 _as_mpf = np.frompyfunc(mpmath.mp.convert, 1, 1)
 
 
 @contextlib.contextmanager
 def _extended() -> Iterator[None]:
-    """In which the reference computes, and what it gives is converted and compared."""
+    """Precision in which the reference computes and its results are compared."""
     with mpmath.workdps(DIGITS), decimal.localcontext(prec=DIGITS):
         yield
 
 
 @cache
 def slowdown() -> float:
-    """How much longer the reference takes in extended precision than in doubles, on this machine."""
+    """Ratio of the reference's time in extended precision to its time in doubles, on this machine."""
     model = parse_model(WITNESS)
     calls = {
         n: partial(RecursiveEngine(model, numbers=n).accelerations, [0.3, 0.4], [1.0, -1.0])
@@ -86,12 +86,12 @@ def slowdown() -> float:
 
 
 def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
-    """`accuracy.relative`, in parts of a `natural` size where the exact ones vanish."""
+    """`accuracy.relative`; where the exact values vanish, errors are relative to a `natural` size."""
     return accuracy.relative(x, exact, _size(np.ravel(exact), natural))
 
 
 def vanishes(exact: Any, natural: float) -> bool:
-    """Whether nothing is left of it but what the rounding of a state may leave."""
+    """Whether a derivative is no larger than the effect of rounding the state."""
     return bool(accuracy.largest(exact) <= VANISHING * natural)
 
 
@@ -100,7 +100,10 @@ def _size(exact: Any, natural: float) -> Any:
 
 
 def natural_sizes(udot: Any, values: Any) -> Array:
-    """Of derivatives by numbers that have these values: what changes udot by as much as itself when they change so (or by 1)."""
+    """Natural sizes of derivatives with respect to quantities of given values.
+
+    With such a derivative, a change of the quantity by its own value (or by 1 if that is zero) changes udot by as much as itself.
+    """
     values = np.abs(np.asarray(values, float))
     return _float_size(udot) / np.where(values > 0, values, 1.0)
 
@@ -110,7 +113,7 @@ def _float_size(udot: Any) -> float:
 
 
 def directions(model: Model, solver: Solver) -> tuple[list[str], dict[str, Any]]:
-    """Names and seeds of what is differentiated by: parameters one by one, then random directions of all there is."""
+    """Names and seeds of the directions: parameters one by one, then random directions of all quantities."""
     rng = np.random.default_rng(2)
     names = list(model.parameter_names)
     if len(names) > MOST_PARAMETERS:  # spread over the list
@@ -137,14 +140,14 @@ def errors(
     solver : Solver
     states : sequence of State
     budget : float
-        CPU seconds for the reference, about; what would go beyond is left out and said in `skipped`.
+        Approximate CPU seconds for the reference; what would exceed them is left out and listed in `skipped`.
 
     Returns
     -------
     records : list of dict
-        ``state``, ``udot``, ``derivatives`` (by direction), ``estimate`` and ``estimates`` of these by `Solver.diagnose`;
-        ``vanish``, directions whose derivative is zero: their errors are in parts of `natural_sizes`; at
-        the first state ``jacobians`` (the worst column) and ``gradient``, where the model is small enough.
+        ``state``, ``udot``, ``derivatives`` (by direction); ``estimate`` and ``estimates`` of these errors by `Solver.diagnose`;
+        ``vanish``, the directions whose derivative is zero, with errors relative to `natural_sizes`. At the first state also
+        ``jacobians`` (the worst column) and ``gradient``, if the model is small enough.
     exact : dict of str to (nu,) numbers
         Exact derivatives at the first state by direction.
     """
@@ -164,7 +167,7 @@ def errors(
     for state in states:
         if found and spent + expected > budget:
             skipped.append(
-                Skipped(f"errors at state {state.name!r}", f"the reference has had its {budget:g} s", expected)
+                Skipped(f"errors at state {state.name!r}", f"the reference has used its {budget:g} s", expected)
             )
             continue
         record, dexact, expected = _at_state(engine, solver, state, names, seeds, _values(model, solver, names))
@@ -178,14 +181,14 @@ def errors(
             first = states[0]
             found[0] |= _of_all_columns(engine, solver, (first.q, first.u, None, first.inputs, first.t))
     else:
-        skipped.append(Skipped("errors of Jacobians and of a gradient", f"they have {columns} columns", cost))
+        skipped.append(Skipped("errors of Jacobians and of a gradient", f"the Jacobians have {columns} columns", cost))
     return found, derivatives
 
 
 def _affordable(
     names: list[str], seeds: dict[str, Any], alone: float, budget: float, skipped: list[Skipped]
 ) -> tuple[list[str], dict[str, Any]]:
-    """As many directions as the reference has time for at one state, by the seconds of its accelerations alone."""
+    """Number of directions for which the reference has time at one state, from the time of its accelerations."""
     affordable = int(budget / alone) - 1
     if affordable >= len(names):
         return names, seeds
@@ -220,7 +223,7 @@ def _at_state(
 
 
 def _values(model: Model, solver: Solver, names: Sequence[str]) -> Array:
-    """Of parameters; 1 for directions of everything at once."""
+    """Values of the parameters; 1 for directions of all quantities."""
     at = {name: float(x) for name, x in zip(model.parameter_names, solver.parameters, strict=True)}
     return np.array([at.get(name, 1.0) for name in names])
 
@@ -228,7 +231,7 @@ def _values(model: Model, solver: Solver, names: Sequence[str]) -> Array:
 def _estimates(
     solver: Solver, at: Sequence[Any], seeds: dict[str, Any], names: Sequence[str], size: float, sizes: Sequence[float]
 ) -> dict[str, Any]:
-    """What `Solver.diagnose` takes the errors for, of udot and of each derivative, in parts of these sizes."""
+    """Errors of udot and of each derivative as estimated by `Solver.diagnose`, relative to these sizes."""
     found = solver.diagnose(*at, **seeds)
     parts = [float(np.max(e, initial=0.0)) / n for e, n in zip(found.dudot_error, sizes, strict=True)]
     return {
@@ -238,7 +241,7 @@ def _estimates(
 
 
 def _seconds_of_udot(model: Model, state: State, budget: float) -> float | None:
-    """CPU seconds of the reference for the accelerations alone; None where that would be more than the budget."""
+    """CPU seconds of the reference for the accelerations alone; None if that exceeds the budget."""
     if slowdown() * _seconds_of_udot_in_doubles(model, state) > budget:
         return None
     with _extended():
@@ -256,7 +259,7 @@ def _seconds_of(engine: RecursiveEngine, state: State) -> float:
 
 
 def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) -> dict[str, float]:
-    """Of the Jacobians the worst column, and of one gradient the worst of its parts, by q, u, p, inputs and t."""
+    """The worst column of the Jacobians, and the worst part of one gradient, by q, u, p, inputs and t."""
     exact = engine.jacobians(*at)
     given = solver.jacobians(*at)
     udot = _as_mpf(engine.accelerations(*at))

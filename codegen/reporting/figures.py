@@ -1,4 +1,4 @@
-"""Figures of a report: SVG text by matplotlib, to be read in black and white. Each takes what `measure` found."""
+"""Figures of a report as SVG by matplotlib, readable in black and white, from the numbers of `measure`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ STYLES = dict(zip(METHODS, ALL_STYLES, strict=False))
 NAMES = {"rk4": "RK4, constant steps", "dop853": "Dormand-Prince 8(5,3)", "radau": "Radau IIA 5"}
 
 ROUNDING = float(np.finfo(float).eps) / 2
-"""Errors below are drawn there: zero has no place on a logarithmic axis."""
+"""Smaller errors are drawn here, since a logarithmic axis has no zero."""
 
 
 def figures(data: dict[str, Any]) -> dict[str, str]:
-    """SVG text by name, of what there are numbers for."""
+    """SVG text of all figures for which there are numbers, by name."""
     found: dict[str, str] = {}
     if data.get("times"):
         found["times"] = times(data["times"])
@@ -48,7 +48,7 @@ def times(data: dict[str, Any]) -> str:
             ax.barh(y + shift, least, 0.34, label=label, facecolor=face, edgecolor="#000000", hatch=hatch, linewidth=0.7,
                     xerr=[np.zeros_like(least), high - least], error_kw={"linewidth": 0.8, "capsize": 2})  # fmt: skip
         ax.set_yticks(y, names)
-        ax.set(xscale="log", xlabel="microseconds per evaluation (least; whisker: nine turns of ten)")
+        ax.set(xscale="log", xlabel="microseconds per evaluation (least; whisker: 90 % of the turns)")
         ax.grid(False, axis="y")
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
     return text[0]
@@ -82,24 +82,26 @@ def work_precision(data: dict[str, Any]) -> str:
                 shown = [p for p in points if p[key] is not None and p[key] < 1]
                 ax.plot([max(p[key], ROUNDING) for p in shown], [1e3 * p["seconds"] for p in shown], label=NAMES[method],
                         markersize=4, linewidth=1, **STYLES[method])  # fmt: skip
-            if not any(line.get_xdata().size for line in ax.get_lines()):  # a logarithm needs something to show
+            if not any(line.get_xdata().size for line in ax.get_lines()):  # a logarithmic axis needs a positive value
                 ax.set_xlim(ROUNDING, 1)
                 ax.set_ylim(0.1, 1e3)
             if data[floor] > 0:
                 ax.axvspan(ax.get_xlim()[0], data[floor], color="#eeeeee", linewidth=0)
             ax.set(xscale="log", yscale="log", xlabel="relative error at the end")
             ax.invert_xaxis()
-            ax.set_title(title, fontsize=9, pad=22 if sensitive else 34)  # room for the legend, which covers no point
+            ax.set_title(
+                title, fontsize=9, pad=22 if sensitive else 34
+            )  # space for the legend, so that it covers no point
         axes[0].set_ylabel("milliseconds, in C")
         legend = axes[0].legend(
             loc="lower left", bbox_to_anchor=(0, 1.01), ncols=3 if sensitive else 2, fontsize=8, borderaxespad=0
         )
-        legend.set_in_layout(False)  # it is wider than these axes
+        legend.set_in_layout(False)  # the legend is wider than these axes
     return text[0]
 
 
 def differences(data: dict[str, Any]) -> str:
-    """The V of finite differences, and the exact derivative as a line that needs no step."""
+    """Error of finite differences against the step, and the error of the exact derivative as a horizontal line."""
     with drawing(6.2, 3.6) as (_, (ax,), text):
         for kind, marker, dashes, label in (("forward", "s", (0, (1, 1.2)), "one-sided differences"),
                                             ("central", "^", (0, (5, 2)), "central differences")):  # fmt: skip
@@ -133,7 +135,7 @@ def conditions(data: dict[str, Any]) -> str:
 
 
 def roofline(data: dict[str, Any]) -> str:
-    """Operations per second over operations per byte, under what the core can do."""
+    """Operations per second over operations per byte, with the limits of the core."""
     with under_the_roof(data["peaks"]) as (ax, text):
         for point, marker in zip(data["points"], "os^", strict=True):
             ax.plot(

@@ -29,34 +29,34 @@ HEAD = [
 ]
 
 MADE = (
-    "Times per state of a batch; errors against the generic engine in extended precision, the worst of all states. Each report "
-    "says what it left out."
+    "Times per state of a batch; the worst errors of all states against the generic engine in extended precision. Each report "
+    "lists what it left out."
 )
 
 FAILURES = (ModelError, FolderError, CompileError, AssemblyError, np.linalg.LinAlgError, ArithmeticError)
-"""Errors that are of one model, and leave the others as they are."""
+"""Errors that concern one model only."""
 
 
 def write_gallery(
     folder: Path, target: Path, request: Request, progress: Progress, force: bool = False
 ) -> dict[str, str]:
-    """Reports of all ``*.yaml`` in a folder, each in a folder of its own beside ``index.html``.
+    """Write reports of all ``*.yaml`` files in a folder, each into its own folder beside ``index.html``.
 
-    A model that cannot be read, compiled or computed costs no other one its report.
+    If a model cannot be read, compiled or computed, the others still get their reports.
 
     Returns
     -------
     dict of str to str
-        Models that there is no report of, and why.
+        Models without a report, with the reason.
 
     Raises
     ------
     FolderError
-        There are no models, or something else stands where the gallery is to be.
+        If there are no models, or the target holds other files.
     """
     files = sorted(folder.glob("*.yaml"))
     if not files:
-        raise FolderError(f"{folder} holds no model files (*.yaml)")
+        raise FolderError(f"{folder} contains no model files (*.yaml)")
     pages.need()
     _refuse_foreign(target, {f.stem for f in files}, force)
     target.mkdir(parents=True, exist_ok=True)
@@ -68,12 +68,12 @@ def write_gallery(
             rows.append(row(file.stem, report(file, target / file.stem, request=request, force=force)))
         except FAILURES as error:
             failed[file.stem] = str(error)
-        _write(folder, target, rows, failed)  # after each: what is there can be looked at meanwhile
+        _write(folder, target, rows, failed)  # after each model, so that finished reports can be read
     return failed
 
 
 def row(name: str, data: dict[str, Any]) -> list[str]:
-    """What the list shows of a report."""
+    """Row of a report in the list."""
     g, times = data["generated"], data.get("times", {}).get("functions", {})
     taken = [seconds(times[n]["compiled"]["least"]) if n in times else "-" for n in ("udot", "udot + 8 directions")]
     errors = data.get("errors") or []
@@ -93,8 +93,8 @@ def _refuse_foreign(target: Path, names: set[str], force: bool) -> None:
     foreign = sorted({p.name for p in target.glob("*")} - names - {pages.PAGE})
     if foreign and not force:
         raise FolderError(
-            f"{target} holds {', '.join(foreign[:5])}, which no gallery wrote; choose another folder with -o, or --force to "
-            f"leave that where it is"
+            f"{target} contains files that no gallery wrote: {', '.join(foreign[:5])}. Choose another folder with -o, or --force "
+            f"to keep them there"
         )
     for name in sorted(names):
         pages.refuse_foreign(target / name, force)

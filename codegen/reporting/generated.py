@@ -1,4 +1,4 @@
-"""What was generated from a model: sizes, kinds, operations, code, and the time that it took."""
+"""The generated package: sizes, kinds, operations, code, and the time of generation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def generated(model: Model, made: Report, solver: Solver) -> dict[str, Any]:
     dict
         ``bodies``, ``links``, ``loops``, ``coordinates``, ``speeds``, ``freedoms`` (independent speeds), ``parameters``,
         ``inputs``, ``outputs``, ``kinds``, ``layout``; ``operations`` by function, each with its sweeps; ``code_bytes``,
-        ``code_lines``, ``library_bytes``; ``seconds`` by stage of generation; ``choice``, what was decided about loops, in words.
+        ``code_lines``, ``library_bytes``; ``seconds`` by stage of generation; ``choice``, the decisions about loops, in words.
     """
     sources = {
         p.name: p for p in sorted(Path(made.folder).rglob("*")) if p.suffix in SOURCES and "motion" not in p.parts

@@ -1,4 +1,4 @@
-"""One motion of a work-precision diagram, and what it takes."""
+"""One motion of a work-precision diagram, and its cost."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 COSTLIEST = 5e8
-"""Operations that one motion of a diagram may take, a quarter of a second or so; a method goes no further then. Operations and
-not seconds, so that another run of the same report makes the same motions."""
+"""Most operations for one motion of a diagram, about a quarter of a second; a method gets no tighter settings beyond that. The
+limit counts operations instead of seconds, so another run of the same report computes the same motions."""
 
 PROBED, ALLOWED = 90, 12
-"""Multiples of `COSTLIEST` that the first motion may cost, which finds how far motions go, and that a later one may cost."""
+"""Multiples of `COSTLIEST` allowed for the first motion, which determines the final time, and for the others."""
 
 FIXED = [2**i for i in range(5, 15)]
-"""Numbers of steps of the method with constant ones."""
+"""Numbers of steps for the method with constant steps."""
 
 FIXED_TOLERANCE = 1e-9
-"""Where the method with constant steps solves closures."""
+"""Tolerance of closures for the method with constant steps."""
 
 ROUNDS, SHORT = 5, 0.005
-"""Times that a process runs a motion, at most, and seconds after which it stops."""
+"""Most repetitions of a motion in a process, and seconds after which it stops."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class Setting:
     ----------
     end : float
     names : sequence of str
-        Of parameters that it is differentiated by.
+        Parameters of the derivatives.
     method : str
     tolerance : float
     steps : int or None
-        Of the method with constant ones.
+        Number of steps, for the method with constant steps.
     """
 
     end: float
@@ -61,7 +61,7 @@ class Setting:
 
 
 def motion(solver: Solver, s: Setting, times: Array | None = None, allowed: float = ALLOWED) -> Trajectory | str:
-    """A motion as far as it comes, or why there is none."""
+    """A motion as far as it could be integrated, or the reason why there is none."""
     tolerance = s.tolerance
     try:
         return simulated(
@@ -75,7 +75,7 @@ def motion(solver: Solver, s: Setting, times: Array | None = None, allowed: floa
 
 
 def timed(solver: Solver, setting: Setting, core: Core) -> tuple[Trajectory | str, Turn]:
-    """A motion, and what the integrator takes for it but for what others have of the core meanwhile."""
+    """A motion, and the integrator's time without interruptions by other processes."""
     found: list[Trajectory | str] = []
 
     def run() -> float:
@@ -88,7 +88,7 @@ def timed(solver: Solver, setting: Setting, core: Core) -> tuple[Trajectory | st
 
 
 def turns(solver: Solver, setting: Setting, core: Core) -> list[Turn]:
-    """Of the motion again and again."""
+    """Times of repetitions of the motion."""
     taken: list[Turn] = []
     while len(taken) < ROUNDS and sum(t.seconds for t in taken) < SHORT:
         taken.append(timed(solver, setting, core)[1])
@@ -96,11 +96,11 @@ def turns(solver: Solver, setting: Setting, core: Core) -> list[Turn]:
 
 
 def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
-    """Steps of Dormand and Prince's method, twelve evaluations each, that cost a multiple of `COSTLIEST`."""
+    """Number of steps of Dormand and Prince's method, twelve evaluations each, that costs a multiple of `COSTLIEST`."""
     affordable = int(allowed * COSTLIEST / (12 * evaluation(solver, names)))
     return min(max(2 * max(FIXED), affordable), 1_000_000)
 
 
 def evaluation(solver: Solver, names: Sequence[str]) -> int:
-    """Operations of the accelerations and their derivatives; one where these are constants."""
+    """Operations of the accelerations and their derivatives; 1 if these are constant."""
     return max(1, operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations"))

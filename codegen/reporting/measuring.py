@@ -1,4 +1,4 @@
-"""What a report of a model holds, and in which order it is measured."""
+"""Contents of a report, and the order of measurements."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Request:
-    """How much is measured.
+    """Extent of the measurements.
 
     Attributes
     ----------
     end : float
-        Of the motions, s.
+        Final time of the motions, s.
     timing : float
-        Seconds for the times of each function, about.
+        Approximate seconds for timing each function.
     reference : float
-        CPU seconds for the reference in extended precision, about.
+        Approximate CPU seconds for the reference in extended precision.
     """
 
     end: float = motions.END
@@ -110,7 +110,7 @@ def report(
 
 
 def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any]:
-    """All that a report says, as numbers and words that JSON can hold."""
+    """All contents of a report, as numbers and text for JSON."""
     skipped: list[Skipped] = []
     begin, cpu = time.perf_counter(), _cpu_seconds()
     with tempfile.TemporaryDirectory() as scratch:
@@ -130,7 +130,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
         }
         apart = build_apart(made.folder, model.name, "precise")
         with ThreadPoolExecutor(1) as meanwhile:
-            # mechanisms with loops may meet poses that need it, and states leave a core free
+            # mechanisms with loops may reach poses that need it, and the measurement of states leaves a core idle
             precise = meanwhile.submit(apart.library) if model.loops and apart.exists() else None
             found = _at_states(model, solver, request, data, skipped, progress)
         if precise:
@@ -142,7 +142,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             folder = Path(scratch) / f"{model.name}_{partitions}"
             packages.append(folder)
             generate(model, folder, compile=False, check=False, progress=progress, partitions=partitions)
-            for library in Path(scratch).glob("*/*.so"):  # of fewer choices, which have not changed
+            for library in Path(scratch).glob("*/*.so"):  # with fewer choices, as before
                 if library.parent != folder:
                     shutil.copy(library, folder)
             _compile(folder, "precise")
@@ -160,11 +160,11 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
 def _at_states(
     model: Model, solver: Solver, request: Request, data: dict[str, Any], skipped: list[Skipped], progress: Progress
 ) -> State | None:
-    """Enter ``states``, ``errors`` and ``differences`` into a report; the first state."""
+    """Enter ``states``, ``errors`` and ``differences`` into a report; return the first state."""
     progress("drawing states", 0, 0)
     found = states(model, solver, lambda s: _condition(solver, s))
     if not found:
-        why = "no random state near the initial one closes the loops and has accelerations"
+        why = "no random state close to the initial one closes the loops and has finite accelerations"
         skipped.append(Skipped("times and errors", why))
         return None
     data["states"] = [_state(solver, s) for s in found]
@@ -179,12 +179,12 @@ def _times(
     core: Core, solver: Solver, packages: Sequence[Path], state: State | None, moved: dict[str, Any] | None, request: Request,
     progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
-    """``times`` and ``roofline``, where there is a state; times of motions are entered into their points.
+    """Return ``times`` and ``roofline`` if there is a state; enter times of motions into their points.
 
     Parameters
     ----------
     packages : sequence of Path
-        Functions are those of the first, motions those of the last.
+        The first is used for functions, the last for motions.
     moved : dict, optional
         See `motions.motions`.
     """
@@ -210,7 +210,7 @@ def _times(
 
 
 def _points(solver: Solver, times: dict[str, Any]) -> list[dict[str, Any]]:
-    """Of a roofline: udot and sensitivities, by their least times in C."""
+    """Points of a roofline: udot and sensitivities, at their least times in C."""
     of = (
         ("udot", "accelerations", 0),
         ("udot + 1 direction", "sensitivities", 1),
@@ -220,15 +220,17 @@ def _points(solver: Solver, times: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _compile(folder: Path, *apart: str) -> float:
-    """Compile a package, all partitions, side by side with what is compiled apart; seconds that the first takes.
+    """Compile all partitions of a package, in parallel with separately compiled files; return the seconds of the first partition.
 
-    All functions of the first partition are in one library: a report calls nearly all, and they share most of what is compiled.
-    The others are used for motions only.
+    The first partition has all functions in one library: a report calls nearly all of them, and they share most of the code. The
+    other partitions are used only for motions.
     """
     manifest = read_manifest(folder)
     parts = [manifest, *manifest.get("others", [])]
     wanted = [builds(folder, manifest)[""]]
-    wanted += [build_apart(folder, part["name"], name) for part in parts for name in apart]  # long, and of one unit
+    wanted += [
+        build_apart(folder, part["name"], name) for part in parts for name in apart
+    ]  # it is long and has one unit
     wanted += [first_build(folder, other, further=True) for other in parts[1:]]
 
     def seconds(build: Build) -> float:
@@ -242,13 +244,13 @@ def _compile(folder: Path, *apart: str) -> float:
 
 
 def _cpu_seconds() -> float:
-    """Of this process and of those that it has waited for: compilers."""
+    """CPU seconds of this process and of the compilers that it has waited for."""
     x = os.times()
     return x.user + x.system + x.children_user + x.children_system
 
 
 def _condition(solver: Solver, state: State) -> float:
-    """Of the closures, the worst, or of the mass matrix of a tree."""
+    """Worst condition of the closures, or condition of the mass matrix of a tree."""
     if solver.nu > motions.LARGEST_MATRIX:
         return 1.0
     found = solver.diagnose(state.q, state.u, None, state.inputs, state.t, derivatives=False)

@@ -1,4 +1,4 @@
-"""Motions: work-precision diagrams of every integrator, for state and sensitivities, and conditions along the way."""
+"""Motions: work-precision diagrams of every integrator, for state and sensitivities, and conditions along a motion."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 END = 5.0
-"""Seconds of motion, if nobody says how many."""
+"""Default seconds of motion."""
 
 ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
 """Tolerances 10^-e of the adaptive methods."""
@@ -47,31 +47,32 @@ ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
 ORDERS = {"dop853": 8, "radau": 5}
 
 REFERENCES = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
-"""Tolerances of the motion that errors are against: the first that a motion comes to its end with. Of large angles and speeds the
-last digits cannot be computed. Its error is estimated by the next one."""
+"""Tolerances tried for the reference motion; the first that reaches the final time is used. With large angles and speeds the
+last digits cannot be computed. The error of the reference is estimated with the next tolerance."""
 
 LOST, LEAST = 1e-3, 1e-3
-"""A motion whose reference is known no better, a chaotic one, is halved, down to this part of the requested time."""
+"""If the reference is less accurate than this, as for a chaotic motion, the final time is halved, down to this fraction of the
+requested time."""
 
 EXACT = 1e-11
-"""An error below which a motion is exact but for rounding; a method that has one errs by more at its loosest tolerance."""
+"""Below this error a motion is exact except for rounding; any other method errs by more at its loosest tolerance."""
 
 FACTORS = 20
-"""Factorizations that an implicit method needs, at least; where they cost too much it is left out."""
+"""Least number of factorisations of an implicit method; if they cost too much, it is left out."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
-"""Settings of a diagram."""
+"""Number of settings of a diagram."""
 
 LONGEST = 0.75 * COSTLIEST
-"""Those of a motion at a tolerance of 1e-6: what takes more is integrated for a shorter time."""
+"""Most operations of a motion at a tolerance of 1e-6; a longer one gets an earlier final time."""
 
 MOST_SENSITIVITIES = 4
 
 SAMPLES = 101
-"""Times along a motion at which conditions are looked at."""
+"""Number of times along a motion at which conditions are computed."""
 
 LARGEST_MATRIX = 300
-"""Speeds up to which conditions of mass matrices are computed."""
+"""Largest number of speeds for which conditions of mass matrices are computed."""
 
 
 def motions(
@@ -82,17 +83,17 @@ def motions(
     Parameters
     ----------
     remade : callable
-        Gives a solver with that number of choices of independent coordinates, for motions through dead points.
+        Returns a solver with a number of choices of independent coordinates, for motions through dead points.
     core : Core
-        Timed beside motions.
+        Fixed work that is timed beside motions.
 
     Returns
     -------
     dict
-        ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
-        names; ``reference_error``, of the state and of ``reference_error_sensitivities``; ``methods``: lists of points, each
-        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, ``seconds`` of the one motion and
-        ``core`` and ``cache`` beside it; ``conditions``, see `conditions`.
+        ``end``; ``choices`` of independent coordinates; ``ended``, the reason for a shorter motion than requested; names of the
+        ``sensitivities``; ``reference_error`` and ``reference_error_sensitivities``; ``methods``: lists of points with
+        ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, ``seconds``, and ``core`` and ``cache``
+        beside them; ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
     probe = motion(solver, Setting(end, names, "dop853", 1e-6), allowed=PROBED)
@@ -103,7 +104,7 @@ def motions(
     if isinstance(probe, str):
         skipped.append(Skipped("motions", probe))
         return None
-    reached = float(probe.stats["t"])  # which need not be one of its times
+    reached = float(probe.stats["t"])  # it need not be one of the output times
     found: dict[str, Any] = {"asked": end, "choices": choices, "sensitivities": names}
     if probe.ended != FINISHED:
         found["ended"] = str(probe.stats["reason"])
@@ -113,7 +114,7 @@ def motions(
             return None
     implicit = FACTORS * _factoring(solver) <= COSTLIEST
     stiff = implicit and _cost(solver, probe, names) > LONGEST
-    if stiff:  # an explicit method needs too many steps: the implicit one is the reference
+    if stiff:  # an explicit method needs too many steps, so the implicit one gives the reference
         probe = motion(solver, Setting(end, names, "radau", 1e-6))
     end = _affordable_end(solver, probe, names, end, skipped)
     method = "radau" if stiff else "dop853"
@@ -129,7 +130,7 @@ def motions(
         looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
         found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped, core)
     if _is_rounding(found["methods"]):
-        why = "every method integrates this motion exactly, as one at constant acceleration: errors are rounding at any tolerance"
+        why = "every method integrates this motion exactly, like one at constant acceleration, so the errors are only rounding"
         skipped.append(Skipped("work and precision", why))
         found["methods"] = {}
     found["conditions"] = conditions(solver, end, method, skipped)
@@ -139,7 +140,8 @@ def motions(
 def _known(
     solver: Solver, names: Sequence[str], method: str, end: float, found: dict[str, Any], skipped: list[Skipped]
 ) -> tuple[float, float, Trajectory] | None:
-    """How far a motion is known, s, the tolerance of the reference, and the reference; None where there is none."""
+    """The final time, s, up to which a motion is accurate, with the tolerance of the reference and the reference; None if
+    there is none."""
     while True:
         reference, best, beside = _reference(solver, end, names, method)
         if isinstance(best, str) or isinstance(beside, str):
@@ -149,8 +151,8 @@ def _known(
         if max(own_errors) <= LOST or end < LEAST * found["asked"]:
             break
         found["ended"] = (
-            f"at {end:g} s motions that are integrated with tolerances of {reference:g} and ten times as much differ by "
-            f"{max(own_errors):.1g} of themselves"
+            f"at {end:g} s, motions with tolerances of {reference:g} and {10 * reference:g} differ by "
+            f"{max(own_errors):.1g} of their size"
         )
         end = float(f"{end / 2:.2g}")
     found |= {"end": end, "reference": f"{method} at {reference:g}"}
@@ -161,39 +163,44 @@ def _known(
 def _affordable_end(
     solver: Solver, probe: Trajectory | str, names: Sequence[str], end: float, skipped: list[Skipped]
 ) -> float:
-    """How far motions may go, by the operations of a probe to the end, s."""
+    """Final time of the motions, s, from the operations of a probe."""
     cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
     if cost <= LONGEST:
         return end
     shorter = float(f"{end * max(LONGEST / cost, 1e-4):.2g}")
     seconds = None if isinstance(probe, str) else float(probe.stats["seconds"]) * ROUNDS * MOTIONS
-    why = "has no end" if isinstance(probe, str) else f"takes {cost:.1g} operations"
+    why = "does not reach its end" if isinstance(probe, str) else f"takes {cost:.1g} operations"
     skipped.append(
-        Skipped(f"motions beyond {shorter:g} s", f"one of {end:g} s {why}, of {LONGEST:.1g} allowed", seconds)
+        Skipped(
+            f"motions beyond {shorter:g} s",
+            f"a motion of {end:g} s {why}; the limit is {LONGEST:.1g} operations",
+            seconds,
+        )
     )
     return shorter
 
 
 def _without_factors(solver: Solver, best: Trajectory, names: Sequence[str], settings: int) -> Skipped:
-    """The implicit method, which is left out for a matrix that is too large."""
+    """Note that the implicit method is left out because its matrix is too large."""
     rate = _cost(solver, best, names) / max(float(best.stats["seconds"]), 1e-9)
     seconds = FACTORS * _factoring(solver) / rate * ROUNDS * settings
-    return Skipped("motions by an implicit method", f"it factors matrices of {solver.nu} columns", seconds)
+    return Skipped("motions by an implicit method", f"it factorises matrices of {solver.nu} columns", seconds)
 
 
 def _is_rounding(methods: dict[str, list[dict[str, Any]]]) -> bool:
-    """Whether the errors of all methods are rounding at their loosest settings already, so that they say nothing of methods."""
+    """Whether the errors of all methods are rounding even at their loosest settings, so that they do not distinguish the
+    methods."""
     points = [p for several in methods.values() for p in several]
     return bool(points) and all(max(p["error"], p["sensitivity_error"] or 0.0) < EXACT for p in points)
 
 
 def sensitivities(model: Model) -> list[str]:
-    """What motions are differentiated by."""
+    """Quantities with respect to which motions are differentiated."""
     return list(model.parameter_names[:MOST_SENSITIVITIES])
 
 
 def settings(found: dict[str, Any]) -> list[tuple[dict[str, Any], Setting]]:
-    """All points of the diagrams that `motions` gives, and how to make their motions again."""
+    """All points of the diagrams of `motions`, with the settings that repeat their motions."""
     end, names = found["end"], found["sensitivities"]
     return [
         (p, Setting(end, names, method, FIXED_TOLERANCE, round(end / p["setting"])))
@@ -207,7 +214,7 @@ def settings(found: dict[str, Any]) -> list[tuple[dict[str, Any], Setting]]:
 def _reference(
     solver: Solver, end: float, names: Sequence[str], method: str
 ) -> tuple[float, Trajectory | str, Trajectory | str]:
-    """Its tolerance; the motion itself, and one beside it, or why there is none."""
+    """Tolerance of the reference; the reference, and one with a looser tolerance, or the reason why there is none."""
     why = ""
     for tolerance, looser in pairwise(REFERENCES):
         both = []
@@ -223,10 +230,10 @@ def _reference(
 
 
 def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, float]:
-    """Relative errors at the end: of the state, its coordinates and speeds apart, and of the worst derivative.
+    """Relative errors at the end: of the state (the larger of coordinates and speeds), and of the worst derivative.
 
-    Derivatives that vanish but for rounding have errors in parts of what changes the state by as much as itself; `values` are
-    those of what they are by.
+    Errors of derivatives that vanish except for rounding are relative to a natural size: with it, a change of a quantity by its
+    own value (in `values`) changes the state by as much as itself.
     """
 
     pairs = [(x.q, exact.q, x.dq, exact.dq), (x.u, exact.u, x.du, exact.du)]
@@ -245,7 +252,7 @@ def _values(solver: Solver, names: Sequence[str]) -> Array:
 
 
 def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str, Any] | str:
-    """One point of a diagram; or why the motion did not come to its end."""
+    """One point of a diagram, or the reason why the motion did not reach its end."""
     x, turn = timed(solver, s, core)
     if isinstance(x, str):
         return x
@@ -260,7 +267,7 @@ def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str
 
 
 def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
-    """Operations of a motion: those of its evaluations, and of Jacobians and factors of an implicit method."""
+    """Operations of a motion: those of its evaluations, and of Jacobians and factorisations of an implicit method."""
     found = float(x.stats["evaluations"]) * evaluation(solver, names)
     if "factorizations" in x.stats:
         found += float(x.stats["jacobians"]) * operations(solver, "sensitivities", solver.nq + solver.nu)
@@ -269,7 +276,7 @@ def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
 
 
 def _factoring(solver: Solver) -> float:
-    """Operations of an implicit method's factors, of one real matrix and one complex."""
+    """Operations of the factorisations of an implicit method, one real and one complex matrix each."""
     return 10 / 3 * float(solver.nu) ** 3
 
 
@@ -285,9 +292,9 @@ def _adaptive(
             continue
         points.append(point)
         if point["operations"] > COSTLIEST and (left := len(exponents) - i - 1):
-            tenth = 10 ** (1 / ORDERS[method])  # so much longer a motion takes for a tenth of the error
+            tenth = 10 ** (1 / ORDERS[method])  # a motion takes this many times as long for a tenth of the error
             seconds = ROUNDS * point["seconds"] * sum(tenth**n for n in range(1, left + 1))
-            why = f"one takes {point['operations']:.1g} operations, of {COSTLIEST:.1g} allowed"
+            why = f"a motion takes {point['operations']:.1g} operations; the limit is {COSTLIEST:.1g}"
             skipped.append(Skipped(f"motions by {method} at tolerances below {point['setting']:.0e}", why, seconds))
             break
     return points
@@ -299,24 +306,24 @@ def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory, c
         point = _point(solver, Setting(end, names, "rk4", FIXED_TOLERANCE, steps), best, core)
         if not isinstance(point, str) and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
-            if 2 * point["operations"] > COSTLIEST:  # the next takes twice as many
+            if 2 * point["operations"] > COSTLIEST:  # the next one takes twice as many
                 break
     return points
 
 
 def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) -> dict[str, Any] | None:
-    """Conditions along the motion, as `Solver.diagnose` has them: of the closures, the worst, and of the mass matrix.
+    """Condition numbers along the motion by `Solver.diagnose`: the worst of the closures, and that of the mass matrix.
 
     Returns
     -------
     dict
-        ``t`` and, where there are any, ``closures`` and ``mass_matrix``: a number for each time, at least 1.
+        ``t`` and, if they exist, ``closures`` and ``mass_matrix``: a number for each time, at least 1.
     """
     x = motion(solver, Setting(end, (), method, 1e-9), times=np.linspace(0.0, end, SAMPLES))
     if isinstance(x, str):
         return None
     if solver.nu > LARGEST_MATRIX:
-        why = f"mass matrices of {solver.nu} columns, of {LARGEST_MATRIX} allowed"
+        why = f"the mass matrix has {solver.nu} columns; the limit is {LARGEST_MATRIX}"
         skipped.append(Skipped("conditions along the motion", why, _seconds_of_condition(solver.nu) * SAMPLES))
         return None
     along = [solver.diagnose(q, u, t=t, derivatives=False) for q, u, t in zip(x.q, x.u, x.t, strict=True)]
@@ -329,7 +336,7 @@ def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) 
 
 
 def _seconds_of_condition(columns: int) -> float:
-    """Of a large matrix, by the singular values of a smaller one, which take the cube of its size."""
+    """Seconds for a large matrix, from the singular values of a smaller one; they grow with the cube of its size."""
     matrix = np.random.default_rng(0).normal(size=(LARGEST_MATRIX, LARGEST_MATRIX))
     run = elapsed(lambda: np.linalg.svd(matrix, compute_uv=False), clock=time.thread_time)
     return in_rounds({"": run}, 3)[""].least * (columns / LARGEST_MATRIX) ** 3

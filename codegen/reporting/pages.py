@@ -1,4 +1,4 @@
-"""Prints a report: one HTML page that needs nothing else, Markdown beside it, and JSON."""
+"""Prints a report: one self-contained HTML page, Markdown beside it, and JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "fi
 
 
 def need() -> None:
-    """Raise ImportError, with what to install, where matplotlib is not installed."""
+    """Raise ImportError with an installation hint if matplotlib is missing."""
     from ..runtime.standalone.trajectory.plot import need as need_matplotlib
 
     need_matplotlib()
@@ -27,18 +27,18 @@ def need() -> None:
 def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
     """Raise `FolderError` unless a report may be written into a folder.
 
-    It may be absent, empty, or hold what ``report.json`` lists as the files of an earlier report, with these contents.
+    It may be absent or empty, or hold the unchanged files of an earlier report, as ``report.json`` lists them.
 
     Parameters
     ----------
     folder : Path
     force : bool
-        Whatever it holds; files of a report are replaced then, and others stay.
+        Allow any contents: files of a report are replaced, others stay.
 
     Returns
     -------
     list of str
-        What is to stay.
+        Files that stay.
     """
     if folder.exists() and not folder.is_dir():
         raise FolderError(f"{folder} is a file; give a folder to write into with -o")
@@ -46,7 +46,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
         return []
     here = Path.cwd()
     if folder.resolve() in (here, *here.parents):
-        raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
+        raise FolderError(f"{folder} is, or contains, the working directory; give a separate folder with -o")
     listed = _listed(folder)
     found = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir())
     foreign = [n for n in found if n != NUMBERS and n not in listed]
@@ -56,8 +56,8 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
     if not force and (foreign or changed):
         several = [*foreign, *(f"{n} (changed since)" for n in changed)]
         raise FolderError(
-            f"{folder} holds {', '.join(several[:5])}{', ...' if len(several) > 5 else ''}, which no report wrote; "
-            f"choose another folder with -o, or --force to replace the files of a report in it"
+            f"{folder} contains files that no report wrote: {', '.join(several[:5])}{', ...' if len(several) > 5 else ''}. "
+            f"Choose another folder with -o, or --force to replace the files of a report in it"
         )
     return foreign
 
@@ -74,7 +74,7 @@ def _listed(folder: Path) -> dict[str, str]:
 
 def write(data: dict[str, Any], folder: Path, force: bool = False) -> None:
     """Write all files of a report at once."""
-    keep = refuse_foreign(folder, force)  # once more: a report takes its time
+    keep = refuse_foreign(folder, force)  # again: the folder may have changed during the measurements
     write_folder(folder, texts(data), keep)
 
 
@@ -84,8 +84,8 @@ def texts(data: dict[str, Any]) -> dict[str, str]:
     sections = tables(data)
     title = f"{data['model']}: speed against error"
     made = (
-        f"ordernm {data['ordernm']}, {data['date']}; measured in {data['seconds']:.0f} s, {data['cpu_seconds']:.0f} s of them a "
-        f"core's work. The numbers are in"
+        f"ordernm {data['ordernm']}, {data['date']}; measured in {data['seconds']:.0f} s, with "
+        f"{data['cpu_seconds']:.0f} s of CPU time. The numbers are in"
     )
     markdown = [f"# {title}", f"{made} [{NUMBERS}]({NUMBERS})."]
     for s in sections:
@@ -101,13 +101,13 @@ def texts(data: dict[str, Any]) -> dict[str, str]:
 
 
 def page(title: str, made: str, sections: list[Section], drawn: dict[str, str]) -> str:
-    """A page of HTML that needs nothing else; `made` says how, and when, `drawn` has the figures of the sections as SVG."""
+    """A self-contained HTML page; `made` describes its origin, and `drawn` has the figures of the sections as SVG."""
     context = {"title": title, "made": made, "mark": MARK, "sections": sections, "drawn": drawn}
     return render("report/page.html.jinja", context)
 
 
 def _plain(x: Any) -> Any:
-    """The same with null for what is not finite, which JSON has no word for."""
+    """The same data with null for non-finite numbers, which JSON cannot represent."""
     if isinstance(x, dict):
         return {k: _plain(v) for k, v in x.items()}
     if isinstance(x, list | tuple):
@@ -116,7 +116,7 @@ def _plain(x: Any) -> Any:
 
 
 def tables(data: dict[str, Any]) -> list[Section]:
-    """Sections of a report: title, sentences, the name of a figure, tables."""
+    """Sections of a report: title, sentences, names of figures, tables."""
     sections = [_generated(data)]
     if "times" in data:
         sections += [_times(data), _roofline(data)]
@@ -137,7 +137,7 @@ def _generated(data: dict[str, Any]) -> Section:
         "bodies", "links", "loops", "coordinates", "speeds", "freedoms", "parameters", "inputs", "outputs", "kinds", "layout",
         "code_lines", "code_bytes", "library_bytes",
     )  # fmt: skip
-    note = "freedoms: independent speeds; kinds: links, ears and regions of equal structure, which share code"
+    note = "freedoms: independent speeds; kinds: groups of links, ears and regions of equal structure, which share code"
     sizes = Table("Sizes", ["", ""], [[n.replace("_", " "), str(g[n])] for n in names], note)
     stages = Table("Generation", ["stage", "time"], [[n, seconds(s)] for n, s in g["seconds"].items()])
     on = Table("Measured on", ["", ""], [[k, v] for k, v in m.items()])
@@ -160,15 +160,17 @@ def _times(data: dict[str, Any]) -> Section:
         rows.append([name, *(seconds(s) for s in shown)])
     functions = Table(
         "Per evaluation",
-        ["function", "in C, least", "median", "nine of ten", "one call from Python, least", "median", "nine of ten"],
+        ["function", "in C, least", "median", "90 %", "one call from Python, least", "median", "90 %"],
         rows,
-        "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core, in "
-        f"{processes.PROCESSES} processes one after another. Before and after each turn fixed work was timed, which takes longer "
-        f"while others use the machine: in registers and the first cache {seconds(t['core']['least'])} at best, "
-        f"{seconds(t['core']['median'])} in the middle and up to {seconds(t['core']['high'])} in nine of ten; on longer arrays "
-        f"{1e-9 / t['cache']['least']:.3g} GB/s, {1e-9 / t['cache']['median']:.3g} and {1e-9 / t['cache']['high']:.3g}. "
-        f"Another run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%} "
-        f"and by the square of how much slower fixed work was, which is what it may cost: ordernm report --compare tells.",
+        "in C: per state of a batch in one thread. All functions took turns in "
+        f"{processes.PROCESSES} processes one after another; times are CPU times of the thread, and 90 % of the turns took no "
+        f"longer than the last column. Fixed work was timed before and after each turn; other processes on the machine slow "
+        f"it down. In registers and the first cache it took {seconds(t['core']['least'])} at best, "
+        f"{seconds(t['core']['median'])} in the median, and up to {seconds(t['core']['high'])} in 90 % of the turns; "
+        f"on longer arrays {1e-9 / t['cache']['least']:.3g}, {1e-9 / t['cache']['median']:.3g} and "
+        f"{1e-9 / t['cache']['high']:.3g} GB/s. "
+        f"The ranges of two runs should overlap if both are widened by {agreement.SPREAD:.0%}, and by the square of the ratio by "
+        f"which fixed work was slower. Run ordernm report --compare to check this.",
     )
     rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
     batches = Table("Accelerations in batches", ["states", "per state, least", "median"], rows)
@@ -189,7 +191,7 @@ def _roofline(data: dict[str, Any]) -> Section:
         "of the vectors' peak",
         "of one number at a time",
     ]
-    text = "Operations per second against what the core did in loops of multiply-adds and of sums, measured in the same run."
+    text = "Operations per second, compared with loops of multiply-adds and of sums that were measured in the same run."
     return Section("Roofline", [text], ["roofline"], [Table("", head, rows)])
 
 
@@ -203,12 +205,12 @@ def _errors(data: dict[str, Any]) -> Section:
         more = [number(e.get(name), 2) for name in ("jacobians", "gradient")]
         rows.append([e["state"], number(conditions[e["state"]]), *figures_of[:2], by, *figures_of[2:], *more])
     note = (
-        "largest difference over largest entry, of each direction (Jacobians: the worst column); estimated: by "
-        "solver.diagnose, which has no reference; condition: of the closures, or of a tree's mass matrix"
+        "largest difference over largest entry, for each direction (Jacobians: the worst column); estimated: by "
+        "solver.diagnose, without a reference; condition: of the closures, or of a tree's mass matrix"
     )
     if vanishing:
         note += (
-            f"; nothing depends on {', '.join(sorted(vanishing))}: what is left of such a derivative is in parts of udot over "
+            f"; derivatives with respect to {', '.join(sorted(vanishing))} vanish: their errors are relative to udot divided by "
             f"the parameter"
         )
     head = [
@@ -222,7 +224,7 @@ def _errors(data: dict[str, Any]) -> Section:
         "Jacobians",
         "gradient",
     ]
-    text = "The generated C against the generic engine in numbers of 40 digits, both from the same doubles."
+    text = "The generated C compared with the generic engine in 40 digits, both from the same double-precision states."
     return Section("Errors", [text], ["errors"], [Table("Relative errors", head, rows, note)])
 
 
@@ -233,8 +235,8 @@ def _differences(data: dict[str, Any]) -> Section:
     ]
     rows.append(["exact, by the generated solver", number(data["exact"], 2)])
     text = [
-        f"Derivative of the accelerations by {data['by']}; errors are against {data['reference']}.",
-        "Differences lose digits to truncation on the right and to rounding on the left; the exact derivative has no step.",
+        f"Derivative of the accelerations with respect to {data['by']}; the reference is {data['reference']}.",
+        "Differences lose digits by truncation on the right and by rounding on the left; the exact derivative has no step.",
     ]
     return Section("Finite differences", text, ["differences"], [Table("", ["", "relative error"], rows)])
 
@@ -247,14 +249,14 @@ def _motions(data: dict[str, Any]) -> list[Section]:
             rows.append([method, number(p["setting"], 2), *errors, str(p["evaluations"]), seconds(p["seconds"])])
     by = f", with derivatives by {', '.join(data['sensitivities'])}" if data["sensitivities"] else ""
     text = [
-        f"{data['end']:g} s of motion{by}. Errors at the end are against {data['reference']}, itself right to about "
+        f"{data['end']:g} s of motion{by}. The reference for errors at the end is {data['reference']}, with an error of about "
         f"{number(data['reference_error'], 2)}; grey: errors below that of the reference."
     ]
     if data["choices"] > 1:
-        text.append(f"The motion goes on past dead points with {data['choices']} choices of independent coordinates.")
+        text.append(f"The motion passes dead points with {data['choices']} choices of independent coordinates.")
     if data["end"] < data["asked"]:
         text.append(
-            f"Shorter than the {data['asked']:g} s asked for" + (f": {data['ended']}." if "ended" in data else ".")
+            f"Shorter than the requested {data['asked']:g} s" + (f": {data['ended']}." if "ended" in data else ".")
         )
     head = ["method", "tolerance or step", "error", "error of sensitivities", "evaluations", "time in C"]
     sections = [Section("Work and precision", text, ["work_precision"], [Table("", head, rows)])] if rows else []

@@ -1,7 +1,7 @@
-"""Times of several processes, one after another.
+"""Timing in several processes, one after another.
 
-Where a process has its code, its stack and its arrays is chance, and all its calls share what that costs or saves; what others do
-on the machine goes on for seconds. A spread that another run of the same report is to meet is that of processes.
+The addresses of code, stack and arrays are random for each process, and affect all its calls; other processes disturb for
+seconds. Times are reproducible only as a spread over several processes.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 PROCESSES = 5
 
 LONG = 0.2
-"""Seconds after which a motion is timed no more, except once by the first process."""
+"""Motions that take more seconds than this are timed only once, by the first process."""
 
 
 class ProcessError(Failure, RuntimeError):
-    """A process that takes times ended with an error."""
+    """A timing process ended with an error."""
 
     code = NUMBERS_FAILED
 
@@ -39,23 +39,23 @@ def timed(
     core: Core, folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[tuple[Setting, Turn]],
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, dict[str, Any]]]:  # fmt: skip
-    """Times of functions and of motions, and what the core does at best.
+    """Times of functions and motions, and the peak performance of the core.
 
     Parameters
     ----------
     core : Core
     folder : Path
-        Of the package whose functions are timed.
+        Folder of the package whose functions are timed.
     state : State, optional
-        Where; without one functions are not timed.
+        State of the evaluations; without it, functions are not timed.
     budget : float
-        Seconds for each function, about.
+        Approximate seconds for each function.
     moving : Path
-        Of the package that is integrated.
+        Folder of the package that is integrated.
     settings : sequence of (Setting, Turn)
-        Of the motions, and what each has taken in this process.
+        Settings of the motions, with the time of each in this process.
     progress : callable, optional
-        Called with how many processes have ended, and of how many.
+        Called with the number of finished processes and their total number.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def timed(
     Raises
     ------
     ProcessError
-        It holds what the process printed.
+        With the output of the process.
     """
     functions: list[dict[str, Any]] = []
     taken = [[turn] for _, turn in settings]
@@ -89,7 +89,7 @@ def timed(
 
 
 def _in_process(*asked: Any) -> dict[str, Any]:
-    """`_answer` of a process of its own."""
+    """Run `_answer` in a new process."""
     paths = os.pathsep.join(p for p in sys.path if p)
     done = subprocess.run(
         [sys.executable, "-m", __name__], input=pickle.dumps(asked), capture_output=True,
@@ -97,7 +97,7 @@ def _in_process(*asked: Any) -> dict[str, Any]:
     )  # fmt: skip
     if done.returncode:
         why = done.stderr.decode(errors="replace")[-2000:]
-        raise ProcessError(f"a process that takes times ended with {done.returncode}: {why}")
+        raise ProcessError(f"a timing process ended with exit code {done.returncode}: {why}")
     found: dict[str, Any] = pickle.loads(done.stdout)
     return found
 
@@ -105,7 +105,7 @@ def _in_process(*asked: Any) -> dict[str, Any]:
 def _answer(
     library: Path, folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[Setting]
 ) -> dict[str, Any]:
-    """What one process measures."""
+    """The measurements of one process."""
     core, solver = Core(library), load(folder)
     moved = solver if moving == folder else load(moving)
     found: dict[str, Any] = {"functions": [], "peaks": {}}

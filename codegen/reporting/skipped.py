@@ -1,4 +1,4 @@
-"""What a report leaves out: said, with the reason and the time that it would have taken."""
+"""What a report leaves out, with the reason and the time that it would have taken."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Skipped:
     ----------
     what, why : str
     seconds : float or None
-        How long it would have taken, about; None where time was not the reason.
+        Estimated time; None if time was not the reason.
     """
 
     what: str
@@ -26,7 +26,7 @@ class Skipped:
 
 
 def seconds_in_words(seconds: float) -> str:
-    """Such as "40 s" or "3 h"; nobody needs more digits of an estimate."""
+    """A rounded time such as "40 s" or "3 h"."""
     for unit, size in (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3)):
         if seconds >= 2 * size or unit == "ms":
             return f"{seconds / size:.2g} {unit}"

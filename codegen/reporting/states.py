@@ -20,25 +20,25 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RANDOM = 3
-"""Random states."""
+"""Number of random states."""
 
 NEARER, FARTHER = 0.7, 1.1
-"""Random states are drawn nearer by this after each that does not close, and farther after each that does: one of five does not,
-or so, and that takes longest to find."""
+"""After each random state whose loops do not close, the spread is multiplied by the first factor; after each that does, by the
+second. So about one state of five does not close; finding that out takes the longest."""
 
 SEARCHED = 100
-"""Random states among which the one with the worst condition stands for one near a singularity."""
+"""Number of random states from which the worst-conditioned one is taken."""
 
 TURNS, FAST = 1e5, 1e3
-"""Extreme states: turns of every independent hinge, and by what speeds are multiplied."""
+"""Extreme states: turns of every independent revolute joint, and a factor for the speeds."""
 
 SPREAD, SPREAD_CLOSED = 1.0, 0.15
-"""Standard deviation of coordinates about the initial state, rad or m; of models with loops."""
+"""Standard deviation of coordinates about the initial state, rad or m, without and with loops."""
 
 
 @dataclass(frozen=True)
 class State:
-    """Where something is evaluated.
+    """A state for evaluations.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ def states(model: Model, solver: Solver, condition: Callable[[State], float]) ->
     Parameters
     ----------
     condition : callable
-        Of a state: large near a singularity.
+        Returns a number that is large near a singularity.
     """
     drawn = random_states(solver, np.random.default_rng(1))
     ordinary = [s for _, s in zip(range(RANDOM), drawn, strict=False)]
@@ -78,13 +78,13 @@ def states(model: Model, solver: Solver, condition: Callable[[State], float]) ->
             worst, worst_condition = s, c
     if worst is not None:
         found.append(State("worst condition", worst.q, worst.u, worst.inputs, worst.t))
-    return found + ordinary[1:]  # where the reference has time for some of them only, the first ones
+    return found + ordinary[1:]  # if the reference has time for only some of them, it takes the first ones
 
 
 def random_states(solver: Solver, rng: np.random.Generator, most: int = 10 * SEARCHED) -> Iterator[State]:
-    """States about the initial one, loops closed; those that do not close or have no finite accelerations are left out.
+    """Random states about the initial one, with closed loops and finite accelerations.
 
-    Where few of them close they are drawn nearer to the initial one.
+    If few of them close, the others are drawn closer to the initial state.
     """
     try:
         q0, u0 = solver.initial
@@ -114,7 +114,7 @@ def _closed(solver: Solver, name: str, q: Array, u: Array, inputs: Array, t: flo
 
 
 def _turned(model: Model, solver: Solver, state: State) -> State | None:
-    """Every independent angle many turns on."""
+    """A state with every independent angle many turns away."""
     units = zip(model.coordinate_names, model.coordinate_units, strict=True)
     angles = [i for i, (name, unit) in enumerate(units) if unit == "rad" and name in solver.independent_names]
     if not angles:

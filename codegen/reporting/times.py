@@ -1,4 +1,4 @@
-"""Times of the generated functions: single calls from Python, and per state of a batch, which is the time in C."""
+"""Times of the generated functions: single calls from Python, and per state of a batch, which measures the C code."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ DIRECTIONS = (1, 8)
 BATCHES = (1, 16, 256, 4096)
 
 LARGEST = 16e6
-"""Bytes that the results of a batch may take."""
+"""Largest size of the results of a batch, bytes."""
 
 BATCH = 2048
-"""States a batch has where functions are compared, if its results are no larger: the cost of the call vanishes."""
+"""States in a batch for comparing functions, if the results are not too large; the cost of the call is then negligible."""
 
 LONG, LEAST_BATCH = 0.03, 64
-"""Seconds that a call with a batch may take, about: a slow function gets fewer states, but at least `LEAST_BATCH`."""
+"""Approximate longest duration of a call with a batch, s: a slow function gets fewer states, but at least `LEAST_BATCH`."""
 
 
 def turns(solver: Solver, state: State, budget: float, core: Core) -> dict[str, Any]:
@@ -43,9 +43,9 @@ def turns(solver: Solver, state: State, budget: float, core: Core) -> dict[str, 
     ----------
     solver : Solver
     state : State
-        Where; the states of a batch lie about it.
+        Central state of the batches.
     budget : float
-        Seconds for each function, about.
+        Approximate seconds for each function.
     core : Core
 
     Returns
@@ -59,7 +59,7 @@ def turns(solver: Solver, state: State, budget: float, core: Core) -> dict[str, 
     counts: dict[str, int] = {}
 
     def into_its_results(function: Function, at: tuple[Any, ...]) -> Callable[[], object]:
-        """The call again and again, into the same arrays: new ones cost pages, more or less as memory happens to lie."""
+        """Repeat the call with the same output arrays; new arrays would cost varying numbers of page faults."""
         return partial(function, at, function(at))
 
     with warnings.catch_warnings():
@@ -97,8 +97,8 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``functions``: for each, ``compiled`` (per state of a batch) and ``call`` (a single one from Python), each as `record`
-        has it; ``batches``: for the accelerations, by size; ``core``, ``cache``: of the fixed work beside all of them.
+        ``functions``: for each, records for ``compiled`` (per state of a batch) and ``call`` (a single call from Python), see
+        `record`; ``batches``: accelerations by batch size; ``core``, ``cache``: the fixed work beside all of them.
     """
 
     def of(name: str) -> dict[str, Any]:
@@ -117,13 +117,13 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _in_time(call: Callable[[], object]) -> int:
-    """The number of states that take `LONG`, by the time of a single call."""
-    call()  # compiles and loads what it needs
+    """Number of states for which a call takes `LONG`, from the time of a single call."""
+    call()  # compiles and loads the function
     return max(LEAST_BATCH, int(LONG / max(elapsed(call, clock=time.thread_time)(), 1e-9)))
 
 
 def _states(state: State, n: int) -> tuple[Any, ...]:
-    """The state n times over, speeds a little apart; for n = 1 without a batch axis."""
+    """The state n times, with slightly different speeds; without a batch axis for n = 1."""
     if n == 1:
         return state.q, state.u, None, state.inputs, state.t
     scale = 1 + 1e-3 * np.linspace(-1, 1, n)[:, None]
@@ -131,7 +131,7 @@ def _states(state: State, n: int) -> tuple[Any, ...]:
 
 
 def _functions(solver: Solver, rng: np.random.Generator) -> list[tuple[str, int, Function]]:
-    """Name, numbers of columns of the results, and what is called with a state and, if need be, arrays for the results."""
+    """Name, number of result columns, and a function of a state and, optionally, output arrays."""
     found: list[tuple[str, int, Function]] = [("udot", 1, lambda at, out=None: solver.accelerations(*at, out=out))]
     for k in DIRECTIONS:
         seeds = {"dq": rng.normal(size=(k, solver.nq)), "du": rng.normal(size=(k, solver.nu)),

@@ -33,7 +33,7 @@ def run(tmp_path_factory):
 def test_a_run_prints_errors_work_times_and_operations(run):
     code, text, *_ = run
     assert code == 0
-    assert "cart_pole: a light cart with a pole, 10 s" in text and "reference: momentum and energy leave" in text
+    assert "cart_pole: a light cart with a pole, 10 s" in text and "reference: one quadrature, t(theta)" in text
     assert "evaluations" in text and "additions and multiplications an evaluation" in text
     assert "coiled: a coiled planar chain" in text and "udot + 8" in text
 
@@ -56,7 +56,7 @@ def test_the_page_names_the_machine_and_has_the_tables(run):
     text = run[3]
     assert text.startswith("# How accurate, how fast\n")
     assert run[2]["machine"]["instructions"] in text and "-O0" in text
-    assert "| a coiled planar chain, 22.5 degrees | 10 |" in text
+    assert "| a coiled planar chain, 22.5 degrees at each joint | 10 |" in text
     rows = [line.count("|") for line in text.splitlines() if line.startswith("|")]
     assert len(rows) > 8
     assert page.page_of(run[2]) == text, "the same page from the JSON"
@@ -92,7 +92,7 @@ def test_another_machine_and_other_figures_are_told(run):
     assert found[2].endswith(" 0.50")
     del old["problems"]
     old["problems"] = {}
-    assert lines.compare_lines(run[2], old, None)[-1] == "the two runs have no figure in common"
+    assert lines.compare_lines(run[2], old, None)[-1] == "the two runs have no results in common"
 
 
 @pytest.mark.parametrize(
@@ -103,9 +103,9 @@ def test_another_machine_and_other_figures_are_told(run):
             ["--compare", "absent.json"],
             "bench: absent.json cannot be read: No such file or directory; give a file that",
         ),
-        (["--compare", "broken.json"], "bench: broken.json is no JSON ("),
-        (["--compare", "other.json"], "bench: other.json does not hold results of the benchmark; give a file that"),
-        (["--compare", "list.json"], "bench: list.json does not hold results of the benchmark"),
+        (["--compare", "broken.json"], "bench: broken.json is not valid JSON ("),
+        (["--compare", "other.json"], "bench: other.json does not contain benchmark results; give a file that"),
+        (["--compare", "list.json"], "bench: list.json does not contain benchmark results"),
         (["--compare", "later.json"], "bench: later.json has format 99, this version reads 1; measure again"),
         (["-o", "nowhere/new.json"], "bench: -o: cannot write nowhere/new.json: there is no folder"),
         (["--page", "."], "bench: --page: . is a folder; give the name of a file"),
@@ -219,7 +219,7 @@ def test_goals_count_errors_evaluations_and_times():
     assert verdict(Goal(1e-7, evaluations=400)) == (False, False)
     assert verdict(Goal(1e-7, evaluations=401)) == (True, False)
     assert verdict(Goal(1e-7, seconds=1e-3)) == (False, True)
-    assert "missed at every tolerance" in lines.goal_line(measuring._goal(Goal(1e-9), DIAGRAM))
+    assert "missed at all tolerances" in lines.goal_line(measuring._goal(Goal(1e-9), DIAGRAM))
 
 
 def test_contestants_take_turns():
@@ -256,7 +256,5 @@ def test_pictures_of_nothing_are_refused_before_the_work(names, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(command, "run", lambda *a: pytest.fail("nothing is to be measured"))
     assert main(["bench", *names, "--plots", "pictures"]) == 2
-    assert capsys.readouterr().err.startswith(
-        "bench: --plots: only families at several sizes (not with --quick) and robots"
-    )
+    assert capsys.readouterr().err.startswith("bench: --plots: no selected problem has a picture; select a family")
     assert not list(tmp_path.iterdir())

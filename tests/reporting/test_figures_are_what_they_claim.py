@@ -68,7 +68,7 @@ def test_differences_of_a_constant_are_left_out_with_the_reason(tmp_path):
     skipped = []
     assert differences(model, solver, state, {}, skipped) is None
     (why,) = skipped
-    assert "depend on no parameter, independent coordinate or speed" in str(why)
+    assert "do not depend on any parameter, independent coordinate or speed" in str(why)
 
 
 @pytest.mark.parametrize(("error", "derivative", "is_rounding"), [(1e-15, 1e-14, True), (1e-15, None, True), (1e-9, 1e-15, False),

@@ -1,1 +1,1 @@
-"""Other programs on the problems of the benchmark: a file each, imported where one is installed."""
+"""Other programs on the problems of the benchmark, one per file; each is imported only if it is installed."""

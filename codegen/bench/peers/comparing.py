@@ -1,4 +1,4 @@
-"""Problems that other programs solve too: everybody in turns, in one run."""
+"""Problems that other programs solve, too: all programs take turns in one run."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ NEEDED = {"CasADi": "casadi", "Pinocchio": "pinocchio", "MuJoCo": "mujoco", "Sci
 """Programs and their modules."""
 
 TREES = ("flyball", "chain_motion")
-"""Motions that they take part in."""
+"""Motions that other programs compute."""
 
 
 def compare_with_peers(
     problems: Sequence[Problem], folder: Path, quick: bool, progress: Callable[[str, int, int], object]
 ) -> dict[str, Any]:
-    """Times and errors of everybody who is installed.
+    """Times and errors of all installed programs.
 
     Returns
     -------
@@ -43,14 +43,14 @@ def compare_with_peers(
     found: dict[str, Any] = {}
     for problem in problems:
         if isinstance(problem, Motion) and problem.name in TREES:
-            progress(f"{problem.name}: others beside it", 0, 0)
+            progress(f"{problem.name}: other programs", 0, 0)
             everyone = contestants(problem, folder / "peers", there)
             found[problem.name] = rows(problem, everyone[::2] if quick else everyone, 0.05 if quick else 0.2)
     return {"skipped": skipped, "problems": found}
 
 
 def contestants(problem: Motion, folder: Path, there: set[str]) -> list[Contestant]:
-    """Ours, and everybody's who is there."""
+    """The contestants: ordernm and all installed programs."""
     solver, _ = generated(problem.text(), problem.name, folder, ("motion", "jacobians"))
 
     def ours(setting: Setting) -> Contestant:
@@ -85,7 +85,7 @@ def contestants(problem: Motion, folder: Path, there: set[str]) -> list[Contesta
 
 
 def rows(problem: Motion, everyone: Sequence[Contestant], budget: float) -> list[dict[str, Any]]:
-    """Error, error of derivatives and the least CPU time of each, from Python."""
+    """Error, error of derivatives and least CPU time of each program, called from Python."""
     exact = problem.exact()
     found = []
     for c in everyone:

@@ -1,6 +1,6 @@
-"""Other programs on the chain, and SciPy on trees with our accelerations: what each computes at the end of a motion.
+"""Other programs on the chain, and SciPy on trees with accelerations by ordernm: the final state of a motion.
 
-A function each, which imports its program; `comparing` lets them take turns.
+Each program has a function, which imports it; in `comparing` they take turns.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from ...runtime import Solver
 
 Ends = tuple[Sequence[float], Sequence[Sequence[float]] | None]
-"""The quantities of a problem at its end, and their derivatives, if this program has any."""
+"""The quantities of a problem at its end, and their derivatives if the program computes any."""
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 SCIPY = (("DOP853", TOLERANCES), ("Radau", TOLERANCES[:1]))
 STEPS = (4e-3, 1e-3, 2.5e-4)
-"""s, of MuJoCo."""
+"""Time steps for MuJoCo, s."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Contestant:
     ----------
     who, setting : str
     run : callable
-        Computes the motion from its beginning.
+        Computes the motion from the initial state.
     """
 
     who: str
@@ -46,9 +46,9 @@ class Contestant:
 
 
 def casadi(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contestant]:
-    """cvodes on the chain of n rods from a state, with its derivatives by the length, compiled by ``-O3``.
+    """cvodes on the chain of n rods from a state, with derivatives with respect to the length, compiled with ``-O3``.
 
-    Adams' method with functional iteration is the best of cvodes' for this motion.
+    Adams' method with functional iteration is the fastest method of cvodes for this motion.
     """
     from casadi import integrator
 
@@ -73,7 +73,8 @@ def casadi(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contes
 
 
 def casadi_rates(n: int) -> tuple[Any, Any, Any]:
-    """States q, u and their derivatives by L; L; the time derivatives of the states: CasADi's SX, an algorithm by hand."""
+    """States q, u and their derivatives with respect to L; L; the time derivatives of the states: CasADi's SX, with a
+    hand-written algorithm."""
     import casadi
 
     q, u, sq, su = (casadi.SX.sym(name, n) for name in ("q", "u", "sq", "su"))
@@ -85,7 +86,7 @@ def casadi_rates(n: int) -> tuple[Any, Any, Any]:
 
 
 def mujoco(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contestant]:
-    """Its own integrator of order 4 on the chain of n rods, at constant steps."""
+    """MuJoCo's integrator of order 4 on the chain of n rods, with constant steps."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(chain_xml(n))
@@ -117,7 +118,7 @@ def chain_xml(n: int) -> str:
 
 
 def pinocchio(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contestant]:
-    """Its articulated-body algorithm on the chain, integrated by SciPy's DOP853: what a Python user of it would write."""
+    """Pinocchio's articulated-body algorithm on the chain, integrated by SciPy's DOP853, as a Python user would write it."""
     import pinocchio as pin
     from scipy.integrate import solve_ivp
 
@@ -135,7 +136,8 @@ def pinocchio(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Con
 
 
 def scipy(problem: Motion, solver: Solver, stiff: bool) -> list[Contestant]:
-    """Its explicit method, or, for stiff models, its implicit one with our exact Jacobians; our accelerations from Python."""
+    """SciPy's explicit method, or for stiff models its implicit one with exact Jacobians by ordernm; accelerations by ordernm
+    from Python."""
     from scipy.integrate import solve_ivp
 
     q, u = solver.initial

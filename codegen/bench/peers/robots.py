@@ -1,4 +1,4 @@
-"""Matrices and batches of robots, ours and Pinocchio's, both from Python and in turns."""
+"""Matrices and batches of robots by ordernm and Pinocchio, both called from Python, taking turns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..problem import Array, Robots
 
 FUNCTIONS = ("accelerations", "jacobians", "mass_matrix", "inverse_mass_matrix")
 STATES = 1024
-"""Of the batch."""
+"""Number of states in the batch."""
 
 Call = Callable[[], Any]
 
@@ -27,7 +27,7 @@ Call = Callable[[], Any]
 def measure_robots(
     problem: Robots, folder: Path, quick: bool, progress: Callable[[str], None], budget: float
 ) -> dict[str, Any]:
-    """Errors and times of every robot that can be read; why others cannot."""
+    """Errors and times of every robot whose file can be read, and reasons for the others."""
     rows: list[dict[str, Any]] = []
     skipped: dict[str, str] = {}
     there = importlib.util.find_spec("pinocchio") is not None
@@ -108,7 +108,7 @@ def _theirs(model: Any, state: State) -> dict[str, Call]:
 
 
 def _difference(ours: dict[str, Call], theirs: dict[str, Call], state: State) -> float:
-    """The largest relative difference of all that is computed, over the largest entry; of halves that Pinocchio fills."""
+    """The largest relative difference of all computed quantities; of the symmetric matrices, only the upper half is compared."""
     order, square = state.order, np.ix_(state.order, state.order)
     J = ours[JACOBIANS]()
     by_q, by_u, inverse = (np.array(x) for x in theirs[JACOBIANS]())

@@ -1,4 +1,5 @@
-"""Chains, closed chains and ladders of growing size: accelerations and derivatives at one state against a second way."""
+"""Chains, closed chains and ladders of growing size: accelerations and derivatives at one state, compared with an independent
+method."""
 
 from __future__ import annotations
 
@@ -15,19 +16,19 @@ from ..problem import Array, Evaluation, Family, Reference
 
 DIGITS = 40
 ENGINE_TO = 60
-"""Bodies up to which the generic engine in 40 digits is the reference: about a second for ten of them."""
+"""Largest number of bodies with the generic engine in 40 digits as reference; ten bodies take about a second."""
 ALL_DIRECTIONS_TO, ONE_DIRECTION_TO = 100, 1000
-"""Rods up to which a chain's eight directions, or its first one, are computed in 40 digits: 1 ms a rod and direction."""
+"""Largest chains whose eight directions, or whose first direction, are computed in 40 digits: 1 ms per rod and direction."""
 
 
 def exact(x: Array) -> Any:
-    """Doubles as an array of mpmath numbers."""
+    """Convert doubles to an array of mpmath numbers."""
     return np.array([mpmath.mpf(float(a)) for a in x], object)
 
 
 def along(function: Callable[[Sequence[Any], Sequence[Any], Any], Sequence[Any]], q: Array, u: Array, p: float,
           dq: Array, du: Array, dp: Array) -> Reference:  # fmt: skip
-    """A function of q, u and one parameter, and its derivatives along directions by dual numbers."""
+    """A function of q, u and one parameter, with its derivatives along directions by dual numbers."""
     with mpmath.workdps(DIGITS):
         seeded = [[Dual(x, y) for x, y in zip(exact(v), map(exact, w.T), strict=True)] for v, w in ((q, dq), (u, du))]
         found = [Dual.of(x) for x in function(seeded[0], seeded[1], Dual(mpmath.mpf(p), exact(dp[:, 0])))]
@@ -39,7 +40,7 @@ def along(function: Callable[[Sequence[Any], Sequence[Any], Any], Sequence[Any]]
 
 
 def chain_rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
-    """udot by an algorithm that shares nothing with the generator."""
+    """udot of the chain by an algorithm that shares no code with the generator."""
     constants = [mpmath.mpf(x) for x in (1.0, 0.05, 9.81)]
     return articulated_chain.accelerations(list(q), list(u), length, sine, cosine, *constants)
 
@@ -60,7 +61,7 @@ def chain(n: int) -> Evaluation:
 
 
 def ladder(loops: int) -> Evaluation:
-    """One angle: that of the rungs, which lean by 30 degrees."""
+    """The ladder has one independent angle, that of the rungs, which lean by 30 degrees."""
     n = 2 * loops + 1
     text, directions = text_of("LADDER", loops), seeds(2 * loops + 1)
 
@@ -80,7 +81,7 @@ def ladder(loops: int) -> Evaluation:
 
 
 def by_the_engine(name: str, size: int, speeds: int, bodies: int) -> Evaluation:
-    """An example at its initial state against the generic recursive engine in 40 digits."""
+    """An example in its initial state, compared with the generic recursive engine in 40 digits."""
     text, directions = text_of(name, size), seeds(speeds)
 
     def reference() -> Reference:
@@ -109,9 +110,9 @@ def hooke_ladder(loops: int) -> Evaluation:
 ENGINE = f"the generic recursive engine in {DIGITS} digits, up to {ENGINE_TO} bodies; larger ones have no reference"
 CHAIN = Family(
     name="chain",
-    title="a chain of rods, hinges about y, x, y, ...",
-    source=f"an articulated-body algorithm written by hand, on dual numbers of {DIGITS} digits; one direction beyond "
-    f"{ALL_DIRECTIONS_TO} rods, none beyond {ONE_DIRECTION_TO}",
+    title="a chain of rods, revolute joints about y, x, y, ...",
+    source=f"a hand-written articulated-body algorithm on dual numbers of {DIGITS} digits; one direction above "
+    f"{ALL_DIRECTIONS_TO} rods, none above {ONE_DIRECTION_TO}",
     unit="rods",
     make=chain,
     sizes=(4, 12, 50, 100, 1000, 10000),
@@ -120,7 +121,7 @@ CHAIN = Family(
 )
 CLOSED_CHAIN = Family(
     name="closed_chain",
-    title="a chain of rods held at both ends, n - 5 freedoms",
+    title="a chain of rods held at both ends, n - 5 degrees of freedom",
     source=ENGINE,
     unit="rods",
     make=closed_chain,
@@ -130,8 +131,8 @@ CLOSED_CHAIN = Family(
 )
 LADDER = Family(
     name="ladder",
-    title="a ladder that sways, one freedom",
-    source="closed form: the pendulum that all rungs are together, with derivatives by dual numbers",
+    title="a swaying ladder, one degree of freedom",
+    source="closed form: the equivalent pendulum of all rungs, with derivatives by dual numbers",
     unit="loops",
     make=ladder,
     sizes=(3, 12, 100, 1000),
@@ -140,7 +141,7 @@ LADDER = Family(
 )
 HOOKE_LADDER = Family(
     name="hooke_ladder",
-    title="a ladder of Hooke joints, two freedoms",
+    title="a ladder of Hooke joints, two degrees of freedom",
     source=ENGINE,
     unit="loops",
     make=hooke_ladder,

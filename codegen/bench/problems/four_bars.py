@@ -1,8 +1,8 @@
 """A02 of the IFToMM library of multibody benchmarks: N coupled four-bars that pass poses in which all their links lie flat.
 
-N + 1 equal cranks and N couplers, rods of length L and mass m, are one pendulum with the energy of all of them:
-phi'' = -c sin(phi), c = (g/L) ((N+1)/2 + N)/((N+1)/3 + N), phi from the lowest point. It begins at the highest one with
-v0 = 1 m/s at the tip. The published versions are N = 2 for 10 s and N = 40 for 20 s.
+N + 1 equal cranks and N couplers, rods of length L and mass m, move like one pendulum with their total energy: phi'' = -c
+sin(phi), c = (g/L) ((N+1)/2 + N)/((N+1)/3 + N), with phi measured from the lowest point. It starts at the highest point with v0 =
+1 m/s at the tip. The published versions are N = 2 for 10 s and N = 40 for 20 s.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from ..elliptic import DIGITS, rotation
 from ..problem import Goal, Motion, tolerances
 
 SOURCE = (
-    "closed form: the pendulum that all cranks are together, going round, by Jacobi's functions in 40 digits; "
+    "closed form: the equivalent pendulum of the mechanism, which rotates, by Jacobi's functions in 40 digits; "
     "problem A02 of the IFToMM library of multibody benchmarks"
 )
 
 
 def tip(n: int, t: Any, g: Any = None, length: Any = 1, v0: Any = 1) -> list[Any]:
-    """x and y of the tip of the first crank: mpmath numbers."""
+    """x and y of the tip of the first crank, as mpmath numbers."""
     with mpmath.workdps(DIGITS):
         t, length, v0 = mpmath.mpf(t), mpmath.mpf(length), mpmath.mpf(v0)
         g = mpmath.mpf("9.81") if g is None else g
         cranks = mpmath.mpf(n + 1)
         c = g / length * (cranks / 2 + n) / (cranks / 3 + n)
         angle, _ = rotation(c, v0 / length, t)
-        # the crank goes over to positive x, which is a negative angle about the lowest point turned upside down
+        # the crank moves towards positive x; measured about the lowest point, this is a negative angle
         return [-length * angle.sin, -length * angle.cos]
 
 
@@ -47,12 +47,15 @@ DERIVATIVES = (
     (-0.2292358188278981636405964, 0.07971719040572854715377785),
     (4.602610311297718359904757, -1.600566457829830609450333),
 )
-"""Of x and y for N = 2 at 10 s, by g, the length of all links (masses and v0 fixed), the masses of the first crank and the first
-coupler, and v0: the closed form differentiated, 40 digits."""
+"""Derivatives of x and y for N = 2 at 10 s, from the closed form in 40 digits.
+
+They are with respect to g, the length of all links (masses and v0 fixed), the masses of the first crank and the first coupler,
+and v0.
+"""
 
 
 PUBLISHED = (2, 40)
-"""Numbers of loops whose motions were published; these are integrated by both methods."""
+"""Numbers of loops with published motions; these are integrated by both methods."""
 
 
 def _four_bars(n: int, end: float, goals: tuple[Goal, ...], most: int) -> Motion:

@@ -12,14 +12,14 @@ from ..elliptic import swing
 from ..problem import Goal, Motion, tolerances
 
 SOURCE = (
-    "closed form: a swing between -90 and 90 degrees by Jacobi's functions, in 40 digits; "
+    "closed form: an oscillation between -90 and 90 degrees by Jacobi's functions in 40 digits; "
     "problem A01 of the IFToMM library of multibody benchmarks"
 )
 
 
 @cache
 def _end(start: float, end: float) -> tuple[float, float]:
-    """x and y of the ball, which is level at the beginning, at `start` (-1 or 1)."""
+    """x and y of the ball, which starts at the height of the pivot, at x = `start` (-1 or 1)."""
     angle, _ = swing("9.81", end)
     return start * float(angle.sin), -float(angle.cos)
 
@@ -33,10 +33,10 @@ def _long() -> tuple[float, float]:
 
 
 def _derivatives() -> list[list[float]]:
-    """By g and length: of `_short`, by the chain rule on the phase; x = length*f(t*sqrt(g/length))."""
+    """Derivatives of `_short` with respect to g and length, by the chain rule on the phase; x = length*f(t*sqrt(g/length))."""
     angle, rate = swing("9.81", 10.0)
     x, y, g = -angle.sin, -angle.cos, 9.81
-    dx, dy = -angle.cos * rate * 10.0, angle.sin * rate * 10.0  # by the logarithm of time
+    dx, dy = -angle.cos * rate * 10.0, angle.sin * rate * 10.0  # with respect to the logarithm of time
     return [[float(dx / (2 * g)), float(dy / (2 * g))], [float(x - dx / 2), float(y - dy / 2)]]
 
 

@@ -1,7 +1,7 @@
-"""Planar chains of total length and mass 1, straight and coiled up: mass matrices of condition 4e12 that cost no digits.
+"""Planar chains of total length and mass 1, straight and coiled: mass matrices of condition 4e12 without loss of digits.
 
-The coiled one has every joint at 22.5 degrees, so that 16 rods go round once; its mass matrix has the condition 4e4, 4e8 and
-3.9e12 for 10, 100 and 1000 rods. The straight one hangs 60 degrees aside.
+Every joint of the coiled chain is at 22.5 degrees, so 16 rods make one turn. The condition of its mass matrix is 4e4, 4e8 and
+3.9e12 for 10, 100 and 1000 rods. The straight chain is at 60 degrees to the vertical.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ bodies:
       first: {{parent: ground, joint: {{at: [0, 0, 0]}}}}
 """
 DIRECTIONS = ("first joint", "middle joint", "all joints", "length", "all speeds")
-"""A straight chain that turns as one has no derivative by its speeds."""
+"""A straight chain that turns as one body has no derivative with respect to its speeds."""
 ALL_TO, SOME = 100, 20
-"""Rods up to which every joint has a direction of its own, by its angle and by its speed; joints of longer chains that have."""
+"""Largest chain in which every joint has directions of its own, for its angle and its speed; number of such joints in longer
+chains."""
 
 
 def planar(n: int, first: float, others: float) -> Evaluation:
@@ -76,9 +77,18 @@ def coiled(n: int) -> Evaluation:
     return planar(n, np.pi / 8, np.pi / 8)
 
 
-SOURCE = f"an articulated-body algorithm written by hand, on dual numbers of {DIGITS} digits"
+SOURCE = f"a hand-written articulated-body algorithm on dual numbers of {DIGITS} digits"
 STRAIGHT = Family(
-    "straight", "a straight planar chain, 60 degrees aside", SOURCE, "rods", straight, (10, 100, 1000), (10,), 1e-12
+    "straight",
+    "a straight planar chain, 60 degrees from the vertical",
+    SOURCE,
+    "rods",
+    straight,
+    (10, 100, 1000),
+    (10,),
+    1e-12,
 )
-COILED = Family("coiled", "a coiled planar chain, 22.5 degrees", SOURCE, "rods", coiled, (10, 100, 1000), (10,), 1e-12)
+COILED = Family(
+    "coiled", "a coiled planar chain, 22.5 degrees at each joint", SOURCE, "rods", coiled, (10, 100, 1000), (10,), 1e-12
+)
 PROBLEMS = (STRAIGHT, COILED)
