@@ -106,7 +106,7 @@ def test_another_machine_and_other_figures_are_told(run):
         (["--compare", "broken.json"], "bench: broken.json is not valid JSON ("),
         (["--compare", "other.json"], "bench: other.json does not contain benchmark results; give a file that"),
         (["--compare", "list.json"], "bench: list.json does not contain benchmark results"),
-        (["--compare", "later.json"], "bench: later.json has format 99, this version reads 1; measure again"),
+        (["--compare", "later.json"], "bench: later.json has format 99; this version reads format 1. Measure again"),
         (["-o", "nowhere/new.json"], "bench: -o: cannot write nowhere/new.json: there is no folder"),
         (["--page", "."], "bench: --page: . is a folder; give the name of a file"),
         (["--results", "later.json", "--quick"], "bench: --results takes an earlier run"),
