@@ -44,7 +44,9 @@ def read(file: str, status: StatusLine) -> Model | Path:
 
 
 @contextlib.contextmanager
-def solver_of(model: Model | Path, status: StatusLine, partitions: int = 1, frames: bool = False) -> Iterator[Solver]:
+def solver_of(
+    model: Model | Path, status: StatusLine, partitions: int = 1, frames: bool = False, reactions: bool = False
+) -> Iterator[Solver]:
     """The solver of a generated package, or of a model: generated into a cache, where it is found again.
 
     Where there is no cache that only this user can write to, a temporary folder serves.
@@ -56,15 +58,15 @@ def solver_of(model: Model | Path, status: StatusLine, partitions: int = 1, fram
         yield load(model)
         return
     with contextlib.ExitStack() as stack:
-        folder = _cached(model, partitions, frames) or Path(
+        folder = _cached(model, partitions, frames, reactions) or Path(
             stack.enter_context(tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True)), model.name
         )
-        _generate(model, folder, status, partitions, frames)
+        _generate(model, folder, status, partitions, frames, reactions)
         status("loading", 0, 0)
         yield load(folder)
 
 
-def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, frames: bool) -> None:
+def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, frames: bool, reactions: bool) -> None:
     """Generate and compile the solver, unless it is there."""
     from .generation import generate
     from .runtime import PackageError
@@ -79,13 +81,13 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, f
     shutil.rmtree(folder, ignore_errors=True)  # one that is damaged would be refused
     mask = os.umask(0o077)
     try:
-        generate(model, folder, progress=status, partitions=partitions, frames=frames)
+        generate(model, folder, progress=status, partitions=partitions, frames=frames, reactions=reactions)
     finally:
         os.umask(mask)
     _forget_old(folder.parent)
 
 
-def _cached(model: Model, partitions: int, frames: bool) -> Path | None:
+def _cached(model: Model, partitions: int, frames: bool, reactions: bool) -> Path | None:
     """Where the package of a model is kept; None if nothing can be kept: a warning says why, but for a user without a home.
 
     The name holds a digest of all that the package depends on: every file of the model as it was read, the generator, the
@@ -94,7 +96,7 @@ def _cached(model: Model, partitions: int, frames: bool) -> Path | None:
     """
     from .runtime.standalone.files.user_cache import make_private, user_cache
 
-    key = hashlib.sha256(f"{model.digest} {partitions} {frames}".encode())
+    key = hashlib.sha256(f"{model.digest} {partitions} {frames} {reactions}".encode())
     key.update(_generator())
     try:
         place = make_private(user_cache() / "simulated")

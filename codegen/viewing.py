@@ -34,6 +34,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument("--trajectory", metavar="FILE", help="play the motion of a file: .npz, .parquet")
     parser.add_argument("-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
                         help="a design parameter, if not as in the model; may be repeated")  # fmt: skip
+    parser.add_argument("--reactions", action="store_true", help="also show what joints and loops transmit")
     parser.add_argument("--html", metavar="FILE", help="write a page that needs no server and no network: .html")
     parser.add_argument("--picture", metavar="FILE", help="draw the initial state: .svg, .png, .pdf")
     parser.add_argument("--animate", metavar="FILE", help="draw the motion: .gif, .png")
@@ -53,7 +54,7 @@ def run_view(options: argparse.Namespace, status: StatusLine) -> int:
     _check(options)
     model = read(options.model, status)
     folder = Path(options.model).resolve().parent if Path(options.model).is_file() else Path()
-    with solver_of(model, status, frames=True) as solver:
+    with solver_of(model, status, frames=True, reactions=options.reactions) as solver:
         p = _parameters(solver, options)
         motion = _motion(solver, options, p, status)
         written = _files(options)

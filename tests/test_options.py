@@ -55,6 +55,7 @@ MADE = {
     ("view", "--time"): "-t 2",
     ("view", "--trajectory"): "--trajectory run.npz",
     ("view", "--parameter"): "-p length=2",
+    ("view", "--reactions"): "--reactions",
     ("view", "--html"): "--html page.html",
     ("view", "--picture"): "--picture pose.png",
     ("view", "--animate"): "-t 1 --animate run.gif",
@@ -169,7 +170,7 @@ def recorded(tmp_path, monkeypatch):
         view=keep("view", view), picture=keep("picture"), simulate=keep("simulate", still), initial=(0, 0),
         parameter_names=("length",), assemble=keep("assemble", (0, 0)),
     )  # fmt: skip
-    monkeypatch.setattr("codegen.viewing.solver_of", lambda *a, **k: contextlib.nullcontext(shown))
+    monkeypatch.setattr("codegen.viewing.solver_of", lambda *_, **k: keep("solver", contextlib.nullcontext(shown))(**k))
     monkeypatch.setattr("codegen.viewing.webbrowser.open", keep("browser"))
     monkeypatch.setattr("codegen.runtime.standalone.display.viewer.need", keep("viser"))
     monkeypatch.setattr(Trajectory, "load", classmethod(keep("load", still)))

@@ -170,3 +170,19 @@ def test_quaternions_turn_as_their_matrices():
     found = quaternions(turns.as_matrix())
     back = Rotation.from_quat(found[:, [1, 2, 3, 0]]).as_matrix()
     np.testing.assert_allclose(back, turns.as_matrix(), atol=1e-14)
+
+
+def test_shades_are_the_lengths_of_derivatives_of_centres_of_mass(solver):
+    q, p, h = solver.initial[0][None], np.array(solver.parameters), 1e-6
+    found = solver._views._shades(
+        scene(solver), q, p, np.zeros(0), np.zeros(1), np.zeros((3, 1, 3)), solver.parameter_names
+    )
+
+    def centres(p):
+        poses = solver._views._poses(q, p, np.zeros(0), np.zeros(1))
+        return np.stack([poses.of(k, c, 0) for k, c in enumerate(scene(solver).centres)])
+
+    for j, name in enumerate(solver.parameter_names):
+        step = h * np.eye(3)[j]
+        along = (centres(p + step) - centres(p - step)) / (2 * h)
+        np.testing.assert_allclose(found[name][0], np.linalg.norm(along, axis=1), atol=1e-8)

@@ -59,6 +59,30 @@ class Playback:
             self.slider.value = later if later <= t[-1] else float(t[0])
 
 
+def add_choices(viewer: Viewer) -> None:
+    """Add a choice of what colours show, and whether forces are shown, where something is known of these."""
+    gui = viewer.server.gui
+    if viewer.poses.shades:
+        plain = "body"
+        by = gui.add_dropdown(
+            "colour by", (plain, *viewer.poses.shades), hint="distance that a body moves with a parameter"
+        )
+
+        def colored(_: object) -> None:
+            viewer.shade = "" if by.value == plain else by.value
+            viewer.show(viewer.i)
+
+        by.on_update(colored)
+    if viewer.poses.forces:
+        box = gui.add_checkbox("reactions", False)
+
+        def forced(_: object) -> None:
+            viewer.forces = box.value
+            viewer.show(viewer.i)
+
+        box.on_update(forced)
+
+
 class Sliders:
     """Sliders for named numbers, and a line that says what is wrong with them.
 

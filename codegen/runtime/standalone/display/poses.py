@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,11 +24,17 @@ class Poses:
         From body components to ground components.
     position : ndarray (nt, n, 3)
         Origins of the body frames, m.
+    shades : dict of str to ndarray (nt, n)
+        How far each body moves with a parameter, m per unit, by the name of the parameter.
+    forces : list of (ndarray, ndarray)
+        Forces that act on bodies: places (nt, n, 3), m, and components in the ground frame (nt, n, 3), N.
     """
 
     t: Array
     rotation: Array
     position: Array
+    shades: dict[str, Array] = field(default_factory=dict)
+    forces: list[tuple[Array, Array]] = field(default_factory=list)
 
     def of(self, body: int, at: Array, i: int) -> Array:
         """Points `at` (..., 3) of a body at time i in the ground frame, m."""

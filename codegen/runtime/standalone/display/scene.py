@@ -107,6 +107,8 @@ class Scene:
         Places of joints, ends of loops, and points of the model.
     axes : list of Axis
         Axes of joints that are not fixed.
+    centres : list of ndarray (3,)
+        Centre of mass of each body in its frame, m.
     """
 
     names: tuple[str, ...]
@@ -118,6 +120,7 @@ class Scene:
     loops: list[Mark] = field(default_factory=list)
     points: list[Mark] = field(default_factory=list)
     axes: list[Axis] = field(default_factory=list)
+    centres: list[Array] = field(default_factory=list)
 
     def lines(self, kind: str) -> list[Line]:
         """The lines of a kind: sticks, rails or elements."""
@@ -160,6 +163,7 @@ def scene_of(manifest: Mapping[str, Any], p: Array) -> Scene:
             scene.axes.append(Axis(parent, body["joint"]["type"], _direction(body["joint"], known)))
         if parent != GROUND:
             corners[parent].append(at)
+        scene.centres.append(place(body["com"]))
         if body["joint"]["type"] in SLIDING:
             scene.rails.append(Line(scene.names[k], (parent, k), np.stack([at, np.zeros(3)])))
         scene.solids.extend(_solid(k, visual, known) for visual in body.get("visuals", ()))
@@ -180,7 +184,7 @@ def scene_of(manifest: Mapping[str, Any], p: Array) -> Scene:
     for k, body in enumerate(given["bodies"]):
         if "visuals" not in body:
             found = _distinct(corners[k])
-            found = found if len(found) > 1 else _distinct([*found, place(body["com"])])
+            found = found if len(found) > 1 else _distinct([*found, scene.centres[k]])
             scene.sticks.extend(Line(scene.names[k], (k, k), np.stack([found[0], end])) for end in found[1:])
     return scene
 

@@ -9,6 +9,7 @@ import os
 import socket
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -64,15 +65,17 @@ class Nodes:
         self.size = size
         self.handles: dict[str, Any] = {}
 
-    def show(self, poses: Poses, i: int) -> None:
-        """Show the scene at time i."""
+    def show(self, poses: Poses, i: int, shade: str = "", forces: bool = False) -> None:
+        """Show the scene at time i; bodies coloured by the parameter `shade`, if there is one, and forces if wanted."""
+        shown = poses.shades.get(shade)
+        colors = None if shown is None else _scale(shown[i] / (float(shown.max()) or 1.0))
         with self.server.atomic():
+            self._arrows(poses.forces if forces else [], i)
             for k, group in enumerate(self.groups):
                 turns = quaternions(poses.turned(group.bodies, group.rotation, i))
                 places = poses.many(group.bodies, group.at, i)
-                self._meshes(
-                    f"/solids/{k}", group.vertices, group.faces, turns, places, colors_of(group.bodies, group.color)
-                )
+                own = colors_of(group.bodies, group.color) if colors is None else colors[group.bodies]
+                self._meshes(f"/solids/{k}", group.vertices, group.faces, turns, places, own)
             for kind in self.lines:
                 self._lines(kind, ends_of(self.scene.lines(kind), poses, i))
             for kind in self.marks:
@@ -92,6 +95,8 @@ class Nodes:
             )  # fmt: skip
         else:
             known.batched_wxyzs, known.batched_positions = turns, places
+            if not np.array_equal(known.batched_colors, colors):
+                known.batched_colors = colors
 
     def _lines(self, kind: str, ends: Array) -> None:
         if kind in self.handles:
@@ -103,6 +108,21 @@ class Nodes:
                 f"/{kind}", ends, _rgb(colour), thickness=thickness
             )
 
+    def _arrows(self, forces: Sequence[tuple[Array, Array]], i: int) -> None:
+        """Arrows of forces at time i, the largest of the motion a quarter of the mechanism's size."""
+        largest = max((float(np.linalg.norm(f, axis=-1).max(initial=0.0)) for _, f in forces), default=0.0)
+        ends = [np.stack([at[i], at[i] + f[i] * (0.25 * self.size / largest)], axis=1) for at, f in forces if largest]
+        if not ends:
+            if (known := self.handles.pop("forces", None)) is not None:
+                known.remove()
+        elif "forces" in self.handles:
+            self.handles["forces"].points = np.concatenate(ends)
+        else:
+            self.handles["forces"] = self.server.scene.add_arrows(
+                "/forces", np.concatenate(ends), _rgb("#d55e00"), shaft_radius=0.003 * self.size,
+                head_radius=0.008 * self.size, head_length=0.02 * self.size,
+            )  # fmt: skip
+
     def remove(self) -> None:
         """Take all nodes out of the view."""
         for handle in self.handles.values():
@@ -113,6 +133,12 @@ class Nodes:
 def colors_of(bodies: Indices, color: str) -> Array:
     """Colours (n, 3) of the solids of some bodies, 0 to 255."""
     return np.array([_rgb(color or SOLID_COLORS[b % len(SOLID_COLORS)]) for b in bodies], dtype=np.uint8)
+
+
+def _scale(x: Array) -> Array:
+    """Colours (n, 3), 0 to 255, from light grey for 0 over orange to dark red for 1."""
+    stops = np.array([[0.0, 0.5, 1.0], [225, 240, 150], [225, 160, 10], [225, 40, 30]])
+    return np.stack([np.interp(x, stops[0], row) for row in stops[1:]], axis=1).astype(np.uint8)
 
 
 def _rgb(color: str) -> tuple[int, int, int]:
@@ -166,19 +192,26 @@ class Viewer:
                                    position=(float(centre[0]), float(centre[1]), min(float(low[2]), 0.0)))  # fmt: skip
         self.nodes = Nodes(self.server, scene, self.meshes, self.size)
         self.lock = threading.RLock()
-        self.nodes.show(poses, 0)
+        self.shade, self.forces, self.i = "", False, 0
+        self.show(0)
 
-    def replace(self, scene: Scene, poses: Poses, i: int = 0) -> None:
+    def move(self, poses: Poses) -> None:
+        """Show the same scene in other poses."""
+        self.poses = poses
+        self.show(self.i)
+
+    def replace(self, scene: Scene, poses: Poses) -> None:
         """Show another scene of the model, such as one of other parameters."""
         with self.lock:
             self.nodes.remove()
             self.poses, self.nodes = poses, Nodes(self.server, scene, self.meshes, self.size)
-            self.nodes.show(poses, i)
+            self.show(self.i)
 
     def show(self, i: int) -> None:
         """Show time i of the poses."""
         with self.lock:
-            self.nodes.show(self.poses, min(i, len(self.poses.t) - 1))
+            self.i = min(i, len(self.poses.t) - 1)
+            self.nodes.show(self.poses, self.i, self.shade, self.forces)
 
     def html(self, path: str | os.PathLike[str]) -> None:
         """Write a page that shows the scene, and plays the motion, without a server and without a network."""
@@ -186,7 +219,7 @@ class Viewer:
         with self.lock:
             recording = self.server.get_scene_serializer()
             for i, pause in frames_of(self.poses.t, "page"):
-                self.nodes.show(self.poses, i)
+                self.show(i)
                 recording.insert_sleep(pause)
             text = recording.as_html()
         write_whole(Path(path), lambda file: file.write(f"{text}\n<!-- {MARK} -->\n".encode()))

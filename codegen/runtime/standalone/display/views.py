@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ import numpy as np
 from ..arrays import Array, Numbers, Times
 from ..calls.package import state
 from ..calls.room import Room, alone
+from ..state.reactions import joint_links, reactions_of
 from ..trajectory.trajectory import Trajectory
-from .controls import Playback, Sliders, around
+from .controls import MOST_SLIDERS, Playback, Sliders, add_choices, around
 from .picture import animate, draw
-from .poses import Poses
+from .poses import Poses, places_of
 from .scene import Scene, scene_of
 from .viewer import Viewer
 
@@ -80,6 +82,34 @@ class Views(Room):
         found = self._call("frames", (q, np.zeros(self.nu), p, inputs, t))[0]
         return Poses(t, found[..., :9].reshape(*found.shape[:-1], 3, 3), found[..., 9:12])
 
+    def _shades(
+        self, scene: Scene, q: Array, p: Array, inputs: Array, t: Array, dq: Array, names: Sequence[str]
+    ) -> dict[str, Array]:
+        """How far centres of mass move with some quantities, along whose directions q changes by dq (k, nt, nq)."""
+        dp = np.zeros((len(names), 1, self.np))
+        for k, name in enumerate(names):
+            if name in self.parameter_names:
+                dp[k, 0, self.parameter_names.index(name)] = 1.0
+        given, along = (q, np.zeros(self.nu), p, inputs, t), (dq, None, dp, None, None)
+        tangents = self._call("frame_sensitivities", given, along)[1]
+        turned = tangents[..., :9].reshape(*tangents.shape[:-1], 3, 3) @ np.stack(scene.centres)[:, :, None]
+        moved = np.linalg.norm(tangents[..., 9:12] + turned[..., 0], axis=-1)
+        return dict(zip(names, moved, strict=True))
+
+    def _forces(
+        self, q: Array, u: Array, p: Array, inputs: Array, scene: Scene, poses: Poses
+    ) -> list[tuple[Array, Array]]:
+        """Reactions of joints and loops with their places; none in a package without reactions."""
+        if "reactions" not in self._functions:
+            return []
+        joints, loops = reactions_of(joint_links(self._manifest), self._call("reactions", (q, u, p, inputs, poses.t)))
+        found = [(poses.position, np.nan_to_num(joints[..., 3:]))]
+        faces = [i for i, loop in enumerate(self._manifest["loops"]) if loop not in self._manifest.get("couplings", ())]
+        if faces:
+            ends = np.stack([places_of(scene.loops[1::2], poses, i) for i in range(len(poses.t))])
+            found.append((ends, loops[:, faces, 3:]))
+        return found
+
 
 class MotionViews:
     """Animations of a motion.
@@ -114,6 +144,7 @@ class MotionViews:
         viewer = Viewer(run.model, scene, poses, Path(folder), port)
         if len(poses.t) > 1:
             Playback(viewer)
+        add_choices(viewer)
         if self.again is not None and run.p is not None and len(run.p):
             package = self.views.package
             units = self.views._manifest.get("parameter_units", [""] * package.np)
@@ -135,11 +166,18 @@ class MotionViews:
             viewer.close()
 
     def shown(self, run: Trajectory) -> tuple[Scene, Poses]:
-        """The scene of a motion and its poses over time."""
+        """The scene of a motion and its poses over time, with the forces and derivatives that are known of it."""
         if not len(run):
             raise ValueError(f"the trajectory of {run.model} has no times, so there is nothing to show")
         p = self.views.package.parameters if run.p is None else run.p
-        return self.views._scene(p), self.views._poses(run.q, p, self.inputs(), run.t)
+        views, inputs = self.views, self.inputs()
+        scene, poses = views._scene(p), views._poses(run.q, p, inputs, run.t)
+        shades = (
+            views._shades(scene, run.q, p, inputs, run.t, run.dq, run.sensitivity_names)
+            if run.sensitivity_names
+            else {}
+        )
+        return scene, replace(poses, shades=shades, forces=views._forces(run.q, run.u, p, inputs, scene, poses))
 
 
 class StateView:
@@ -159,7 +197,8 @@ class StateView:
     def __init__(self, views: Views, arrays: dict[str, Any], folder: Path, port: int):
         self.views, self.arrays = views, arrays
         package: Any = views.package
-        self.viewer = Viewer(package.name, views._scene(arrays["p"]), self._poses(), folder, port)
+        self.viewer = Viewer(package.name, *self._shown(), folder, port)
+        add_choices(self.viewer)
         quaternions = {i + k for i in views._manifest["quaternions"] for k in range(-3, 1)}
         names = [n for n in package.independent_names if package.coordinate_names.index(n) not in quaternions]
         self.places = [package.coordinate_names.index(n) for n in names]
@@ -172,22 +211,31 @@ class StateView:
             p, units = arrays["p"], views._manifest.get("parameter_units", [""] * package.np)
             Sliders(self.viewer, "design", package.parameter_names, units, p, *around(p), self._changed)
 
-    def _poses(self) -> Poses:
-        x = self.arrays
-        return self.views._poses(x["q"][None], x["p"], x["inputs"], np.atleast_1d(x["t"]))
+    def _shown(self) -> tuple[Scene, Poses]:
+        """The scene and its pose, with how it moves with parameters while loops stay closed, and forces."""
+        x, views = self.arrays, self.views
+        package: Any = views.package
+        q, t = x["q"][None], np.atleast_1d(x["t"])
+        scene, poses = views._scene(x["p"]), views._poses(q, x["p"], x["inputs"], t)
+        names = package.parameter_names[:MOST_SLIDERS]
+        dp = np.eye(package.np)[: len(names)]
+        dq = package.assemble_sensitivities(x["q"], x["u"], x["p"], x["inputs"], x["t"], dp=dp)[2] if names else None
+        shades = {} if dq is None else views._shades(scene, q, x["p"], x["inputs"], t, dq[:, None], names)
+        return scene, replace(
+            poses, shades=shades, forces=views._forces(q, x["u"][None], x["p"], x["inputs"], scene, poses)
+        )
 
     def _moved(self, values: Array) -> None:
         """Close the loops at other independent coordinates, and show the state."""
         q = self.arrays["q"].copy()
         q[self.places] = values
         self._close({**self.arrays, "q": q})
-        self.viewer.poses = self._poses()
-        self.viewer.show(0)
+        self.viewer.move(self._shown()[1])
 
     def _changed(self, p: Array) -> None:
         """Close the loops at other parameters, and show the state."""
         self._close({**self.arrays, "p": p})
-        self.viewer.replace(self.views._scene(p), self._poses())
+        self.viewer.replace(*self._shown())
 
     def _close(self, arrays: dict[str, Any]) -> None:
         package: Any = self.views.package
