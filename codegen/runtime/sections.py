@@ -99,11 +99,17 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
         for file in sorted(STANDALONE.glob("*/*.[ch]"))
         if f"{file.parent.name}.{file.stem}" not in without
     }
-    if "motions" in sections:
-        found |= {
-            f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))
-        }
-    return found
+    return found | (motion_files() if "motions" in sections else {})
+
+
+def motion_files() -> dict[str, str]:
+    """The files of the integrators by name; their scalar type is that of the target."""
+    from ..emit.c.motion import scalar_header
+
+    texts = {file.name: file.read_text(encoding="utf-8") for file in MOTION.glob("*.[ch]")} | {
+        "scalar.h": scalar_header()
+    }
+    return {f"{MOTION.name}/{name}": texts[name] for name in sorted(texts)}
 
 
 @functools.cache
@@ -143,4 +149,13 @@ def _imported(module: str, text: str) -> set[str]:
     return {name if above or not room else f"{room}.{name}" for above, name in found}
 
 
-__all__ = ["CARRIED", "ON_INDEPENDENTS", "carried_files", "carried_text", "is_carried", "sections_of", "solver_text"]
+__all__ = [
+    "CARRIED",
+    "ON_INDEPENDENTS",
+    "carried_files",
+    "carried_text",
+    "is_carried",
+    "motion_files",
+    "sections_of",
+    "solver_text",
+]

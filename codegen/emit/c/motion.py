@@ -11,7 +11,7 @@ from ...program.procedure import Procedure
 from ...version import __version__
 from ..function import called_with
 from ..templates import render
-from . import FLOAT64
+from . import FLOAT64, C
 from .functions import in_modes
 from .libraries import FOUR, number_of
 
@@ -103,6 +103,12 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
             "members": [f".{m} = {members[m]}," for m in MEMBERS if m in members],
         },
     )
+
+
+def scalar_header() -> str:
+    """The text of ``motion/scalar.h``: the type in which the integrators compute, the only one in which motions run."""
+    (scalar,) = (s for s in C.scalars if s.moves)
+    return render("c/scalar.h.jinja", {"word": scalar.word, "epsilon": scalar.literal(repr(scalar.limits.epsilon))})
 
 
 def _tables(model: Model, manifest: Mapping[str, Any], functions: Mapping[str, Any]) -> dict[str, list[int]]:

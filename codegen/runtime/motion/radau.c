@@ -13,7 +13,6 @@
  * for the way back. */
 #include "radau.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -152,7 +151,7 @@ static int iterate(ordernm_motion *m, scalar h, scalar limit, scalar usual)
     const int n = r->n, fixed = m->problem->fixed, most = fixed ? FIXED_ITERATIONS : ITERATIONS;
     scalar before = 0.0, ratio_before = 0.0;
     r->slowness_before = r->slowness;
-    r->slowness = pow(fmax(r->slowness, DBL_EPSILON), 0.8);
+    r->slowness = pow(fmax(r->slowness, ORDERNM_EPSILON), 0.8);
     r->theta = FAST;
     for (int k = 1; k <= most; ++k) {
         for (int i = 0; i < STAGES; ++i) {
@@ -185,7 +184,7 @@ static int iterate(ordernm_motion *m, scalar h, scalar limit, scalar usual)
                 return DIVERGED;
             }
         }
-        before = fmax(size, DBL_EPSILON);
+        before = fmax(size, ORDERNM_EPSILON);
         r->iterations = k;
         if (r->slowness*size <= limit) return CONVERGED;
         if (k == most && r->slowness*size <= usual) return CONVERGED;
@@ -299,7 +298,7 @@ static void limits(ordernm_motion *m, scalar *limit, scalar *usual)
     const struct radau *const r = m->radau;
     const ordernm_problem *const p = m->problem;
     for (int i = 0; i < r->n; ++i) r->scale[i] = p->atol[i] + p->rtol*fabs(m->z[i]);
-    const scalar least = 10.0*DBL_EPSILON/fmax(p->rtol, 1e-14);
+    const scalar least = 10.0*ORDERNM_EPSILON/fmax(p->rtol, 1e-14);
     *usual = fmax(least, SOLVED);
     *limit = m->ngroups || p->fixed || m->results->steps ? fmax(least, CLOSER**usual) : *usual;
 }

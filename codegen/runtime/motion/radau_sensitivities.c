@@ -8,7 +8,6 @@
  * and without directions. */
 #include "radau.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -110,7 +109,7 @@ static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
     scalar before = 0.0;
-    r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
+    r->sweep_slowness = pow(fmax(r->sweep_slowness, ORDERNM_EPSILON), 0.8);
     for (int k = 1; k <= SWEEPS; ++k) {
         for (int i = 0; i < STAGES; ++i) {
             const int status = ordernm_radau_rates(m, h, i, g, 0, RATES | closed);
