@@ -221,7 +221,7 @@ def test_arithmetic_in_another_order_is_an_error(tmp_path: Path, compiler: str, 
         command = [compiler, *given.split(), "-fsyntax-only", str(source)]
         result = subprocess.run(command, capture_output=True, text=True)
         assert bool(result.returncode) == refused
-        assert ("everything.c needs sums in their order" in result.stderr) == refused
+        assert ("everything.c needs sums in the given order" in result.stderr) == refused
 
 
 def test_header_is_a_header_of_cpp(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Types of pendulum: what its solver has, and the names of the model in mappings."""
+"""Types of pendulum: the members of its solver, and the model's names in mappings."""
 
 from pathlib import Path
 from typing import Any, Literal, TypedDict

@@ -49,7 +49,7 @@ int pendulum_sensitivities_transposed_8(const double *q, const double *u, const 
 int pendulum_sensitivities_transposed_1(const double *q, const double *u, const double *p, const double *dudot,
     double *udot, double *dq, double *du, double *dp, double *work);
 
-/* An array of every state of a batch, the i-th at + i*step doubles; a step of 0 is one for all, of what is only read. */
+/* Arrays of a batch: that of state i begins at + i*step doubles. An argument with a step of 0 is the same for all states. */
 typedef struct {
     const double *at;
     long step;
@@ -59,7 +59,8 @@ typedef struct {
     long step;
 } pendulum_rows;
 
-/* A batch of count states: fill in what the function called takes. If a state fails, its number (from 0) goes to failed. */
+/* A batch of count states. Fill in the arrays that the called function uses. If a state fails, the function stores its number
+ * (from 0) in failed and returns its code. */
 typedef struct {
     long count, failed;
     pendulum_given
@@ -78,9 +79,9 @@ int pendulum_outputs_batch(pendulum_batch *b);
 int pendulum_sensitivities_transposed_8_batch(pendulum_batch *b);
 int pendulum_sensitivities_transposed_1_batch(pendulum_batch *b);
 
-/* The same for several states at once, in vectors; compile pendulum_states.c with pendulum.c. Of an array, entry i along
- * direction k of state s is at[s*state + k*direction + i*entry]; steps of 0 are one for all, of what is only read, and seeds
- * that are not there are zero. */
+/* The functions for several states at once, in vectors; compile pendulum_states.c with pendulum.c. Entry i of an array, along
+ * direction k, of state s is at[s*state + k*direction + i*entry]. An argument with a step of 0 is the same for all states or
+ * directions. A seed whose pointer is null is zero. */
 typedef struct {
     const double *at;
     long state, direction, entry;
@@ -90,9 +91,9 @@ typedef struct {
     long state, direction, entry;
 } pendulum_filled;
 
-/* A batch of count states. Where something is singular, results are NaN; the first such state goes to failed (-1: none), what was
- * singular there to code, which is returned, and that of every state to codes, if they are there. infinite is set to 1 if an
- * argument, a seed or a result is not finite, else to 0. */
+/* A batch of count states. The results of a singular state are NaN. The function stores the number of the first such state in
+ * failed (-1: none), and its code in code, which it returns. It stores the code of every state in codes, unless that is null. It
+ * sets infinite to 1 if an argument, a seed or a result is not finite, otherwise to 0. */
 typedef struct {
     long count, directions, failed;
     int code, infinite, *codes;
@@ -106,8 +107,8 @@ typedef struct {
 int pendulum_accelerations_states(pendulum_states *b);
 int pendulum_sensitivities_states(pendulum_states *b);
 
-/* One of them on so many threads, the caller's among them, each with a workspace of its own behind the first; compile
- * pendulum_threads.c too, with -pthread. Of callers at the same time only one has the threads: the others work alone. */
+/* Runs one of these functions on count threads, including the caller's; work must hold one workspace for each. Compile
+ * pendulum_threads.c too, with -pthread. If several callers run at the same time, only one uses the threads. */
 int pendulum_on_threads(int (*function)(pendulum_states *), pendulum_states *b, int count);
 
 #ifdef __cplusplus

@@ -6,7 +6,7 @@ typedef struct {
     LANES right_side_0; /* driving force of a degree of freedom over its inertia (Eq. 53), u/s^2 */
 } DIRECTIONS(ALIASES) DIRECTIONS(link_lanes);
 
-/* What one call over directions works on. */
+/* Arguments and memory of one call over directions. */
 typedef struct {
     double *udot;
     link_record *records;
@@ -182,7 +182,7 @@ static void DIRECTIONS(joint_forces_transposed)(DIRECTIONS(call) *a)
 #endif
 
 #endif
-/* Continues a call over directions. */
+/* Begins the part of a call that runs over directions. */
 static void DIRECTIONS(open)(DIRECTIONS(call) *d, const call *c, double *work)
 {
     work = aligned(work);
