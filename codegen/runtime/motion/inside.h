@@ -1,21 +1,21 @@
-/* What the files of motion share: how the state lies in memory, and what they do for each other.
+/* Shared by the integrator's files: the layout of the state in memory, and the functions of each file.
  *
  * A file calls files of lower rows only; tests/test_layers.py reads the rows:
  *
  *     control, backwards                                   a motion step by step; its adjoint
- *     room, explicit_backwards, radau_backwards, switches_backwards     memory and the beginning; one step, and switches, backwards
- *     steps, step_sizes, events, results, lost, transposes  between steps; how long; events in them; what is kept; directions without
- *                                                           derivatives; a state backwards
- *     explicit, radau, passing, points, powers             one step; over a switch; where rates may have no value, or few derivatives
- *     radau_sensitivities, switches, poses, dead_points    its derivatives; modes; where loops lose rank
- *     radau_equations, report, errors                      its equations; a row of results; errors of steps
- *     state, linear, extremes                              one state with its loops closed; factors; where outputs turn
- *     inputs, sizes, sums                                  splines; how long rows are; sums of rates
+ *     room, explicit_backwards, radau_backwards, switches_backwards     memory and start; the adjoint of a step, and of switches
+ *     steps, step_sizes, events, results, lost, transposes  between steps; step sizes; events; stored results; directions without
+ *                                                           derivatives; the adjoint of a state
+ *     explicit, radau, passing, points, powers             one step; passing a switch; singular points; unbounded derivatives
+ *     radau_sensitivities, switches, poses, dead_points    derivatives of a step; modes; poses where loops lose rank
+ *     radau_equations, report, errors                      equations of a step; a row of results; errors of steps
+ *     state, linear, extremes                              one state with closed loops; linear equations; extrema of outputs
+ *     inputs, sizes, sums                                  splines; lengths of rows; sums of rates
  *
- * What is integrated is one array z of `size` doubles: the independent coordinates and speeds, integrals of outputs, predictions
- * of the dependent coordinates, then for each group of directions the derivatives of the first three quarters of these, with the
- * direction as last index. Dependent speeds follow from closure whenever rates are asked for; so do dependent coordinates, which
- * are integrated only for Newton's method to begin near them. Parts begin at whole cache lines; what fills them up is zero. */
+ * The integrated state is one array z of `size` doubles: the independent coordinates and speeds, integrals of outputs, predictions
+ * of the dependent coordinates, then for each group of directions the derivatives of the first three of these four parts, with the
+ * direction as last index. Closure determines dependent speeds and coordinates whenever rates are computed; the integrated dependent
+ * coordinates are only starting values of Newton's method. Parts start at cache lines and are padded with zeros. */
 #ifndef ORDERNM_MOTION_INSIDE_H
 #define ORDERNM_MOTION_INSIDE_H
 
@@ -25,13 +25,13 @@
 
 typedef ordernm_scalar scalar;
 
-/* Memory of the caller's, handed out from its beginning; `at` is 0 where only its size is asked for. */
+/* Memory of the caller, which is divided up from its start; `at` is 0 if only the size is requested. */
 typedef struct {
     char *at;
     size_t used;
 } memory;
 
-/* So many bytes, from a cache line on. */
+/* The given number of bytes, aligned to a cache line. */
 static inline void *ordernm_take(memory *of, size_t bytes)
 {
     void *found = of->at ? of->at + of->used : 0;
@@ -44,7 +44,7 @@ static inline scalar *ordernm_numbers(memory *of, long n)
     return (scalar *)ordernm_take(of, (size_t)(n > 0 ? n : 1)*sizeof(scalar));
 }
 
-/* The first cache line of memory of the caller's. */
+/* The first cache line in the caller's memory. */
 static inline void *ordernm_line(scalar *room)
 {
     char *const at = (char *)room;
@@ -52,14 +52,14 @@ static inline void *ordernm_line(scalar *room)
 }
 
 enum { LANES = 8, MOST_STAGES = 16 };
-enum { ORDERNM_SIDES = 12 };  /* rates are sampled at this many places beside a point, see points.c */
-enum { HALVES = 40 };         /* how often a time is halved in which rates may jump */
+enum { ORDERNM_SIDES = 12 };  /* number of places near a point at which rates are sampled, see points.c */
+enum { HALVES = 40 };         /* maximum number of bisections of an interval in which rates may jump */
 
 /* Directions that are evaluated together. */
 typedef struct {
-    int width, index;         /* 1, 4 or 8 lanes; which of the functions of a system */
-    int first, used;          /* the first of its directions, and how many lanes have one */
-    long at;                  /* where its derivatives begin in z */
+    int width, index;         /* 1, 4 or 8 lanes; index of the system's functions for this width */
+    int first, used;          /* index of the first direction, and number of lanes in use */
+    long at;                  /* start of their derivatives in z */
     scalar *dp;               /* [np][width] */
 } group;
 
@@ -70,153 +70,153 @@ typedef struct {
     scalar factor[MOST_STAGES];
 } row;
 
-/* What a method does, from z, and rate[0] there, to next. */
+/* An integration method: from z, with the rates rate[0] there, to next. */
 typedef struct {
-    int stages;               /* of a step; the next rate is that at its end */
-    int all;                  /* with those that the interpolant needs */
-    int order;                /* errors of a step are proportional to the step to its power */
-    int (*step)(ordernm_motion *m, scalar h, scalar *error);                   /* 1 is the largest error allowed */
-    int (*complete)(ordernm_motion *m, scalar h);                              /* the further stages */
+    int stages;               /* number of stages of a step; the rate after these is that at the end of the step */
+    int all;                  /* including the stages of the interpolant */
+    int order;                /* the error of a step is proportional to the step size to this power */
+    int (*step)(ordernm_motion *m, scalar h, scalar *error);                   /* error: relative to the tolerance */
+    int (*complete)(ordernm_motion *m, scalar h);                              /* the stages of the interpolant */
     void (*interpolate)(ordernm_motion *m, scalar h, scalar theta, scalar *z); /* at t + theta h */
     /* of explicit methods */
-    const row *rows;          /* what stages are; that of number `stages` is the step's end */
-    const scalar *times;      /* of stages, in steps */
+    const row *rows;          /* sums for the stages; the one with the number `stages` is the end of the step */
+    const scalar *times;      /* of stages, relative to the step */
     void (*weights)(scalar theta, scalar *factor); /* of all rates, at t + theta h */
     int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
-    scalar gap;               /* the place in a step that is farthest from all stages; 0: conditions of stages are not kept */
-    void (*keep)(const ordernm_motion *m, scalar *row); /* what the way back needs of a step: its row, behind the state */
+    scalar gap;               /* the place in a step that is farthest from all stages; 0: condition numbers of stages are not stored */
+    void (*keep)(const ordernm_motion *m, scalar *row); /* stores data for the adjoint in a row of steps, after the state */
 } scheme;
 
-/* A function of a system, as it is to be called at the state whose loops were closed last. */
+/* A function of the system, for the precision with which the loops were closed last. */
 #define ORDERNM_OF(m, function) ((m)->precise ? (m)->system->precise->function : (m)->system->function)
 #define ORDERNM_VALUES_OF(m, function) ((m)->precise_values ? (m)->system->precise->function : (m)->system->function)
 
-/* A step that is tried. */
+/* A tried step. */
 typedef struct {
-    scalar h, end;            /* its size, and the time at its end */
-    scalar wall, knot;        /* where it may not go beyond; the next knot of the inputs */
-    int to_wall, to_pose;     /* it ends at the wall; it is shorter than it might be, because of a pose */
-    int again;                /* a stage was too near to a pose */
-    int at_pose;              /* it ends where a loop has lost rank, and so does the motion */
-    int apart;                /* behind it a dropped condition is open by too much */
-    scalar dead;              /* where in it the independent coordinates have a dead point, in parts of it; else 0 */
-    scalar error;             /* in units of what is allowed */
-    int event;                /* that ends it; -1 for none */
-    scalar event_time;        /* when that is */
+    scalar h, end;            /* size, and time at the end */
+    scalar wall, knot;        /* latest time of its end; the next knot of the inputs */
+    int to_wall, to_pose;     /* it ends at the wall; a pose where a loop loses rank limits its size */
+    int again;                /* a stage was too near to such a pose */
+    int at_pose;              /* it ends at such a pose, and so does the motion */
+    int apart;                /* after it, a dropped condition is open by too much */
+    scalar dead;              /* position of a dead point of the independent coordinates in the step, relative to the step; else 0 */
+    scalar error;             /* relative to the tolerance */
+    int event;                /* number of the event at its end; -1 for none */
+    scalar event_time;        /* time of the event */
 } trial;
 
 struct ordernm_motion {
     const ordernm_problem *problem;
     const ordernm_system *system;
     const scheme *method;
-    int ny, nx, nd;           /* independent coordinates and speeds, integrals, dependent coordinates */
-    int identity;             /* all are independent: arrays of z are those of the system */
+    int ny, nx, nd;           /* numbers of independent coordinates and speeds, integrals, dependent coordinates */
+    int identity;             /* all are independent: z has the layout of the system's arrays */
     long values, size;        /* doubles of z without and with derivatives */
     int ngroups;
     group *groups;
     int *dependent;           /* [nd] coordinates */
-    int *turned;              /* [nquaternions] whether one is dependent */
-    scalar *lengths;          /* [nquaternions] before loops are closed */
-    scalar *z, *next;         /* at the step's beginning and end */
+    int *turned;              /* [nquaternions] whether a quaternion is dependent */
+    scalar *lengths;          /* [nquaternions] norms before the loops are closed */
+    scalar *z, *next;         /* at the start and end of the step */
     scalar *rate[MOST_STAGES];
     scalar *trial, *zeros, *error[2];
     scalar *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     scalar *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
-    scalar *dt;               /* [LANES]; of seeds zeros, for time has no derivative here; transposes write there */
+    scalar *dt;               /* [LANES] zeros as seeds, since time is not differentiated here; transposes write to it */
     scalar *row;
-    scalar *stages;           /* states of the stages behind the first, of explicit methods: values, coordinates with loops closed */
+    scalar *stages;           /* states of an explicit method's stages after the first: values, coordinates with loops closed */
     void *precise_work;
-    scalar poor;              /* condition from which on loops are closed, and rates computed, in long double ... */
-    scalar poor_rates;        /* ... and from which on derivatives are, of rates and outputs, and rows of results */
-    int derived;              /* derivatives are taken, of this motion or of steps that it keeps ... */
-    scalar best;              /* ... and the least condition at the beginning of a step so far */
-    int precise;              /* derivatives are at the state whose loops were closed last */
-    int precise_values;       /* and so are rates themselves: else they are as in a motion without derivatives, as fast */
-    int precise_at_end;       /* they were at the end of the step that was tried */
-    unsigned precise_stages;  /* they were at the stages of a step, a bit for each */
-    scalar too_poor;          /* condition that no stage should have: not even then is rounding less than what is allowed */
-    scalar telling;           /* condition from which on a stage should not be near to the pose that makes it so */
-    scalar *closed;           /* [nq] coordinates at the end of the step that was tried, loops closed, if that is known */
+    scalar poor;              /* condition number above which loops are closed, and rates computed, in long double ... */
+    scalar poor_rates;        /* ... and above which derivatives of rates and outputs, and rows of results, are */
+    int derived;              /* derivatives are needed, forward or by the adjoint ... */
+    scalar best;              /* ... and the smallest condition number at the start of a step so far */
+    int precise;              /* derivatives are computed in long double at the state whose loops were closed last */
+    int precise_values;       /* rates are computed in long double, too; if not, they are as fast as without derivatives */
+    int precise_at_end;       /* the value of `precise` at the end of the tried step */
+    unsigned precise_stages;  /* the values of `precise` at the stages, one bit each */
+    scalar too_poor;          /* condition number that no stage should exceed, because even long double would exceed the tolerance */
+    scalar telling;           /* condition number above which a stage should keep its distance from the pose */
+    scalar *closed;           /* [nq] coordinates at the end of the tried step, loops closed, if known */
     scalar closed_condition;
     int closed_known;
-    scalar conditions[MOST_STAGES]; /* of the stages of a step, and at its end */
-    scalar *ranks;            /* [MOST_STAGES][nloops] the same of each loop: inverse conditions */
-    scalar *ranks_between;    /* as above, at places between them */
-    scalar apart, apart_at_end; /* by how much dropped conditions are open: of the loops closed last, at the end of the step tried */
-    int widest;               /* the one that is open most */
-    scalar *flat;             /* [1 + 2 nq] a pose that the step passes, as in results; its time is -INFINITY if there is none */
-    scalar calm_rank, calm_growth; /* inverse condition, and growth of dependent speeds, at the beginning of an approach; see dead_points.c */
-    scalar shorter;           /* the next step's size, where it is to end before a dead point; else 0 */
-    int refused;              /* how often a step has been made again because of a dead point */
-    scalar hopeless;          /* condition from which on results are those beside the pose */
-    scalar *known_row, *beside; /* such a row, and those that it is made of */
-    scalar *at_pose;          /* a state like that */
+    scalar conditions[MOST_STAGES]; /* condition numbers at the stages and at the end of a step */
+    scalar *ranks;            /* [MOST_STAGES][nloops] inverse condition numbers of each loop there */
+    scalar *ranks_between;    /* the same at places between the stages */
+    scalar apart, apart_at_end; /* residual of dropped conditions: when loops were closed last, and at the end of the tried step */
+    int widest;               /* the dropped condition with the largest residual */
+    scalar *flat;             /* [1 + 2 nq] a pose passed in the step, as in the results; its time is -INFINITY if there is none */
+    scalar calm_rank, calm_growth; /* inverse condition number, and growth of dependent speeds, at the start of an approach; see dead_points.c */
+    scalar shorter;           /* size of the next step if it must end before a dead point; else 0 */
+    int refused;              /* number of repetitions of a step because of a dead point */
+    scalar hopeless;          /* condition number above which results are interpolated from places near the pose */
+    scalar *known_row, *beside; /* an interpolated row of results, and the rows it is interpolated from */
+    scalar *at_pose;          /* the interpolated state */
     scalar *probe[5];         /* [values]; see ordernm_undetermined */
     int row_known;
-    scalar pose;              /* when a loop will lose rank, as far as that is known; else -INFINITY */
+    scalar pose;              /* estimated time at which a loop loses rank; else -INFINITY */
     scalar refused_pose, refused_step, refused_error; /* of the last step across a pose whose error was too large */
-    scalar mark;              /* where it was some steps ago */
-    long marked;              /* how many it had made then */
+    scalar mark;              /* time of the motion some steps ago */
+    long marked;              /* number of steps made at that time */
     scalar looked_at;         /* see ordernm_problem */
-    int moved;                /* how often a step has been made again with stages elsewhere */
-    int imprecise;            /* that was wanted, and could not be done */
-    /* where it is */
+    int moved;                /* number of repetitions of a step with shifted stages */
+    int imprecise;            /* long double is needed, but not available yet */
+    /* current state */
     scalar t, h;
-    long segment;             /* of the inputs' spline in this step */
-    long sampled;             /* of the times that results are wanted at */
+    long segment;             /* of the inputs' spline, in this step */
+    long sampled;             /* number of result times already passed */
     int stopped;              /* at an event */
     int begun, adaptive, rejected_before, complete;
-    scalar *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
-    scalar *part;             /* [nevents] of the step, at which an event happens */
-    scalar *happened, *paces; /* [nevents] 1.0 if the step ends there; how fast outputs change in the step on the whole */
-    scalar *at_first;         /* [nevents] outputs, as above, at the first event of the step */
-    scalar *samples;          /* outputs between the ends of the step, as above */
-    scalar around_event[2];   /* times in the step between which the event is that ends it */
-    scalar beside_event[2];   /* one of them, and the output there */
-    scalar error_to_event;    /* of the step that has been made again to it */
-    int root;                 /* the switch at whose zero the step that is tried ends or begins, see powers.c; -1 for none, MANY_ROOTS */
-    int beside_power;         /* rates may change as steeply there as if they jumped */
-    scalar root_end;          /* when the last such step has ended; else -INFINITY */
+    scalar *crossing, *after, *within; /* [nevents] outputs minus levels at the start and end of the step, and in between */
+    scalar *part;             /* [nevents] position of the event in the step */
+    scalar *happened, *paces; /* [nevents] 1.0 if the step ends at the event; average rate of the output in the step */
+    scalar *at_first;         /* [nevents] outputs minus levels at the first event of the step */
+    scalar *samples;          /* the same between the ends of the step */
+    scalar around_event[2];   /* times in the step that bracket the event at its end */
+    scalar beside_event[2];   /* one of these times, and the output there */
+    scalar error_to_event;    /* error of the step that was repeated to end at the event */
+    int root;                 /* switch at whose zero the tried step starts or ends, see powers.c; -1 for none, MANY_ROOTS */
+    int beside_power;         /* rates may change there as steeply as if they jumped */
+    scalar root_end;          /* end of the last such step; else -INFINITY */
     ordernm_results *results;
-    scalar stable;            /* most by which stability lets the next step be longer, where derivatives are taken */
-    scalar *fast, growth;     /* the direction in which rates change most, and by how much more than it in the step before */
-    int fast_steps;           /* in which that is still looked at */
-    int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
-    scalar error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
-    scalar advice;            /* how many times as large the next step should be, 0: as its error says */
-    struct radau *radau;      /* what that method has of its own, else 0 */
+    scalar stable;            /* largest factor on the next step size that stability permits, if derivatives are needed */
+    scalar *fast, growth;     /* the direction in which rates change most, and its growth factor in the previous step */
+    int fast_steps;           /* number of steps in which this direction is still monitored */
+    int far_steps, near_steps; /* numbers of consecutive steps in which an explicit method was, and was not, at its stability limit */
+    scalar error_before;      /* of the step before, relative to the tolerance; 0 at the start */
+    scalar advice;            /* recommended factor on the next step size; 0: by the error estimate */
+    struct radau *radau;      /* data of Radau IIA, else 0 */
     /* switches */
-    int nheld, nwatched;      /* switches whose modes are held; with events, what is looked for within a step */
-    int *held;                /* [nheld] which ones */
-    scalar *modes, *switches; /* [nswitches] their modes, and switching functions */
-    scalar *crossed;          /* [nswitches] how fast functions change in the step before that has ended at their zero; else 0 */
+    int nheld, nwatched;      /* number of switches with held modes; the same plus the number of events: functions monitored in a step */
+    int *held;                /* [nheld] these switches */
+    scalar *modes, *switches; /* [nswitches] modes, and switching functions */
+    scalar *crossed;          /* [nswitches] rates of switching functions in the previous step, if it ended at their zero; else 0 */
     scalar *dswitches, *switch_along; /* [nswitches][LANES]; [ngroups][LANES] */
     scalar *input_rates, *no_dp; /* [ninputs]; zeros, [np] */
-    scalar *changed;          /* [nswitches] when modes changed last */
-    scalar accumulating;      /* when the passing of switches that is counted began ... */
-    long passed;              /* ... and how often switches have been passed since */
-    int last_passed;          /* the switch that was passed last */
-    scalar *let_go;           /* [nswitches] modes before they were let go for a step; else 0 */
-    int not_held;             /* steps in a row that were refused because held rates have no value */
-    scalar *passing_time;     /* [ngroups][LANES] derivatives of the time of the switch that was passed last ... */
-    scalar *switch_time;      /* ... and of the last one in an output that an event is of */
-    scalar *speeds;           /* [nswitches] how fast functions of switches with a jump changed before they were passed; else 0 */
-    int ntogether, *together; /* switches that have been passed at one time, in this order ... */
+    scalar *changed;          /* [nswitches] times of the last changes of modes */
+    scalar accumulating;      /* start of the count of passed switches ... */
+    long passed;              /* ... and their number since then */
+    int last_passed;          /* the switch passed last */
+    scalar *let_go;           /* [nswitches] modes before a step without held modes; else 0 */
+    int not_held;             /* consecutive steps rejected because held rates are not finite */
+    scalar *passing_time;     /* [ngroups][LANES] derivatives of the time at which the last switch was passed ... */
+    scalar *switch_time;      /* ... and of the last switch of an output with an event */
+    scalar *speeds;           /* [nswitches] rates of the functions of switches with a jump before they were passed; else 0 */
+    int ntogether, *together; /* switches passed at the same time, in this order ... */
     int together_jump;        /* ... with a jump of rates ... */
-    scalar together_since, *z_before, *modes_before, *switches_kept; /* ... since when, from which state and modes; room for modes */
-    scalar *lost;             /* [ngroups][LANES] NaN: there is no derivative along the direction any more; else 0 */
-    int *resting;             /* [nswitches] room for those that the motion rests at */
-    int npoints;              /* singular functions that are looked for */
-    scalar *singular;         /* [5][nswitches] what they are within the step */
-    scalar *sides[ORDERNM_SIDES]; /* [size] rates on both sides of such a point, see points.c */
-    scalar *at_point;         /* [size] the state at it */
-    scalar *moved_p;          /* [np] parameters beside it */
-    const scalar *p;          /* parameters: the problem's, or those */
-    scalar *halves[HALVES + 1]; /* [values] rates at these times, and how much a jump is at least */
-    int suspects;             /* steps in which rates may jump without a switch */
-    int jumps_at_end;         /* they seem to at the end of this one */
-    scalar turning;           /* the longest step in which no angle that jumps at half a turn leaves its mode by so much; 0 for any */
-    int switched;             /* modes have changed between the step before and this one */
+    scalar together_since, *z_before, *modes_before, *switches_kept; /* ... since this time, from this state and these modes; memory for modes */
+    scalar *lost;             /* [ngroups][LANES] NaN for directions without a derivative from now on; else 0 */
+    int *resting;             /* [nswitches] memory for switches at which the motion rests */
+    int npoints;              /* number of singular functions that are monitored */
+    scalar *singular;         /* [5][nswitches] their values in the step */
+    scalar *sides[ORDERNM_SIDES]; /* [size] rates on both sides of a point, see points.c */
+    scalar *at_point;         /* [size] the state at the point */
+    scalar *moved_p;          /* [np] parameters near it */
+    const scalar *p;          /* parameters in use: the problem's, or moved_p */
+    scalar *halves[HALVES + 1]; /* [values] rates at the bisection times, and the smallest jumps */
+    int suspects;             /* number of steps in which rates may jump without a known switch */
+    int jumps_at_end;         /* such a jump is suspected at the end of this step */
+    scalar turning;           /* largest step in which no half-turn angle leaves its mode by too much; 0 for any */
+    int switched;             /* modes have changed between the previous step and this one */
     long head;                /* numbers of a row of steps before the state */
 };
 
@@ -225,15 +225,15 @@ static inline void ordernm_note_precise(ordernm_motion *m, int stage)
     m->precise_stages = (m->precise_stages & ~(1u << stage)) | (unsigned)m->precise << stage;
 }
 
-/* What switching functions are at least on the side that they have just come to, whatever rounding says. */
+/* Smallest value of a switching function, on its new side, after it was passed. */
 static const scalar LEAST_SIDE = 1e-300;
-/* Switches that follow each other within this part of the motion's time are passed at the same time: no tolerance tells their order. */
+/* Switches are passed at the same time if their times differ by less than this fraction of the motion's duration. */
 static const scalar AT_THE_SAME_TIME = 1e-9;
 
-/* Derivatives behind several switches that differ by more between two orders, relative to their jumps, depend on the order. */
+/* Derivatives depend on the order of simultaneous switches if they differ by more than this, relative to their jumps. */
 static const scalar ORDER_MATTERS = 1e-6;
 
-enum { SLIDES = -1000 };      /* beside what functions return: a switch is pushed back to from both sides */
+enum { SLIDES = -1000 };      /* in addition to the status of functions: rates on both sides push back to a switch */
 
 /* sums.c */
 void ordernm_combine(long n, scalar *out, const scalar *z, scalar h, int count, const int *which, const scalar *factor,
@@ -241,13 +241,13 @@ void ordernm_combine(long n, scalar *out, const scalar *z, scalar h, int count, 
 int ordernm_all_finite(const scalar *x, long n);
 int ordernm_finite_along(const scalar *S, long n, int width, int lane);
 
-/* sizes.c; those of rows are in motion.h */
+/* lengths of rows are in motion.h */
 enum { RK4_STAGES = 4, DOP853_STAGES = 12, RADAU_STAGES = 3 };
 int ordernm_kind(const ordernm_problem *p);
 static inline long ordernm_whole_lines(long n) { return (n + 7)/8*8; }
 
 /* inputs.c */
-enum { ORDERNM_ORDERS = 3 };  /* of time derivatives of inputs: the value, the rate, the acceleration */
+enum { ORDERNM_ORDERS = 3 };  /* time derivatives of inputs: the value, the rate, the acceleration */
 static inline int ordernm_signals(const ordernm_system *s) { return s->ninputs - 2*s->nmoving; }
 void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h);
 scalar ordernm_next_knot(const ordernm_motion *m, scalar t);
@@ -258,7 +258,8 @@ const scalar *ordernm_inputs_at(ordernm_motion *m, scalar t);
 scalar *ordernm_input_directions(ordernm_motion *m, scalar t, const group *g);
 
 /* state.c */
-enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4, PRECISE = 8 }; /* of the state; of integrals; loops are known to be closed, and poor */
+enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4, PRECISE = 8 }; /* rates of the state; of integrals; loops are known to be closed, and in long
+                                                                     double */
 void ordernm_normalise(scalar *e, scalar *de, int width);
 void ordernm_expand(ordernm_motion *m, const scalar *z);
 void ordernm_arguments(ordernm_motion *m, scalar t, const scalar *z, ordernm_call *c);
@@ -288,13 +289,13 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at);
 size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at);
 
 /* dead_points.c */
-enum { RANKS_BETWEEN = 35 }; /* places that are looked at together */
+enum { RANKS_BETWEEN = 35 }; /* places evaluated together */
 int ordernm_jumped(const ordernm_motion *m, const scalar *z);
 int ordernm_undetermined(ordernm_motion *m);
 scalar ordernm_dead_point_within(ordernm_motion *m, scalar h);
 
 /* poses.c */
-static const scalar LOST = 1e300; /* condition where rank is lost */
+static const scalar LOST = 1e300; /* condition number of a loop without rank */
 typedef int ordernm_describing(ordernm_motion *m, scalar t, const scalar *z, scalar *row);
 enum { BESIDE = 6 };
 int ordernm_find_pose(ordernm_motion *m, scalar h);
@@ -352,8 +353,8 @@ void ordernm_keep_step(const ordernm_motion *m, scalar h);
 /* points.c */
 typedef struct {
     int which;                /* the singular function */
-    scalar part;              /* of the step, where it is zero */
-    int before, after;        /* rates on this side have the modes at hand */
+    scalar part;              /* position of its zero in the step */
+    int before, after;        /* rates on this side use the current modes */
 } point;
 void ordernm_between(const ordernm_motion *m, scalar h, scalar x, scalar *z);
 int ordernm_next_point(ordernm_motion *m, const trial *step, point *found);
