@@ -1,12 +1,12 @@
-/* The discrete adjoint: every step of a motion backwards, and the gradients in the end.
+/* The discrete adjoint: every step of a motion in reverse order, then the gradients.
  *
- * The step sizes are constants of differentiation. */
+ * Step sizes are constants of differentiation. */
 #include "backwards.h"
 #include "radau.h"
 
 #include <string.h>
 
-/* Lays an adjoint out; a is 0 where only the size is asked for. */
+/* Lays out the memory of an adjoint; a is 0 if only the size is requested. */
 static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordernm_gradients *g)
 {
     const ordernm_system *const s = problem->system;
@@ -55,7 +55,7 @@ long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradient
     return 8 + (long)(lay_out(0, problem, (ordernm_gradients *)gradients)/sizeof(scalar)) + ordernm_room(&alone);
 }
 
-/* ---- From the end to the beginning. ---- */
+/* ---- From the end to the start. ---- */
 
 ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *g, scalar *room)
 {
@@ -120,7 +120,7 @@ int ordernm_backwards(ordernm_adjoint *a, const scalar *steps, long count)
     return ORDERNM_ENDED;
 }
 
-/* Gradients from their lanes; weights at the very beginning are taken too. */
+/* Copies gradients from their lanes, after including weights at the initial time. */
 void ordernm_adjoint_end(ordernm_adjoint *a)
 {
     ordernm_motion *const m = a->motion;
@@ -135,7 +135,7 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
             if (!ordernm_sample_transposed(a, n, t, m->z, a->nu)) ordernm_accumulate(lambda, 1.0, a->nu, (long)a->n*width);
         }
     }
-    ordernm_settling_transposed(a, m->t, m->z); /* the initial state is settled too */
+    ordernm_settling_transposed(a, m->t, m->z); /* the initial state was settled, too */
     for (int n = 0; n < a->ngroups; ++n) {
         const scalar *const lambda = a->lambda + (long)n*a->n*width;
         for (int l = 0; l < width && n*width + l < g->nfunctionals; ++l) {
@@ -149,7 +149,7 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
     g->evaluations += a->none.evaluations;
 }
 
-/* ---- Steps that were not kept, again. ---- */
+/* ---- Steps that were not stored are repeated. ---- */
 
 static int replay(ordernm_motion *m, const scalar *known, int first, scalar *step)
 {
@@ -171,7 +171,7 @@ int ordernm_replay(ordernm_motion *m, const scalar *known, scalar *steps, long c
         memcpy(step + m->head, m->z, state);
         ordernm_find_segment(m, m->t, step[1]);
         ordernm_take_derivatives(m, step[4]);
-        if (step[1] == 0.0) break; /* the end, behind an event */
+        if (step[1] == 0.0) break; /* the end, after an event */
         if (replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
         if (k + 1 == count) break;

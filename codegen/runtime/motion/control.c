@@ -1,29 +1,29 @@
-/* A motion from its beginning to its end: steps that are tried, refused and accepted. */
+/* A motion from start to end: steps are tried, rejected and accepted. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 #include <time.h>
 
-enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
+enum { CLOCK_STEPS = 16 };    /* number of steps between two readings of the clock */
 
-/* A motion that comes no farther than such a part of its time in so many steps will not end. */
+/* In this number of steps, a motion must advance by a minimum fraction of its duration, or it counts as stuck. */
 enum { STUCK_STEPS = 2000 };
 static const scalar STUCK = 1e-9;
 
-/* A motion that passes this number of switches in such a time has an accumulation of them. */
+/* With this number of passed switches in a short time, they accumulate. */
 enum { MOST_PASSED = 100 };
 
-/* At conditions that are larger by this, other independents are looked at again. */
+/* Factor by which the condition number must grow before other independent coordinates are considered again. */
 static const scalar LOOK_AGAIN = 3.0;
 
-/* So often a step is made again because a stage is too near to a pose where a loop loses rank. */
+/* Maximum number of repetitions of a step because a stage is too near to a pose where a loop loses rank. */
 enum { MOST_MOVES = 3 };
-static const scalar AT_POSE = 0.005; /* in parts of the step: no stage but the last is as near */
-static const scalar LEAST_MOVE = 0.02; /* in parts of the step: less makes no difference */
+static const scalar AT_POSE = 0.005; /* relative to the step: distance within which only the last stage may be */
+static const scalar LEAST_MOVE = 0.02; /* relative to the step: smaller shifts make no difference */
 
-/* Steps before a dead point end short of it by a tenth of the way, and from such a condition on there are no more; so often one is
- * made again. */
+/* Steps before a dead point end short of it by a tenth of the distance, unless the condition number exceeds NEAR_ENOUGH.
+ * MOST_REFUSED is the maximum number of repetitions. */
 static const scalar SHORT = 0.9, NEAR_ENOUGH = 100.0;
 enum { MOST_REFUSED = 8 };
 
@@ -62,18 +62,18 @@ static int begin(ordernm_motion *m)
     if (m->h <= 0.0) {
         const scalar limit = fmin(p->end - p->start, p->largest_step > 0.0 ? p->largest_step : INFINITY);
         const int failure = ordernm_first_step(m, limit, &m->h);
-        if (failure) m->h = 1e-6*limit; /* the step that is tried will tell */
+        if (failure) m->h = 1e-6*limit; /* the first trial step decides */
     }
     m->begun = 1;
     return ORDERNM_ENDED;
 }
 
-/* ---- One step after the other. ---- */
+/* ---- Single steps. ---- */
 
-/* A motion that ends where a loop has lost rank: what is there is found beside. Returns whether it is. */
+/* A motion that ends where a loop has lost rank: the results there are interpolated. Returns whether this is the case. */
 static int end_at_pose(ordernm_motion *m, trial *step)
 {
-    if (m->results->steps) return 0; /* it is not a step's end, and the adjoint would not know */
+    if (m->results->steps) return 0; /* this is not the end of a step, so the adjoint could not use it */
     if (!step->to_wall || step->end != m->problem->end) return 0;
     const int last = m->method->gives_rate ? m->method->stages - 1 : m->method->stages; /* at the end */
     if (!(fabs(m->pose - step->end) <= AT_POSE*step->h || m->conditions[last] > m->hopeless)) return 0;
@@ -82,18 +82,18 @@ static int end_at_pose(ordernm_motion *m, trial *step)
         step->error = 0.0;
         return 1;
     }
-    m->row_known = 0; /* steps of other sizes stand where this one was */
+    m->row_known = 0; /* steps of other sizes have replaced this one */
     const scheme *const method = m->method;
     const int status = method->step(m, step->h, &step->error);
     if (!status && step->error <= 1.0 && !method->gives_rate) ordernm_rates_at_end(m, step->end, m->rate[method->stages]);
     return 0;
 }
 
-/* Whether a dropped condition is open by more than it may be at the end of the step that was made. */
+/* Whether a dropped condition is open by more than its limit at the end of the step. */
 static int comes_apart(ordernm_motion *m, const trial *step)
 {
     if (!m->system->ndropped) return 0;
-    if (m->method->gives_rate) { /* its loops have not been closed yet */
+    if (m->method->gives_rate) { /* its loops are not closed yet */
         const scalar condition = m->results->condition_here;
         ordernm_call c;
         ordernm_arguments(m, step->end, m->next, &c);
@@ -104,7 +104,7 @@ static int comes_apart(ordernm_motion *m, const trial *step)
     return !(m->apart_at_end <= m->system->apart);
 }
 
-/* Tries a step. Returns what a function returned, -1 where loops do not close or close on another branch. */
+/* Tries a step. Returns the status of a function, or -1 if loops do not close or close on another branch. */
 static int attempt(ordernm_motion *m, trial *step)
 {
     const ordernm_problem *const p = m->problem;
@@ -127,7 +127,7 @@ static int attempt(ordernm_motion *m, trial *step)
         const int too_near = ordernm_find_pose(m, step->h);
         if (end_at_pose(m, step)) return 0;
         const scalar elsewhere = ordernm_step_at_pose(m, step->h, step->wall);
-        /* what the end of an implicit step is like its last stage says */
+        /* the last stage of an implicit step shows the state at its end */
         const int moves = method->gives_rate ? good || status : too_near;
         step->again = moves && m->moved < MOST_MOVES && fabs(elsewhere - step->h) > LEAST_MOVE*step->h;
     }
@@ -148,7 +148,7 @@ static int attempt(ordernm_motion *m, trial *step)
             return step->again = 1, 0;
         }
         if (larger > 1.0 || (step->event < 0 && larger > step->error)) step->error = larger;
-        if (step->error == larger && m->advice > 1.0) m->advice = 0.0; /* an implicit method has not seen this error */
+        if (step->error == larger && m->advice > 1.0) m->advice = 0.0; /* an implicit method does not know this error */
         if (larger > 1.0) return 0;
         if (m->root >= 0 && m->ngroups && (status = ordernm_beside_root(m, step))) return status;
     }
@@ -156,14 +156,14 @@ static int attempt(ordernm_motion *m, trial *step)
     step->to_wall = 0;
     step->end = m->t + step->h;
     if (fabs(step->wall - step->end) <= 1e-15*fabs(step->wall)) step->end = step->wall;
-    m->h = whole; /* the step behind it is like the one that it has cut */
+    m->h = whole; /* the next step has the size before the cut */
     return status;
 }
 
-/* Parts of a motion's time that steps become as small as before a dropped condition opens by too much. */
+/* Fraction of the motion's duration to which steps shrink before a dropped condition opens by too much. */
 static const scalar BEFORE_APART = 1e-5;
 
-/* Such a step is made again, shorter; the reason if that is small already. */
+/* Repeats such a step with a smaller size; returns the reason for the end if the size is already small. */
 static int end_together(ordernm_motion *m, const trial *step)
 {
     ++m->results->rejected;
@@ -174,8 +174,8 @@ static int end_together(ordernm_motion *m, const trial *step)
     return ORDERNM_ENDED;
 }
 
-/* A step over a dead point is made again so that it ends before it, where other independents may be taken; the reason if it is as
- * near as steps should come. */
+/* Repeats a step over a dead point so that it ends before it, where other independent coordinates may be chosen. Returns the reason for
+ * the end if the step is already near enough. */
 static int end_short(ordernm_motion *m, const trial *step)
 {
     ++m->results->rejected;
@@ -186,7 +186,7 @@ static int end_short(ordernm_motion *m, const trial *step)
     return ORDERNM_ENDED;
 }
 
-/* Steps of one size do not become smaller where conditions are poor: other independents are looked at before such a step. */
+/* Constant steps do not shrink at large condition numbers: other independent coordinates are considered before such a step. */
 static int passes_poor_poses(ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
@@ -198,7 +198,7 @@ static int passes_poor_poses(ordernm_motion *m)
     return 1;
 }
 
-/* After a step that failed, or whose error is too large: the size of the next one; the reason if there is none. */
+/* After a failed step or too large an error: sets the size of the next trial; returns the reason for the end if there is none. */
 static int refuse(ordernm_motion *m, const trial *step, int status)
 {
     const ordernm_problem *const p = m->problem;
@@ -206,7 +206,7 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     const scheme *const method = m->method;
     if (m->nheld && (status || step->error != step->error) && ordernm_let_go(m)) {
         ++r->rejected;
-        return ORDERNM_ENDED; /* the same step again, every switch in the branch that the state is in */
+        return ORDERNM_ENDED; /* repeats the step, with every switch in the branch of the current state */
     }
     if (!m->adaptive) {
         if (status) return ordernm_failed(r, status);
@@ -215,7 +215,7 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     ++r->rejected;
     r->component = ordernm_worst_entry(m);
     const scalar change = ordernm_after_failure(m, status ? NAN : step->error);
-    /* advice that is not to refuse the step is of a method that has not seen why it is refused */
+    /* advice of a method that does not know the reason for the rejection is ignored */
     m->h = step->h*(m->advice > 0.0 && m->advice < 1.0 ? m->advice : change);
     m->rejected_before = 1;
     if (!status && m->pose > m->t && m->pose < step->end) {
@@ -248,7 +248,7 @@ static int go_on(ordernm_motion *m, const trial *step, int *stop)
     return m->problem->ntimes ? ORDERNM_ENDED : ordernm_keep(m, m->t, m->z);
 }
 
-/* An event ends the motion: the state there is kept as a step of no size, for what is weighed behind a jump. */
+/* An event ends the motion: stores the state as a step of size zero, for weights after a jump. */
 static int end_at_event(ordernm_motion *m)
 {
     ordernm_results *const r = m->results;
@@ -258,7 +258,7 @@ static int end_at_event(ordernm_motion *m)
     return ORDERNM_EVENT;
 }
 
-/* What is done with a step that is good. */
+/* Completes an accepted step. */
 static int accept(ordernm_motion *m, const trial *step)
 {
     const ordernm_problem *const p = m->problem;
@@ -266,7 +266,7 @@ static int accept(ordernm_motion *m, const trial *step)
     int stop, reason;
     m->moved = m->refused = m->not_held = 0;
     m->shorter = 0.0;
-    if (p->method == ORDERNM_DOP853 && step->event < 0) ordernm_watch_stability(m, step); /* while the last stage is there */
+    if (p->method == ORDERNM_DOP853 && step->event < 0) ordernm_watch_stability(m, step); /* the last stage is still available */
     ordernm_look_for_lost(m, step);
     if (p->ntimes && (reason = ordernm_sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
@@ -279,14 +279,14 @@ static int accept(ordernm_motion *m, const trial *step)
     ordernm_resize(m, step);
     if ((reason = go_on(m, step, &stop)) != ORDERNM_ENDED) return reason;
     if (stop) return end_at_event(m);
-    if (m->switched) return ORDERNM_ENDED; /* the step behind it says what has changed */
+    if (m->switched) return ORDERNM_ENDED; /* the next step determines what has changed */
     if (r->condition_here <= p->poor) m->looked_at = 0.0;
     const int poor = p->poor > 0.0 && r->condition_here > fmax(p->poor, LOOK_AGAIN*m->looked_at);
     if (poor && m->t < p->end) return ORDERNM_POOR;
     return m->nd && r->condition_here > m->poor && ordernm_undetermined(m) ? ORDERNM_UNDETERMINED : ORDERNM_ENDED;
 }
 
-/* Whether results have room for what one step may give. */
+/* Whether the memory for results is too small for the results of one more step. */
 static int is_full(const ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
@@ -295,7 +295,7 @@ static int is_full(const ordernm_motion *m)
            || (r->events && r->events_count + 2*p->nevents > r->events_capacity);
 }
 
-/* Whether steps have become so small that the motion stands still. */
+/* Whether the motion does not advance because steps are too small. */
 static int is_stuck(ordernm_motion *m)
 {
     ordernm_results *const r = m->results;

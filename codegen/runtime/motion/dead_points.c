@@ -1,9 +1,9 @@
-/* Where independent coordinates do not determine the others: branches that meet where a loop loses rank, and dead points.
+/* Poses where independent coordinates do not determine the others: branches that meet where a loop loses rank, and dead points.
  *
- * At a dead point of the independent coordinates their speeds vanish while dependent ones go on, and say nothing of these; what is
- * small in them is large behind it. The closure's rank is lost there, so its condition is as 1/|t - dead point|, and the inverse of
- * the condition changes sign, which it does not show. A step that goes over such a point is smooth all the same, and its error
- * estimate tells nothing; so every step is looked at. */
+ * At a dead point, the speeds of the independent coordinates vanish while dependent speeds do not. Small errors before it become
+ * large ones after it. The closure loses rank there: its condition number grows like 1/|t - dead point|, and the inverse of the
+ * condition number changes sign, although only its magnitude is known. A step over such a point is smooth, and its error estimate
+ * shows nothing; so every step is tested. */
 #include "inside.h"
 
 #include <math.h>
@@ -11,11 +11,10 @@
 
 /* ---- Branches. ---- */
 
-/* Tolerances by which dependent coordinates may differ from what a step predicts. */
+/* Limit for the difference between dependent coordinates and their prediction, in tolerances. */
 static const scalar JUMP = 1e3;
 
-/* Whether the dependent coordinates that loops have been closed with last are others than a step has led to: on another branch,
- * of those that meet where a loop loses rank. */
+/* Whether the loops were closed on another branch than predicted, where branches meet at a pose of lost rank. */
 int ordernm_jumped(const ordernm_motion *m, const scalar *z)
 {
     const ordernm_problem *p = m->problem;
@@ -27,16 +26,15 @@ int ordernm_jumped(const ordernm_motion *m, const scalar *z)
     return 0;
 }
 
-/* ---- At a dead point. ---- */
+/* ---- Dead points. ---- */
 
-/* What may be left undetermined of dependent speeds, in parts of the largest, and by how much errors must have been made larger, for
- * loose tolerances alone say nothing of poses; and errors of independent speeds, in parts of 1 and of themselves, that there are
- * near such poses even where tolerances allow less, by rounding. */
+/* Smallest undetermined part of dependent speeds, relative to the largest one; and the smallest growth of errors, because loose
+ * tolerances alone do not indicate a pose. Near poses, rounding errors of independent speeds have at least the third size, relative to 1
+ * and to the speeds. */
 static const scalar UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
 
-/* At a dead point of the independent coordinates their speeds vanish while dependent ones go on, and say nothing of these. Where a
- * loop itself loses rank dependent speeds follow the independent ones all the same. Which it is shows by how far dependents move if
- * independent speeds do; the map is linear. */
+/* Whether the dependent speeds are undetermined at a dead point of the independent coordinates. If a loop itself loses rank, dependent
+ * speeds still follow the independent ones. The linear map from independent to dependent speeds distinguishes the two cases. */
 int ordernm_undetermined(ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
@@ -70,24 +68,23 @@ int ordernm_undetermined(ordernm_motion *m)
 
 /* ---- Steps over dead points. ---- */
 
-/* The place that stands for a dead point near which a step comes too near. */
+/* Position returned for a dead point that a step comes too close to. */
 static const scalar HALF = 0.5;
 
 enum { PARTS = 8, LEVELS = RANKS_BETWEEN/(PARTS - 1) };
 
-/* Two ends of an interval may have this many times what inverse conditions are seen to change by in it. */
+/* A zero is possible in an interval if both ends are smaller than this factor times the observed change in it. */
 static const scalar STEEPER = 2.0;
 
-/* In parts of the step: places are not told apart that are nearer, where closed loops have a condition that rounding and the
- * interpolation limit. */
+/* Resolution of positions, relative to the step: rounding and interpolation limit the condition number of closed loops there. */
 static const scalar FINE = 2e-3;
 
-/* How far the two places are from lost rank, in parts of the way there, that tell by how much dependent speeds grow; and the least that
- * they grow by at a dead point, where it is the quotient of the distances. */
+/* Relative distances of two places from the position of lost rank, at which the growth of dependent speeds is compared; and the smallest
+ * growth at a dead point, where the growth is the ratio of the distances. */
 static const scalar FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
 
-/* The first interval from `from` on, of those between n times, in which a loop may lose rank, by how inverse conditions at the times change from
- * one to the next: smooth functions but for their sign. The number of intervals if there is none. */
+/* The first interval after `from`, of those between n times, in which a loop may lose rank, by the changes of inverse condition numbers.
+ * These are smooth except for their sign. Returns the number of intervals if there is none. */
 static int suspicious(const ordernm_motion *m, int n, const scalar *t, const scalar *const *rank, int from)
 {
     const int nloops = m->system->nloops;
@@ -101,7 +98,7 @@ static int suspicious(const ordernm_motion *m, int n, const scalar *t, const sca
     return first;
 }
 
-/* The place in a step, from a to b, at which a loop loses rank; INFINITY if none does. */
+/* Position in the step, from a to b, at which a loop loses rank; INFINITY if there is none. */
 static scalar lost_between(ordernm_motion *m, scalar h, scalar a, scalar b, const scalar *at_a, const scalar *at_b, int level)
 {
     const int nloops = m->system->nloops;
@@ -126,7 +123,7 @@ static scalar lost_between(ordernm_motion *m, scalar h, scalar a, scalar b, cons
     return INFINITY;
 }
 
-/* The largest dependent speed that an independent one of 1 makes, at a place in the step; INFINITY where it cannot be had. */
+/* The largest dependent speed per unit of an independent speed, at a position in the step; INFINITY if it cannot be computed. */
 static scalar growth(ordernm_motion *m, scalar h, scalar part)
 {
     const ordernm_system *const s = m->system;
@@ -135,10 +132,10 @@ static scalar growth(ordernm_motion *m, scalar h, scalar part)
     ordernm_call c;
     ordernm_arguments(m, m->t + part*h, m->trial, &c);
     if (ordernm_close_loops(m, &c)) return INFINITY;
-    c.full_u = m->qdot; /* as long as it is needed, and not needed itself */
+    c.full_u = m->qdot; /* used as memory here */
     for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = 0.0;
     int i = 0;
-    do { /* once where all that is independent is prescribed */
+    do { /* once if all independent coordinates are prescribed */
         if (i < s->nfree_u) m->u[s->free_u[i]] = 1.0;
         if (s->completion(&c)) return INFINITY;
         if (i < s->nfree_u) m->u[s->free_u[i]] = 0.0;
@@ -147,7 +144,7 @@ static scalar growth(ordernm_motion *m, scalar h, scalar part)
     return largest;
 }
 
-/* Inverse conditions in a step: the least and the largest that stages have, of the loop whose least is smallest, and where. */
+/* Inverse condition numbers in a step: smallest and largest at the stages, for the loop with the smallest one, and the position. */
 typedef struct {
     scalar least, largest, at_least, at_largest;
 } spread;
@@ -167,14 +164,14 @@ static spread spread_of(const ordernm_motion *m, int n, const scalar *t, const s
     return worst;
 }
 
-/* Inverse conditions that change by more than this in a step: it is too long for a dead point that it comes near to. */
+/* Smallest ratio of inverse condition numbers in a step near a dead point; a smaller one means that the step is too long. */
 static const scalar LEAST_LEFT = 0.5;
 
-/* Conditions from which on a dead point matters to steps of constant size, whose errors nobody sees; and from which on one does that
- * no step may come nearer to: of constant ones, and of others where the motion turns before it and may have been meant to pass. */
+/* Condition number from which dead points matter to constant steps, whose errors are not estimated; and the one above which no step
+ * may come nearer: constant steps, and other steps if the motion turns before the dead point. */
 static const scalar COARSE = 10.0, TOO_NEAR = 100.0;
 
-/* Of steps of constant size: what inverse condition and growth were where the condition has become larger than COARSE. */
+/* For constant steps: stores inverse condition number and growth at the moment when the condition number exceeds COARSE. */
 static void note_calm(ordernm_motion *m, scalar h, const scalar *rank)
 {
     scalar least = INFINITY;
@@ -183,8 +180,8 @@ static void note_calm(ordernm_motion *m, scalar h, const scalar *rank)
     else if (m->calm_rank == 0.0) m->calm_rank = least, m->calm_growth = growth(m, h, 0.0);
 }
 
-/* Whether a step comes so near to a dead point that it says nothing of what is behind. Dependent speeds grow there as the condition
- * does; near a flattened linkage they do not. */
+/* Whether a step comes too close to a dead point. There, dependent speeds grow like the condition number; near a flattened linkage they
+ * do not. */
 static int comes_too_near(ordernm_motion *m, scalar h, const spread *of)
 {
     const int too_near = of->least*TOO_NEAR < 1.0;
@@ -196,8 +193,8 @@ static int comes_too_near(ordernm_motion *m, scalar h, const spread *of)
     return !(growth(m, h, of->at_least) < far*sqrt(rank/of->least));
 }
 
-/* Where a loop itself loses rank, as in a flattened linkage, dependents follow all the same, and the motion passes; the coordinates
- * beside it say which derivatives do. */
+/* Whether the position is a dead point. If a loop itself loses rank, as in a flattened linkage, the dependents follow and the motion
+ * passes. Coordinates near the pose decide which derivatives exist. */
 static int is_dead(ordernm_motion *m, scalar h, scalar part)
 {
     const int nq = m->system->nq;
@@ -211,7 +208,7 @@ static int is_dead(ordernm_motion *m, scalar h, scalar part)
     return dead;
 }
 
-/* Where in the step that was made, in parts of it, a dead point of the independent coordinates is; 0 if there is none. */
+/* Position of a dead point of the independent coordinates in the step, relative to the step; 0 if there is none. */
 scalar ordernm_dead_point_within(ordernm_motion *m, scalar h)
 {
     m->flat[0] = -INFINITY;
@@ -227,7 +224,7 @@ scalar ordernm_dead_point_within(ordernm_motion *m, scalar h)
         for (; at > 0 && time[at - 1] > t; --at) time[at] = time[at - 1], rank[at] = rank[at - 1];
         time[at] = t, rank[at] = m->ranks + (long)i*nloops;
     }
-    int other = 0; /* the same time as before: the later stage knows more */
+    int other = 0; /* of stages at the same time, the later one is better */
     for (int i = 1; i < n; ++i) {
         if (time[i] > time[other]) ++other;
         time[other] = time[i], rank[other] = rank[i];
@@ -243,7 +240,7 @@ scalar ordernm_dead_point_within(ordernm_motion *m, scalar h)
         if (method->complete(m, h)) return 0.0;
         m->complete = 1;
     }
-    /* Nothing that is done here is part of the motion. */
+    /* Nothing computed here is part of the motion. */
     const scalar poor = m->poor, poor_rates = m->poor_rates, condition = m->results->condition, here = m->results->condition_here;
     scalar found = 0.0;
     m->poor = m->poor_rates = INFINITY;

@@ -1,20 +1,20 @@
-/* Errors of steps in units of what is allowed. */
+/* Errors of steps, relative to the tolerances. */
 #include "inside.h"
 
 #include <math.h>
 
-/* What two rates in the middle of a step of constant size must differ by, times the step and relative to the state, for its error to
- * be looked at: it is far less. */
+/* Smallest difference of two rates in the middle of a constant step, times the step and relative to the state, at which its error is
+ * estimated. */
 static const scalar LOOKED_AT = 1e-6;
 
-/* How many entries of the state have errors that count: those that are integrated; where nothing is independent, predictions too,
- * by which dependent coordinates are followed. */
+/* Number of state entries with error control: integrated entries; if nothing is independent, also the predictions of dependent
+ * coordinates. */
 int ordernm_counted(const ordernm_motion *m)
 {
     return m->ny + m->nx + (m->ny ? 0 : m->nd);
 }
 
-/* The mean square of n errors in units of what is allowed: absolute, and relative to the larger of two sizes. */
+/* The mean square of n errors relative to the tolerances: absolute, and relative to the larger of two magnitudes. */
 static scalar mean_square(long n, long step, const scalar *error, const scalar *a, const scalar *b, const scalar *atol,
     int same, scalar rtol)
 {
@@ -27,14 +27,14 @@ static scalar mean_square(long n, long step, const scalar *error, const scalar *
     return n ? sum/n : 0.0;
 }
 
-/* One error of two, after E. Hairer: the first, made smaller where the second is large. */
+/* Combines two error estimates as E. Hairer does: the first one, reduced if the second is large. */
 static scalar of_both(scalar first, scalar second)
 {
     const scalar both = first + 0.01*second;
     return both > 0.0 || both != both ? first/sqrt(both) : 0.0;
 }
 
-/* The error of a step in units of what is allowed: the largest of those of the state and of each direction. */
+/* The error of a step relative to the tolerance: the largest of the state and of each direction. */
 scalar ordernm_error_norm(const ordernm_motion *m, const scalar *next, const scalar *error, const scalar *second)
 {
     const ordernm_problem *const p = m->problem;
@@ -50,13 +50,13 @@ scalar ordernm_error_norm(const ordernm_motion *m, const scalar *next, const sca
             const long at = of->at + l;
             const scalar one = mean_square(n, of->width, error + at, m->z + at, next + at, atol, 1, p->rtol);
             const scalar two = mean_square(n, of->width, second + at, m->z + at, next + at, atol, 1, p->rtol);
-            largest = fmax(largest, of_both(one, two)); /* where it is not finite, the direction has no derivative */
+            largest = fmax(largest, of_both(one, two)); /* if it is not finite, the direction has no derivative */
         }
     }
     return largest;
 }
 
-/* The entry of the state whose error is largest in the step that was tried last, or that is not finite. */
+/* The state entry with the largest error in the last tried step, or that is not finite. */
 int ordernm_worst_entry(const ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
@@ -70,9 +70,9 @@ int ordernm_worst_entry(const ordernm_motion *m)
     return worst;
 }
 
-/* The classical method has no error estimate of its own. In models with loops, which come near poses where all is fast, its steps are
- * compared with Simpson's rule on the interpolant, where they may be too long: both are of order 4. What they differ by, relative to
- * the state, adds up in the results. */
+/* The classical method has no error estimate. In models with loops, rates may change fast near poses of lost rank. There, steps that may
+ * be too long are compared with Simpson's rule on the interpolant; both are of order 4. The results contain the sum of the differences,
+ * relative to the state. */
 void ordernm_note_coarse(ordernm_motion *m, scalar h)
 {
     ordernm_results *const r = m->results;

@@ -1,35 +1,35 @@
-/* Events: outputs that cross a level within a step, when they do, and a step that ends there. */
+/* Events: outputs that cross a level within a step, the times of crossing, and steps that end there. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* How far an output is from the level that it has just crossed: behind it, whatever rounding says. */
+/* Distance of an output from the level that it has just crossed, on the new side, whatever the rounding error. */
 static const scalar BEHIND = 1e-300;
 
-/* A level that is crossed twice within a step shows at neither end: outputs are looked at in between, too, and where they turn, if they
- * may turn behind the level. */
+/* Two crossings of a level within a step are not visible at its ends. So outputs are also evaluated in between, and at extrema that may
+ * lie beyond the level. */
 enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24, MOST_PLACES = PARTS + 1 + EVENT_SAMPLES };
-static const scalar SAME_PLACE = 1e-7; /* in parts of the step */
+static const scalar SAME_PLACE = 1e-7; /* relative to the step */
 
-/* A switching function that turns as near to zero, in parts of its range in the step, touches it. */
+/* Distance of an extremum of a switching function from zero, relative to its range in the step, below which it touches zero. */
 static const scalar TOUCHING = 1e-12;
 
-/* Where a step ends behind an event at which there are no rates, in parts of the step. */
+/* Positions after an event without rates at which the step may end, relative to the step. */
 enum { PLACES_BEHIND = 3 };
 static const scalar JUST_BEHIND[PLACES_BEHIND] = {1e-13, 1e-12, 1e-11};
 
-/* Beside a pose where a loop loses rank, in parts of the step. */
+/* Near a pose where a loop loses rank, relative to the step. */
 static const scalar CUT_BEHIND = 0.1;
 
-/* Outputs at a state, less the levels of events. Returns what a function returned. */
+/* Outputs at a state minus the levels of events. Returns the status of a function. */
 int ordernm_crossings(ordernm_motion *m, scalar t, const scalar *z, scalar *g)
 {
     const ordernm_problem *const p = m->problem;
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
-    if (status) ordernm_arguments(m, t, z, &c); /* where a loop has lost rank, as the step has predicted */
+    if (status) ordernm_arguments(m, t, z, &c); /* a loop has lost rank: uses the predicted state */
     c.outputs = m->outputs;
     if (p->nevents && (status = m->system->outputs(&c))) return status;
     for (int i = 0; i < p->nevents; ++i) g[i] = m->outputs[p->events[i].output] - p->events[i].level;
@@ -40,7 +40,7 @@ int ordernm_crossings(ordernm_motion *m, scalar t, const scalar *z, scalar *g)
     return status;
 }
 
-/* Whether what is looked for crosses zero: an event's output less its level; a switching function, which leaves the side of its mode. */
+/* Whether a monitored function crosses zero: an event's output minus its level, or a switching function that leaves its mode. */
 static int crosses(const ordernm_motion *m, int number, scalar before, scalar after)
 {
     if (number >= m->problem->nevents) return before >= 0.0 && after < 0.0;
@@ -54,8 +54,8 @@ static int within(ordernm_motion *m, scalar h, scalar part, scalar *g)
     return ordernm_crossings(m, m->t + part*h, m->trial, g);
 }
 
-/* Where an output comes nearest to its level between three places, of which the middle one is nearest (R. Brent's way, shortened: the
- * vertex of a parabola, or the larger part cut). It ends behind the level, if that is crossed. */
+/* Finds the smallest distance of an output from its level between three places, of which the middle one is the nearest (simplified
+ * Brent's method: vertex of a parabola, or a cut of the larger part). Ends beyond the level if it is crossed. */
 static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3])
 {
     const scalar sign = g[1] > 0.0 ? 1.0 : -1.0;
@@ -81,7 +81,7 @@ static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3]
     return 0;
 }
 
-/* Whether a switching function comes to zero at a place among n, and turns there, where derivatives are wanted. */
+/* Whether a switching function has an extremum at zero at one of n places, if derivatives are needed. */
 static int touches(const ordernm_motion *m, int e, const scalar *y, int i, int n)
 {
     const int k = e - m->problem->nevents;
@@ -98,11 +98,11 @@ static int touched(ordernm_motion *m, scalar h, scalar part, int e)
     return status;
 }
 
-/* An output where it may turn, and it is searched how near it comes to its level, among n places of which is known what it is there;
- * returns what a function returned. */
+/* Evaluates an output at a possible extremum, and searches its smallest distance from the level, among n places with known values.
+ * Returns the status of a function. */
 static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar *x, scalar *y, int *n)
 {
-    int status, i = 1; /* the place behind it */
+    int status, i = 1; /* the next place */
     while (i < *n - 1 && x[i] < turn) ++i;
     if (i > 1 && turn - x[i - 1] < SAME_PLACE) {
         --i;
@@ -113,7 +113,7 @@ static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar 
         x[i] = turn, y[i] = m->within[e];
         ++*n;
     }
-    for (int k = -1; k <= 1; k += 2) /* it may turn beside, where the polynomial is not the output */
+    for (int k = -1; k <= 1; k += 2) /* the extremum may be elsewhere, since the polynomial is only an approximation */
         if (i + k > 0 && i + k < *n - 1 && fabs(y[i + k]) < fabs(y[i])) i += k;
     if (y[i]*y[i - 1] > 0.0 && y[i]*y[i + 1] > 0.0 && fabs(y[i]) <= fabs(y[i - 1]) && fabs(y[i]) <= fabs(y[i + 1])) {
         scalar place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
@@ -123,8 +123,8 @@ static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar 
     return touches(m, e, y, i, *n) ? touched(m, h, x[i], e) : 0;
 }
 
-/* The first part of a step in which an output crosses its level: its ends, and outputs there. 0 if there is none; else 1, or what a
- * function returned, less 1 where that is negative. */
+/* The first part of a step in which an output crosses its level: its ends, and the outputs there. Returns 0 if there is none; else 1, or
+ * the status of a function, minus 1 if that is negative. */
 static int bracket(ordernm_motion *m, scalar h, int e, scalar at[2], scalar g[2], int *found)
 {
     const long events = m->nwatched;
@@ -148,8 +148,7 @@ static int bracket(ordernm_motion *m, scalar h, int e, scalar at[2], scalar g[2]
     return 0;
 }
 
-/* The first event within the step that was made, as a part of it; 2 if there is none (A. Dekker's bisection and secants on the
- * interpolant, the Illinois way). */
+/* Position of the first event in the step; 2 if there is none (Dekker's method with the Illinois modification, on the interpolant). */
 static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
 {
     *first = 2.0;
@@ -160,13 +159,13 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
         int status = bracket(m, h, e, ends, values, &found);
         if (status) return status;
         if (!found || ends[0] > *first) continue;
-        if (*first < ends[1] && m->at_first[e]*values[0] > 0.0) continue; /* not crossed yet when the first one is */
+        if (*first < ends[1] && m->at_first[e]*values[0] > 0.0) continue; /* crosses after the first event */
         scalar low = ends[0], high = ends[1], g_low = values[0], g_high = values[1];
         for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
-            const int halve = n > 16 || n%8 == 7 || fabs(g_low) <= BEHIND; /* of which the sign is known only */
+            const int halve = n > 16 || n%8 == 7 || fabs(g_low) <= BEHIND; /* only its sign is known */
             scalar at = halve ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
             if (!(at > low && at < high)) at = 0.5*(low + high);
-            if (within(m, h, at, m->within)) { /* a loop has lost rank there, and speeds have no value */
+            if (within(m, h, at, m->within)) { /* a loop has lost rank there, and speeds are undefined */
                 at += 0.3*(high - at);
                 if (within(m, h, at, m->within)) m->within[e] = 0.0;
             }
@@ -189,7 +188,7 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
             *first = high;
             *which = e;
             for (int i = 0; i < 2; ++i) m->around_event[i] = ends[i]*h;
-            const int far = fabs(values[1]) > fabs(values[0]); /* the nearer one may be known by its sign only */
+            const int far = fabs(values[1]) > fabs(values[0]); /* at the nearer one, possibly only the sign is known */
             m->beside_event[0] = m->around_event[far];
             m->beside_event[1] = values[far];
         }
@@ -197,7 +196,7 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
     return 0;
 }
 
-/* A step to where an event may be; an implicit one may not be found, or not along directions. */
+/* A step to the expected time of an event; an implicit step may fail to converge, also for derivatives. */
 static int step_of_size(ordernm_motion *m, scalar h)
 {
     scalar *const error = &m->error_to_event;
@@ -210,7 +209,7 @@ static int rates_at_end(ordernm_motion *m, scalar h)
     return m->method->gives_rate ? 0 : ordernm_rates_at_end(m, m->t + h, m->rate[m->method->stages]);
 }
 
-/* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
+/* Repeats the step so that it ends at an event; the size is found by secants on steps of other sizes. */
 static int step_to_event(ordernm_motion *m, int e, scalar *h)
 {
     scalar size = *h, before = m->beside_event[0], g_before = m->beside_event[1], best = INFINITY, found = *h;
@@ -234,7 +233,7 @@ static int step_to_event(ordernm_motion *m, int e, scalar *h)
     return status;
 }
 
-/* A step to an event whose end has rates, which are finite: just behind the event, if there are none at it, as those of x^3/abs(x) at
+/* A step to an event with finite rates at its end; it ends just after the event if there are none at the event, as for x^3/abs(x) at
  * zero. */
 static int step_with_rates(ordernm_motion *m, int e, scalar whole, scalar *h)
 {
@@ -260,7 +259,7 @@ static int take_samples(ordernm_motion *m, scalar h)
     return 0;
 }
 
-/* How fast an event's output changes in the step, on the whole. */
+/* Average rate of an event's output in the step. */
 static scalar pace(const ordernm_motion *m, scalar h, int e)
 {
     scalar low = m->crossing[e], high = low;
@@ -271,15 +270,15 @@ static scalar pace(const ordernm_motion *m, scalar h, int e)
     return (high - low)/h;
 }
 
-/* An event's row at a state: a row of results, and the time derivatives of coordinates, speeds and outputs in the modes at hand. */
+/* An event's row at a state: a row of results, and the time derivatives of coordinates, speeds and outputs in the current modes. */
 static int describe(ordernm_motion *m, scalar t, const scalar *z, scalar *row)
 {
     const int status = ordernm_report(m, t, z, row);
     return status ? status : ordernm_report_rates(m, t, z, row + ordernm_row_size(m->problem));
 }
 
-/* An event is where a loop has lost rank, and no step can end there. What it is, is found beside it; a motion that does not stop there
- * makes its step to somewhere behind. */
+/* An event at a pose where a loop has lost rank, at which no step can end: its row is interpolated. If the motion does not stop there,
+ * the step continues beyond the pose. */
 static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *step)
 {
     const ordernm_problem *const p = m->problem;
@@ -296,7 +295,7 @@ static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *st
         if (m->part[e] <= part + 1e-13) stop |= e < p->nevents && p->events[e].stop;
         else if (m->part[e] < cut) cut = 0.5*(part + m->part[e]);
     }
-    if (stop && m->results->steps) return -1; /* this end is not a step's, and the adjoint would not know */
+    if (stop && m->results->steps) return -1; /* the adjoint could not use this end */
     step->at_pose = stop;
     if (stop) return 0;
     step->h = whole*cut;
@@ -305,7 +304,7 @@ static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *st
     return ordernm_crossings(m, m->t + step->h, m->next, m->after);
 }
 
-/* Looks for events in the step that was made; if there is one, the step ends there. */
+/* Looks for events in the step; if there is one, the step ends there. */
 int ordernm_look_for_events(ordernm_motion *m, trial *step)
 {
     const ordernm_problem *const p = m->problem;
@@ -319,7 +318,7 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
     for (int e = 0; e < m->nwatched; ++e) m->paces[e] = pace(m, whole, e);
     m->complete = 0;
     status = within(m, whole, part, m->within);
-    /* a step that went on behind a switch would keep a branch that is not taken there */
+    /* a longer step would use the wrong branch after a switch */
     const scalar worst = step->event < p->nevents ? m->too_poor : fmax(m->too_poor, m->hopeless);
     if (m->nd && (status || m->results->condition_here > worst)) {
         if ((status = event_at_pose(m, whole, part, step))) return status;
@@ -329,8 +328,7 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
         step->event_time = m->t + step->h;
         if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
     }
-    /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that
-     * have happened just before stay behind */
+    /* all events at this time count as passed, on whichever side rounding has left them; recent ones remain passed */
     for (int e = 0; e < m->nwatched; ++e) {
         if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(m, e, m->crossing[e], m->after[e]))) {
             const int way = e < p->nevents ? p->events[e].direction : -1;
@@ -342,14 +340,14 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
             if (fabs(m->crossing[e]) == BEHIND && part < 1e-9) m->after[e] = m->crossing[e];
         }
     }
-    for (int e = 0; e < p->nevents; ++e) /* events of other directions are on the same side */
+    for (int e = 0; e < p->nevents; ++e) /* the same output may have events with other directions */
         for (int f = 0; m->happened[e] > 0.0 && f < p->nevents; ++f)
             if (m->happened[f] == 0.0 && p->events[f].output == p->events[e].output && p->events[f].level == p->events[e].level)
                 m->after[f] = m->after[e];
     return 0;
 }
 
-/* Events of outputs that jump over their level between two steps, with an input or where a force does. */
+/* Events of outputs that jump over their level between two steps, with an input or at a switch. */
 int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
 {
     const ordernm_problem *const p = m->problem;
@@ -373,12 +371,12 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
     return status;
 }
 
-/* ---- Events where rates or outputs jump at a switch. ---- */
+/* ---- Events at the same time as a switch at which rates or outputs jump. ---- */
 
 static int apart(scalar a, scalar b, scalar size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
 
-/* An event's row, in which derivatives become NaN that depend on whether the event or a switch comes first. `other` is its row on the
- * other side of the switch, `passing` holds the derivatives of the switch's time. Returns whether there are any. */
+/* Sets derivatives in an event's row to NaN if they depend on the order of event and switch. `other` is its row on the other side of the
+ * switch, and `passing` contains derivatives of the switch's time. Returns whether there are any. */
 static int compare_sides(const ordernm_motion *m, int e, scalar *row, const scalar *other, const scalar *passing)
 {
     const ordernm_problem *const p = m->problem;
@@ -406,7 +404,7 @@ static int compare_sides(const ordernm_motion *m, int e, scalar *row, const scal
     return lost;
 }
 
-/* An event that is at the same time as a switch. */
+/* Records an event at the same time as a switch. */
 static void note_coincidence(ordernm_motion *m, int e, int lost)
 {
     ordernm_results *const r = m->results;
@@ -421,7 +419,7 @@ static int is_recent(const ordernm_motion *m, scalar t)
     return fabs(t - m->together_since) <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
 }
 
-/* An event that a step ends with just behind switches: is it another one in front of them? */
+/* For an event at the end of a step just after switches: compares its row with that before them. */
 static int compare_with_front(ordernm_motion *m, int e, scalar *row)
 {
     const int count = m->system->nswitches;
@@ -437,7 +435,7 @@ static int compare_with_front(ordernm_motion *m, int e, scalar *row)
     return status;
 }
 
-/* Events that have been kept in front of switches that have just been passed: are they others behind them? */
+/* For events stored before switches that have just been passed: compares their rows with those after them. */
 int ordernm_compare_events(ordernm_motion *m)
 {
     ordernm_results *const r = m->results;
@@ -452,7 +450,7 @@ int ordernm_compare_events(ordernm_motion *m)
     return 0;
 }
 
-/* Events that the step ends with, several if they happen at the same time; whether the motion stops there. */
+/* Stores the events at the end of the step, which may be several at the same time; whether the motion stops there. */
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop)
 {
     const ordernm_problem *const p = m->problem;

@@ -1,7 +1,7 @@
-/* Explicit Runge-Kutta methods: a step, its error, and what lies between its ends.
+/* Explicit Runge-Kutta methods: a step, its error, and the interpolant.
  *
- * Every stage, the step's end and every state in between are sums z + h*sum(factor*rate): the interpolants too are written so,
- * with factors that depend on where one looks. Their derivatives, and what runs them backwards, follow at once. */
+ * Every stage, the step's end and all interpolated states are sums z + h*sum(factor*rate), where the factors of an interpolant
+ * depend on the position. Derivatives and the adjoint follow directly. */
 #include "inside.h"
 
 #include "explicit_tables.h"
@@ -13,7 +13,7 @@ static void stage(ordernm_motion *m, const row *r, scalar h, scalar *z)
     ordernm_combine(m->size, z, m->z, h, r->count, r->which, r->factor, m->rate);
 }
 
-/* Where steps are kept for the adjoint, the states of their stages are too: it needs no rates to find them again. */
+/* If steps are stored for the adjoint, so are the states of their stages, which then need no rates. */
 void ordernm_keep_stage(ordernm_motion *m, int i)
 {
     if (!m->results->steps) return;
@@ -35,7 +35,7 @@ static void keep(const ordernm_motion *m, scalar *row)
 
 static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
-/* Rates at some stages; those of a step, from its second on, are noted and kept. */
+/* Rates at some stages; from the second stage on, their conditions are recorded and their states stored. */
 static int stages(ordernm_motion *m, scalar h, int from, int to)
 {
     for (int i = from; i < to; ++i) {
@@ -57,7 +57,7 @@ static void interpolate(ordernm_motion *m, scalar h, scalar theta, scalar *z)
     ordernm_combine(m->size, z, m->z, h, m->method->all, every, w, m->rate);
 }
 
-/* A step without its error. */
+/* A step without an error estimate. */
 static int to_end(ordernm_motion *m, scalar h)
 {
     const int status = stages(m, h, 1, m->method->stages);
@@ -107,7 +107,7 @@ static int rk4_step(ordernm_motion *m, scalar h, scalar *error)
     return to_end(m, h);
 }
 
-/* The same of Hermite's cubic through both ends. */
+/* The same for Hermite's cubic. */
 static void rk4_weights(scalar theta, scalar *w)
 {
     const scalar x = theta, y = 1.0 - theta;

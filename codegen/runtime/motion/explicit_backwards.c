@@ -1,7 +1,7 @@
-/* A step of an explicit method backwards.
+/* The adjoint of a step of an explicit method.
  *
- * A step is Y_i = z + h sum a_ij k_j, k_i = f(Y_i), z+ = z + h sum b_j k_j. From lambda = dJ/dz+, with everything in lanes of
- * functionals, and from what weighs states between the ends, which are sums of the same rates:
+ * A step is Y_i = z + h sum a_ij k_j, k_i = f(Y_i), z+ = z + h sum b_j k_j. Given lambda = dJ/dz+ in lanes of functionals, and
+ * weights of states between the ends, which are sums of the same rates:
  *
  *     kappa_j = h (b_j lambda + sum_i>j a_ij nu_i),  nu_j = f_z(Y_j)^T kappa_j,  gradient += f_p(Y_j)^T kappa_j,
  *     lambda <- lambda + sum nu_j. */
@@ -9,15 +9,15 @@
 
 #include <string.h>
 
-/* The first rate of a step, from the end of its row: made again it would differ by rounding, which is much near a pose where a
- * loop loses rank. */
+/* The first rate of a step, from the end of its row: if repeated, it would differ by rounding, which is large near a pose where a loop
+ * loses rank. */
 static void first_rate(ordernm_motion *m, const scalar *step)
 {
     const long state = m->ny + m->nx + m->nd;
     memcpy(m->rate[0], step + ordernm_step_size(m->problem) - state, state*sizeof(scalar));
 }
 
-/* The stages of a step, as they were, and their rates: where something else than the step's end is a sum of them. */
+/* The original stages of a step and their rates, if needed for more than its end. */
 static int stages(ordernm_adjoint *a, const scalar *step, int count)
 {
     ordernm_motion *const m = a->motion;
@@ -53,7 +53,7 @@ static void stages_kept(ordernm_adjoint *a, const scalar *step)
     }
 }
 
-/* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
+/* One group of functionals through one step: lambda at its end becomes lambda at its start. */
 static int group_backwards(ordernm_adjoint *a, int n, scalar h, int within)
 {
     ordernm_motion *const m = a->motion;

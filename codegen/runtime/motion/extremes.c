@@ -1,5 +1,5 @@
-/* Where an output turns within a step: of the polynomial through what it is at Chebyshev's points, all places where its derivative is
- * zero. An output that is linear in the state is such a polynomial itself, for interpolants are: of degree 7, of degree 3. */
+/* Extrema of an output within a step: zeros of the derivative of the polynomial through its values at Chebyshev points. If the output is
+ * linear in the state, this polynomial is exact, because interpolants are polynomials of degree 7 or 3. */
 #include "inside.h"
 
 #include <math.h>
@@ -7,22 +7,22 @@
 
 enum { N = EVENT_SAMPLES + 1, BISECTIONS = 40 };
 
-/* cos(pi i/N); the points, in parts of a step, are (1 - cos(pi i/N))/2. */
+/* cos(pi i/N); the points, relative to the step, are (1 - cos(pi i/N))/2. */
 static const scalar COSINE[2*N] = {1.0, 0.92387953251128674, 0.70710678118654752, 0.38268343236508977, 0.0, -0.38268343236508977,
     -0.70710678118654752, -0.92387953251128674, -1.0, -0.92387953251128674, -0.70710678118654752, -0.38268343236508977, 0.0,
     0.38268343236508977, 0.70710678118654752, 0.92387953251128674};
 
-/* Polynomials that are this near to the level, in parts of their range, may cross it where outputs turn. */
+/* Distance of a polynomial from the level, relative to its range, below which it may cross the level at an extremum. */
 static const scalar SHALLOW = 1e-3;
 
-/* What the last two coefficients, which are small, say of those that are left out. */
+/* Factor on the last two coefficients that bounds the omitted ones. */
 static const scalar LEFT_OUT = 8.0;
 
-static const scalar INSIDE = 1e-9; /* in parts of the step: an output that turns as near to an end does not come back before it */
+static const scalar INSIDE = 1e-9; /* relative to the step: an output with an extremum so near to an end does not return before it */
 
 scalar ordernm_event_point(int i) { return 0.5*(1.0 - COSINE[i]); }
 
-/* Coefficients of Chebyshev's polynomials of cos(pi x) that have these values at the points. */
+/* Coefficients of Chebyshev polynomials of cos(pi x) with these values at the points. */
 static void coefficients(const scalar *value, scalar *a)
 {
     for (int k = 0; k <= N; ++k) {
@@ -54,8 +54,9 @@ static scalar root(const scalar *a, int n, scalar low, scalar high, scalar at_lo
     return 0.5*(low + high);
 }
 
-/* Places within (-1, 1) where the derivative of a sum of degree N changes sign, rising; how many. Between two neighbouring zeros of its
- * own derivative a polynomial rises or falls, and has one zero at most: from the last derivative, a straight line, on. */
+/* Positions in (-1, 1), increasing, at which the derivative of a sum of degree N changes sign; returns their number. Between neighbouring
+ * zeros of its derivative, a polynomial is monotonic and has at most one zero. So the search starts with the last derivative, a straight
+ * line. */
 static int turns(const scalar *a, scalar *t)
 {
     scalar derivative[N][N + 2];
@@ -81,8 +82,8 @@ static int turns(const scalar *a, scalar *t)
     return count;
 }
 
-/* Where an output turns so that it may cross its level, zero, though its values at the points do not show it: parts of the step, rising.
- * Returns how many there are, at most EVENT_SAMPLES. */
+/* Extrema at which an output may cross its level, zero, although its values at the points do not show it: increasing positions in the
+ * step. Returns their number, at most EVENT_SAMPLES. */
 int ordernm_extremes(const scalar *value, scalar *where)
 {
     scalar a[N + 1], range = 0.0, t[N];
@@ -94,7 +95,7 @@ int ordernm_extremes(const scalar *value, scalar *where)
     for (int i = turns(a, t) - 1; i >= 0; --i) {
         const scalar x = 0.5*(1.0 - t[i]), p = sum_at(a, N, t[i]);
         if (!(x > INSIDE && x < 1.0 - INSIDE)) continue;
-        int next = 1; /* point behind it */
+        int next = 1; /* next point */
         while (next < N && ordernm_event_point(next) < x) ++next;
         if (fabs(p) <= uncertain || p*value[next] < 0.0 || p*value[next - 1] < 0.0) where[found++] = x;
     }

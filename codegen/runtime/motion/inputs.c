@@ -1,10 +1,10 @@
-/* Inputs over time, which are splines: their values, time derivatives, and derivatives along directions. */
+/* Inputs over time, which are splines: values, time derivatives, and derivatives along directions. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* The first knot behind t, with what rounding makes of it. */
+/* The next knot after t, up to rounding. */
 scalar ordernm_next_knot(const ordernm_motion *m, scalar t)
 {
     const ordernm_inputs *in = &m->problem->inputs;
@@ -16,7 +16,7 @@ scalar ordernm_next_knot(const ordernm_motion *m, scalar t)
     return INFINITY;
 }
 
-/* The piece of the spline that a step lies in; count is behind the last knot, degree - 1 before the first. */
+/* The piece of the spline that contains a step; count after the last knot, degree - 1 before the first. */
 void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h)
 {
     const ordernm_inputs *in = &m->problem->inputs;
@@ -31,8 +31,8 @@ void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h)
     m->segment = middle < in->knots[in->degree] ? in->degree - 1 : middle > in->knots[in->count] ? in->count : low;
 }
 
-/* The B-splines that are not zero at t, degree + 1 of them, or their time derivatives of some order; returns the number of the first
- * (de Boor). */
+/* The degree + 1 B-splines that are not zero at t, or their time derivatives of the given order; returns the index of the first one (de
+ * Boor). */
 static long b_splines(const ordernm_motion *m, scalar t, int order, scalar *value)
 {
     const ordernm_inputs *in = &m->problem->inputs;
@@ -58,7 +58,7 @@ static long b_splines(const ordernm_motion *m, scalar t, int order, scalar *valu
         }
         value[j] = saved;
     }
-    for (int j = degree - order + 1; j <= degree; ++j) { /* differences of those of a degree less */
+    for (int j = degree - order + 1; j <= degree; ++j) { /* differences of splines of the next lower degree */
         scalar before = 0.0;
         for (int i = 0; i <= j; ++i) {
             const scalar *const from = knot + at - j + i;
@@ -70,7 +70,7 @@ static long b_splines(const ordernm_motion *m, scalar t, int order, scalar *valu
     return at - degree;
 }
 
-/* The B-splines at t, and where prescribed motion reads inputs their first and second derivatives; returns the number of the first. */
+/* The B-splines at t, and for inputs of prescribed motion their first and second derivatives; returns the index of the first one. */
 long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1])
 {
     const int orders = m->system->nmoving ? ORDERNM_ORDERS : 1;
@@ -81,7 +81,7 @@ long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDER
     return first;
 }
 
-/* Which signal an input follows, and its derivative of which order it is. */
+/* The signal of an input, and the order of its derivative. */
 int ordernm_signal_of(const ordernm_system *s, int input, int *order)
 {
     const int behind = input - ordernm_signals(s);
@@ -124,7 +124,7 @@ const scalar *ordernm_inputs_at(ordernm_motion *m, scalar t)
     return m->inputs;
 }
 
-/* Their derivatives along the directions of a group. */
+/* Derivatives of the inputs along the directions of a group. */
 scalar *ordernm_input_directions(ordernm_motion *m, scalar t, const group *g)
 {
     const ordernm_inputs *in = &m->problem->inputs;

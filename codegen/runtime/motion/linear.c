@@ -1,4 +1,4 @@
-/* Dense linear equations: factors and solutions, by rows, so that the machine works on some numbers at once. */
+/* Dense linear equations: factors and solutions, by rows, for vector instructions. */
 #include "linear.h"
 
 #include <math.h>
@@ -61,7 +61,7 @@ int ordernm_factorise_complex(int n, scalar *re, scalar *im, int *pivot)
     return 0;
 }
 
-/* x[j] -= a[j]*y, so many; x[j] and y are numbers or lanes of them. */
+/* x[j] -= a[j]*y for j < count; x[j] and y are numbers or LANES of them. */
 static inline void spread(scalar *x, const scalar *a, const scalar *y, int count, int width)
 {
     if (width == 1) {
@@ -169,7 +169,7 @@ static inline void solve_complex_transposed(int n, const scalar *re, const scala
     }
 }
 
-/* ---- The same with loops over lanes of known length. ---- */
+/* ---- Calls with a constant number of lanes. ---- */
 
 void ordernm_solve(int n, const scalar *a, const int *pivot, scalar *x, int width)
 {

@@ -1,4 +1,4 @@
-/* Dense linear equations, real and complex, with a number or some lanes of them for each entry of right sides. */
+/* Dense linear equations, real and complex, with one number or several lanes for each entry of right sides. */
 #ifndef ORDERNM_LINEAR_H
 #define ORDERNM_LINEAR_H
 
@@ -8,7 +8,7 @@
 typedef scalar eight __attribute__((vector_size(64), aligned(8), may_alias));
 #endif
 
-/* x -= sum(a[j]*y[j]) of so many; x and y[j] are numbers or LANES of them. */
+/* x -= sum(a[j]*y[j]) for j < count; x and y[j] are numbers or LANES of them. */
 static inline void subtract(scalar *x, const scalar *a, const scalar *y, int count, int width)
 {
     int j = 0;
@@ -28,7 +28,7 @@ static inline void subtract(scalar *x, const scalar *a, const scalar *y, int cou
         for (int l = 0; l < width; ++l) x[l] -= a[j]*y[(long)j*width + l];
 }
 
-/* x -= f*y, so many numbers. */
+/* x -= f*y for arrays of length count. */
 static inline void subtract_row(scalar *x, scalar f, const scalar *y, int count)
 {
     int j = 0;
@@ -38,16 +38,16 @@ static inline void subtract_row(scalar *x, scalar f, const scalar *y, int count)
     for (; j < count; ++j) x[j] -= f*y[j];
 }
 
-/* Rows exchanged, then L\U in place: L with ones on its diagonal, U with its diagonal inverted. Return 1 if a pivot is zero or not
+/* LU factors in place, with row exchanges: L has a unit diagonal, the diagonal of U is inverted. Returns 1 if a pivot is zero or not
  * finite. */
 int ordernm_factorise(int n, scalar *a, int *pivot);
 int ordernm_factorise_complex(int n, scalar *re, scalar *im, int *pivot);
 
-/* x, [n][width], from right sides to solutions, by factors; of the matrix, and of its transpose. */
+/* x, [n][width], from right sides to solutions, for the matrix and for its transpose. */
 void ordernm_solve(int n, const scalar *a, const int *pivot, scalar *x, int width);
 void ordernm_solve_transposed(int n, const scalar *a, const int *pivot, scalar *x, int width);
 
-/* The same of complex numbers x + iy; z is for -y. */
+/* The same for complex numbers x + iy; z is memory for -y. */
 void ordernm_solve_complex(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y, scalar *z,
     int width);
 void ordernm_solve_complex_transposed(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y,

@@ -1,22 +1,22 @@
-/* Directions along which the motion has no derivative from some time on, though it goes on itself.
+/* Directions along which the motion has no derivative from a time on, although the motion itself continues.
  *
- * There are four kinds: rates whose derivatives are not finite, such as that of sqrt(abs(x)) where x stays at zero; a switch that the
- * motion rests at, of whose branches one holds on either side; points that the motion passes, see points.c; and rates that jump where no switch is known, as those of atan2(y, x) do
- * where the motion passes the point at which both are zero. A direction that is lost is NaN in results, and zero in the state. */
+ * There are four causes: derivatives of rates that are not finite, as for sqrt(abs(x)) where x stays at zero; a switch at which the
+ * motion rests, while perturbed motions use the branch on either side; singular points, see points.c; and jumps of rates without a
+ * known switch, as for atan2(y, x) where both arguments are zero. A lost direction is NaN in results, and zero in the state. */
 #include "radau.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Derivatives of rates on both sides of a switch that differ by less, relative to the largest, are the same. */
+/* Relative difference below which derivatives of rates on both sides of a switch are equal. */
 static const scalar AGREE = 1e-10;
 
-/* A direction moves a switch if it does by this part of what the motion does; less is left of what was passed before. */
+/* A direction moves a switch if the relative motion exceeds this; residues of passed switches are smaller. */
 static const scalar MOVES = 1e-7;
 
-/* A rate jumps where its change between two neighbouring stages is at least PART_OF_STEP of all its changes in the step, where at least
- * PART_OF_CHANGE of it remains however often the time between is halved, where it exceeds PART_OF_RATE of the rate, and where over the whole
- * motion it would move the state by ERRORS_ALLOWED tolerances. The search covers the SUSPECTS steps after a refused one, and every step of
+/* A jump of a rate is suspected if its change between neighbouring stages is at least PART_OF_STEP of all its changes in the step. It is
+ * confirmed if at least PART_OF_CHANGE of it remains after all bisections, it exceeds PART_OF_RATE of the rate, and it would move the
+ * state by ERRORS_ALLOWED tolerances over the whole motion. The search covers the SUSPECTS steps after a rejected one, and every step of
  * constant size. */
 enum { SUSPECTS = 4 };
 static const scalar PART_OF_STEP = 0.5, PART_OF_CONSTANT_STEP = 0.8, PART_OF_CHANGE = 0.25, PART_OF_RATE = 1e-9, ERRORS_ALLOWED = 10.0;
@@ -36,7 +36,7 @@ static void lose(ordernm_motion *m, int n, int lane)
     for (int i = 0; i < STAGES && m->radau; ++i) clear(m, g, lane, m->radau->stage[i]), clear(m, g, lane, m->radau->last[i]);
 }
 
-/* Notes in the results where directions are lost, and why: results along them are NaN there. */
+/* Records in the results which directions are lost, and why; from then on, results along them are NaN. */
 static void note(ordernm_motion *m, int why, int which)
 {
     ordernm_results *const r = m->results;
@@ -49,7 +49,7 @@ static void note(ordernm_motion *m, int why, int which)
     r->lost_why[2*r->lost_count++ + 1] = which;
 }
 
-/* Loses directions that are not finite in a state, or in rates; which ones have none in the function of rates is not asked. */
+/* Loses directions whose derivatives are not finite in a state or in rates. */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z)
 {
     int some = 0;
@@ -66,7 +66,7 @@ void ordernm_lose_infinite(ordernm_motion *m, const scalar *z)
 
 /* ---- Rest at switches. ---- */
 
-/* The switches whose functions are zero at both ends of the step: their numbers in m->together, and how many. */
+/* The switches whose functions are zero at both ends of the step: stored in m->together; returns their number. */
 static int resting(ordernm_motion *m, scalar end)
 {
     int count = 0;
@@ -84,7 +84,7 @@ static int resting(ordernm_motion *m, scalar end)
     return count;
 }
 
-/* Whether rates, or their derivatives along a direction, are different. */
+/* Whether rates, or their derivatives along a direction, differ. */
 static int differ(const ordernm_motion *m, const group *g, int lane, const scalar *a, const scalar *b)
 {
     scalar largest = 0.0, apart = 0.0;
@@ -97,7 +97,7 @@ static int differ(const ordernm_motion *m, const group *g, int lane, const scala
     return !(apart <= AGREE*largest);
 }
 
-/* Rates along all groups where the resting switches have the modes of a direction, times `side`. */
+/* Rates along all groups, with the modes of the resting switches set to those of a direction, times `side`. */
 static int on_a_side(ordernm_motion *m, int count, scalar side, scalar *rates)
 {
     for (int i = 0; i < count; ++i) m->modes[m->resting[i]] = side*m->speeds[i];
@@ -106,8 +106,8 @@ static int on_a_side(ordernm_motion *m, int count, scalar side, scalar *rates)
     return status;
 }
 
-/* A disturbed motion leaves a switch that this one rests at, to one side or the other: along directions that it leaves it with, the rates
- * of both have to agree with those at rest. */
+/* A perturbed motion leaves a switch at which this motion rests, to either side. A direction has a derivative only if the rates on both
+ * sides agree with those at rest. */
 static void look_at_rest(ordernm_motion *m, scalar end)
 {
     scalar *const rest = m->at_pose, *const one = m->error[0], *const other = m->error[1];
@@ -125,7 +125,7 @@ static void look_at_rest(ordernm_motion *m, scalar end)
                 if (x != 0.0) leaves = m->resting[i];
             }
             if (leaves < 0) continue;
-            /* both sides of a single switch are the same for all directions */
+            /* for a single switch, both sides are the same for all directions */
             if (!known && (on_a_side(m, count, 0.0, rest) || on_a_side(m, count, 1.0, one) || on_a_side(m, count, -1.0, other))) return;
             known = count == 1;
             if (!differ(m, m->groups + n, l, rest, one) && !differ(m, m->groups + n, l, rest, other)) continue;
@@ -137,7 +137,7 @@ static void look_at_rest(ordernm_motion *m, scalar end)
 
 /* ---- Jumps without a switch. ---- */
 
-/* How much a rate changes, in errors allowed over the whole motion. */
+/* The change of a rate, in tolerances over the whole motion. */
 static scalar change(const ordernm_motion *m, int i, scalar a, scalar b)
 {
     const ordernm_problem *const p = m->problem;
@@ -145,7 +145,7 @@ static scalar change(const ordernm_motion *m, int i, scalar a, scalar b)
     return by > PART_OF_RATE*(fabs(a) + fabs(b)) ? (p->end - p->start)*by/(p->atol[i] + p->rtol*fabs(m->z[i])) : 0.0;
 }
 
-/* The stages of the step in the order of their times, of those at one time the last, and its end; how many. */
+/* Sorts the stages by time, keeping the last of simultaneous ones, and the end of the step; returns their number. */
 static int sort_stages(const ordernm_motion *m, int *order)
 {
     const scalar *const times = m->method->times;
@@ -162,7 +162,7 @@ static int sort_stages(const ordernm_motion *m, int *order)
     return count + 1;
 }
 
-/* Between which neighbouring stages a rate changes most; how much of all its changes in the step that is. */
+/* The neighbouring stages with the largest change of a rate; returns its fraction of all changes in the step. */
 static scalar widest_pair(const ordernm_motion *m, const int *order, int points, int i, int *widest)
 {
     scalar largest = 0.0, all = 0.0;
@@ -174,7 +174,7 @@ static scalar widest_pair(const ordernm_motion *m, const int *order, int points,
     return all > 0.0 ? largest/all : 0.0;
 }
 
-/* Rates in the step, on the cubic through its ends; 0 where they have no value. */
+/* Rates in the step, at a state on the cubic through its ends; 0 if they are undefined. */
 static scalar *rates_within(ordernm_motion *m, scalar h, scalar x, scalar *rates)
 {
     if (x == 0.0 || x == 1.0) return m->rate[x == 0.0 ? 0 : m->method->stages];
@@ -183,7 +183,7 @@ static scalar *rates_within(ordernm_motion *m, scalar h, scalar x, scalar *rates
     return m->nd && m->results->condition_here > m->poor ? 0 : rates; /* a loop loses rank there */
 }
 
-/* Whether a rate jumps between two places, and which: halves are looked at in which one changes by more than its least jump. */
+/* Whether a rate jumps between two places, and which one, by bisection of intervals with a change above the smallest jump. */
 static int jumps_between(ordernm_motion *m, scalar h, scalar from, scalar to, const scalar *low, const scalar *high, int halved, int *which)
 {
     const scalar *const least = m->halves[HALVES], middle = 0.5*(from + to);
@@ -196,8 +196,8 @@ static int jumps_between(ordernm_motion *m, scalar h, scalar from, scalar to, co
                     || jumps_between(m, h, middle, to, here, high, halved + 1, which));
 }
 
-/* Whether a rate jumps within the step, and which. Each one is compared with its own changes: others may change far more. It is looked at
- * where one change between stages is most of all; stages are beside the motion, so times before and behind them are looked at as well. */
+/* Whether a rate jumps within the step, and which one. Each rate is compared with its own changes, since others may change far more.
+ * Times before and after the largest change between stages are included, because stages are not exactly on the motion. */
 static int jumps(ordernm_motion *m, scalar h, int *which)
 {
     const scalar part = m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP;
@@ -232,7 +232,7 @@ static int is_moved(const ordernm_motion *m, int n, int lane)
     return moved;
 }
 
-/* How the time of such a jump depends on a direction is not known. */
+/* Loses all directions after such a jump, because the derivative of its time is not known. */
 static void look_for_jump(ordernm_motion *m, scalar h)
 {
     int which = 0, some = !m->ngroups && !m->results->lost_count;
@@ -243,7 +243,7 @@ static void look_for_jump(ordernm_motion *m, scalar h)
     if (some) note(m, ORDERNM_JUMPS, which);
 }
 
-/* Directions that have no derivative behind points that the step passes. Without directions it is the first such point. */
+/* Loses directions without a derivative after singular points in the step. Without directions, records the first such point. */
 static void look_at_points(ordernm_motion *m, const trial *step)
 {
     point at = {.which = -1};
@@ -261,7 +261,7 @@ static void look_at_points(ordernm_motion *m, const trial *step)
     }
 }
 
-/* How much a direction moves the switch that m->switch_along is of, in parts of what it moves. */
+/* Relative motion of the switch of m->switch_along by a direction. */
 static scalar moves_switch(const ordernm_motion *m, int n, int lane)
 {
     const group *const g = m->groups + n;
@@ -271,7 +271,7 @@ static scalar moves_switch(const ordernm_motion *m, int n, int lane)
     return size > 0.0 ? fabs(m->switch_along[n*LANES + lane])/size : 0.0;
 }
 
-/* Where derivatives of rates grow without bounds at a switch, those of the motion along directions that move the switch are not found. */
+/* If derivatives of rates are unbounded at a switch, directions that move the switch are lost. */
 static void look_at_powers(ordernm_motion *m, const trial *step)
 {
     const int k = ordernm_growing_power(m, step);
@@ -287,7 +287,7 @@ static void look_at_powers(ordernm_motion *m, const trial *step)
     if (some) note(m, ORDERNM_PASSES, k);
 }
 
-/* Loses directions that have no derivative behind the step that has been made. */
+/* Loses directions that have no derivative after this step. */
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step)
 {
     const scalar condition = m->results->condition_here;

@@ -21,7 +21,7 @@ extern "C" {
 /* ---- Contents of a generated package. ---- */
 
 /* Arguments and results of all functions of a package; each function uses some of them. Arrays whose names start with d are [n][width]: a
-   row for each entry, with a number for each direction. Transposes read derivatives there and write seeds. */
+ * row for each entry, with a number for each direction. Transposes read derivatives there and write seeds. */
 typedef struct {
     const ordernm_scalar *q, *u, *p, *inputs;
     ordernm_scalar t;
@@ -43,7 +43,7 @@ typedef int ordernm_function(const ordernm_call *call);
 enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 
 /* The same functions in long double, for poses near which a loop loses rank; see NAME_precise.c. Except for closing_step, they close the
-   loops once more themselves. Functions that the package lacks are 0. */
+ * loops once more themselves. Functions that the package lacks are 0. */
 typedef struct {
     ordernm_function *closing_step, *state_rates, *completion, *outputs, *switches;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
@@ -54,9 +54,9 @@ typedef struct {
 } ordernm_precise;
 
 /* Kinds of switches. The mode of a switch is the sign of its function. With ORDERNM_POWER, higher derivatives of the rates are unbounded
-   near its zero, as for max(0, x)^1.5. With ORDERNM_ROOT, first derivatives may be, as for sqrt(max(0, x)). With ORDERNM_TURN, the
-   function is an angle that jumps at half a turn, and the mode is a reference angle. ORDERNM_POINT is a singular function without a mode,
-   at whose zero rates may be undefined. */
+ * near its zero, as for max(0, x)^1.5. With ORDERNM_ROOT, first derivatives may be, as for sqrt(max(0, x)). With ORDERNM_TURN, the
+ * function is an angle that jumps at half a turn, and the mode is a reference angle. ORDERNM_POINT is a singular function without a mode,
+ * at whose zero rates may be undefined. */
 enum { ORDERNM_SIGN, ORDERNM_POWER, ORDERNM_ROOT, ORDERNM_TURN, ORDERNM_POINT };
 
 typedef struct {
@@ -96,10 +96,10 @@ typedef struct {
 enum { ORDERNM_RK4, ORDERNM_DOP853, ORDERNM_RADAU };
 
 /* Inputs over time: a spline of any degree, such as 0 (steps), 1 or 3, as a sum of B-splines. Before the first knot and after the last
-   one it is constant. Without knots, inputs are constant, and count is 1. If prescribed motion depends on inputs, the last 2*nmoving
-   inputs are their rates and accelerations, which are time derivatives of the spline. The values are those of the other inputs, the
-   signals: nsignals = ninputs - 2*nmoving. The spline of such a signal must have a continuous rate, also at its ends if the motion
-   extends beyond them. */
+ * one it is constant. Without knots, inputs are constant, and count is 1. If prescribed motion depends on inputs, the last 2*nmoving
+ * inputs are their rates and accelerations, which are time derivatives of the spline. The values are those of the other inputs, the
+ * signals: nsignals = ninputs - 2*nmoving. The spline of such a signal must have a continuous rate, also at its ends if the motion
+ * extends beyond them. */
 enum { ORDERNM_MOST_DEGREE = 9 };
 
 typedef struct {
@@ -161,22 +161,22 @@ typedef struct {
     ordernm_scalar *rows;
     long capacity, count;
     /* Rows of ordernm_step_size for ordernm_backwards; not stored if steps is 0. For ordernm_replay also the data of the method before
-       the first step, ordernm_known_size doubles; not stored if known is 0. */
+     * the first step, ordernm_known_size doubles; not stored if known is 0. */
     ordernm_scalar *steps, *known;
     long steps_capacity, steps_count;
     /* Events that occurred, and their numbers, as rows of ordernm_event_size. Each contains a row as above, time derivatives of
-       coordinates [nq], speeds [nu] and outputs, and derivatives of the time if the output has jumped over its level. The last entry is
-       the average rate of the output in the step, units/s; ORDERNM_JUMPED for a jump with an input, or ORDERNM_JUMPED_BY_STATE for one at
-       a switch. The row describes the state after the jump. Not stored if events is 0. */
+     * coordinates [nq], speeds [nu] and outputs, and derivatives of the time if the output has jumped over its level. The last entry is
+     * the average rate of the output in the step, units/s; ORDERNM_JUMPED for a jump with an input, or ORDERNM_JUMPED_BY_STATE for one at
+     * a switch. The row describes the state after the jump. Not stored if events is 0. */
     ordernm_scalar *events;
     int *which;
     long events_capacity, events_count; /* up to twice the number of events may occur at once */
     /* Poses passed at which a loop has lost rank: time, and coordinates [nq] near it and farther away. Only with derivatives; not stored
-       if flat is 0. */
+     * if flat is 0. */
     ordernm_scalar *flat;
     long flat_capacity, flat_count;
     /* Loss of directions without a derivative from then on: a row of results in which they are NaN, the reason (see ORDERNM_INFINITE),
-       and the switch or state entry. Without directions, only the first place at which this may happen. Not stored if lost is 0. */
+     * and the switch or state entry. Without directions, only the first place at which this may happen. Not stored if lost is 0. */
     ordernm_scalar *lost;
     int *lost_why;            /* [lost_capacity][2] */
     long lost_capacity, lost_count;
@@ -206,7 +206,7 @@ typedef struct {
 } ordernm_results;
 
 /* Reasons for the loss of a direction: derivatives of rates are not finite; the motion rests at a switch; rates jump without a switch;
-   the motion passes the zero of a singular function. */
+ * the motion passes the zero of a singular function. */
 enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS, ORDERNM_PASSES };
 
 enum { ORDERNM_JUMPED = -1, ORDERNM_JUMPED_BY_STATE = -2 };
@@ -217,7 +217,7 @@ typedef struct ordernm_motion ordernm_motion;
 long ordernm_room(const ordernm_problem *problem);
 
 /* Numbers of doubles: of a row of results, of an event, of a step and of its head; and of the data that a method keeps between steps in
-   addition to the state. */
+ * addition to the state. */
 long ordernm_row_size(const ordernm_problem *problem);
 long ordernm_event_size(const ordernm_problem *problem);
 long ordernm_step_size(const ordernm_problem *problem);
@@ -228,8 +228,8 @@ long ordernm_known_size(const ordernm_problem *problem);
 ordernm_motion *ordernm_begin(const ordernm_problem *problem, ordernm_scalar *room);
 
 /* Continues: to the end, for about the given number of seconds (0 for any time), or until results are full. After ORDERNM_FULL, provide
-   more memory and call again. After ORDERNM_IMPRECISE, near a pose where a loop loses rank, set the system's functions in long double, or
-   `as_is` in the results, and call again. */
+ * more memory and call again. After ORDERNM_IMPRECISE, near a pose where a loop loses rank, set the system's functions in long double, or
+ * `as_is` in the results, and call again. */
 int ordernm_go(ordernm_motion *motion, ordernm_results *results, double seconds);
 
 /* The current state: independent coordinates and speeds, dependent coordinates, and zeros for dependent speeds. */
@@ -262,15 +262,15 @@ typedef struct {
 typedef struct ordernm_adjoint ordernm_adjoint;
 
 /* Number of doubles of memory for gradients. Starts the adjoint; sets `singular` if weights of a whole state cannot be used. Processes
-   steps that ordernm_go stored: parts from the last to the first, each with its steps in their order. The motion's problem may have no
-   directions. */
+ * steps that ordernm_go stored: parts from the last to the first, each with its steps in their order. The motion's problem may have no
+ * directions. */
 long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradients *gradients);
 ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, ordernm_scalar *room);
 int ordernm_backwards(ordernm_adjoint *adjoint, const ordernm_scalar *steps, long count);
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
 /* Repeats stored steps: from the first row of steps, which contains the state; from the heads of all rows, which are ORDERNM_STEP_HEAD
-   numbers and, for switches, modes and rates of those crossed; and from the data before the first step. */
+ * numbers and, for switches, modes and rates of those crossed; and from the data before the first step. */
 enum { ORDERNM_STEP_HEAD = 6 };
 int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_scalar *steps, long count);
 
