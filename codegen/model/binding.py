@@ -123,7 +123,62 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
                 f"{tree[1]}(...) is neither a function nor a name with a repeat index: {error.message}; {functions(tree[1])}"
             ) from None
         return _bind(("name", name), numbers)
-    return combine(kind, *[_bind(a, numbers) for a in tree[1:]])
+    found = combine(kind, *[_bind(a, numbers) for a in tree[1:]])
+    return _one_sided(found) if kind in ("+", "-") else found
+
+
+_MOST_TERMS = 6
+"""Sums of more terms are no absolute value and its argument."""
+
+
+def _one_sided(tree: Tree) -> Tree:
+    """``2*c*max(0, x)`` for ``c*abs(x) + c*x``: where x < 0 its terms cancel, and rounding may be below zero."""
+    terms: dict[Tree, Number] = {}
+    if tree[0] not in ("+", "-") or not _gather_terms(tree, 1, terms):
+        return tree
+    for size, factor in terms.items():
+        inner = _absolute_of(size)
+        if inner is None:
+            continue
+        inside: dict[Tree, Number] = {}
+        others = {t: f for t, f in terms.items() if t is not size}
+        if not _gather_terms(inner, 1, inside) or inside.keys() != others.keys():
+            continue
+        for sign in (1, -1):
+            if all(f == sign * factor * inside[t] for t, f in others.items()):
+                x = inner if sign > 0 else _minus(inner)
+                return combine("*", ("number", canonical(2 * factor)), ("call", "max", ("number", 0), x))
+    return tree
+
+
+def _gather_terms(tree: Tree, factor: Number, terms: dict[Tree, Number]) -> bool:
+    """Add the terms of a sum, each with the number before it, to others; whether they are few, and each is there once."""
+    match tree:
+        case ("+" | "-", a, b):
+            return _gather_terms(a, factor, terms) and _gather_terms(b, factor if tree[0] == "+" else -factor, terms)
+        case ("neg", a):
+            return _gather_terms(a, -factor, terms)
+        case ("*", ("number", value), a) | ("*", a, ("number", value)):
+            return _gather_terms(a, factor * value, terms)
+        case ("/", a, ("number", value)):
+            return _gather_terms(a, factor / value, terms)
+        case ("number", value):
+            tree, factor = ("number", 1), factor * value
+    if tree in terms or len(terms) == _MOST_TERMS:
+        return False
+    terms[tree] = factor
+    return True
+
+
+def _absolute_of(tree: Tree) -> Tree | None:
+    match tree:
+        case ("call", "abs", x) | ("call", "sqrt", ("**", x, ("number", 2))):
+            return x
+    return None
+
+
+def _minus(tree: Tree) -> Tree:
+    return combine("-", tree[2], tree[1]) if tree[0] == "-" else combine("neg", tree)
 
 
 def vector_key(name: str) -> str:

@@ -115,3 +115,28 @@ def test_roots_beside_forces_over_time(made: Callable[..., Made], integrator: st
             solver.judge(0.9, wanted, p=p + s * h * np.eye(3)[i], rtol=1e-13, atol=1e-13).values for s in (1, -1)
         )
         np.testing.assert_allclose(forward[:, i], (high - low) / (2 * h), atol=3e-6)
+
+
+CANCELS = """
+model: cancels
+parameters: {k: 40.0, a: 0.1, J: 3.0}
+bodies: {x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}}
+forces:
+  wall: {type: joint, joint: x, value: "LAW + if(q.x < a, J, 0)"}
+initial: {q: {x: 0.337}, u: {x: -1.7}}
+outputs: {x: {value: q.x}}
+"""
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["(abs(q.x - a) - (q.x - a))/2", "0.5*abs(q.x - a) - q.x/2 + a/2", "(a - q.x + sqrt((a - q.x)**2))/2"],
+)
+def test_a_positive_part_that_is_a_difference(made: Callable[..., Made], part: str) -> None:
+    """Rounding of ``abs(b) - b`` does not become negative: the base of a power keeps its value, and values are those of max."""
+    found = made(parsed, CANCELS.replace("LAW", f"k*({part})**1.5")).solver
+    exact = made(parsed, CANCELS.replace("LAW", "k*max(0, a - q.x)**1.5")).solver
+    for options in ({}, {"integrator": "radau"}, {"integrator": "rk4", "step": 1e-3}):
+        one, other = (s.judge(0.7, Final("x"), wrt=["k", "a", "J"], **options) for s in (found, exact))
+        np.testing.assert_allclose(one.values, other.values, rtol=1e-10)
+        np.testing.assert_allclose(one.gradients, other.gradients, rtol=1e-8, atol=1e-10)
