@@ -1,8 +1,8 @@
-"""The model: what a file or the builder describes, checked and ready for the engines and the generator.
+"""The model described by a file or by the builder, checked and ready for the engines and the generator.
 
-Every quantity that a model may give as an expression is an `Expression`; nothing is evaluated here, so one
-model serves floats, mpmath numbers and symbols alike. Repeated structure is shared: bodies made by the same
-lines of a ``repeat`` hold the same `Expression` objects, and the generator recognises them by identity.
+Every quantity that a model may give as an expression is an `Expression`. Nothing is evaluated here, so one model serves floats,
+mpmath numbers and symbols alike. Repeated structure is shared: bodies made by the same lines of a ``repeat`` hold the same
+`Expression` objects, and the generator recognises them by identity.
 """
 
 from __future__ import annotations
@@ -68,8 +68,9 @@ __all__ = [
 ]
 
 LOOP_TOLERANCE = 1e-4
-"""Of models that give none. Angles of five significant digits, such as 1.5708 for pi/2 or 3.1416 for pi, are off by 4e-6 to
-1e-5 rad, and a few of them add up; a closure matrix half a degree from a dead point has singular values of 1e-2."""
+"""Default of `Model.loop_tolerance`. Angles with five significant digits, such as 1.5708 for pi/2 or 3.1416 for pi, have
+errors of 4e-6 to 1e-5 rad, and a few of them add up. A closure matrix half a degree from a singular pose has singular values
+of 1e-2."""
 
 
 @dataclass(frozen=True, eq=False)

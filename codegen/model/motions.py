@@ -1,7 +1,7 @@
-"""Elementary motions, of which joints are chains: all that an engine has to know how a joint moves.
+"""Elementary motions and their chains, which describe to all engines how joints move.
 
-A chain leads from the joint's frame in the parent to the child's body frame. Each motion begins where the one before it ends,
-and at coordinates of zero (a quaternion of one) all frames of the chain coincide: an axis has the same components in all.
+A chain leads from the joint's frame in the parent to the child's body frame. Each motion begins where the previous one ends.
+At zero coordinates (for quaternions: the unit quaternion) all frames of the chain coincide: an axis has equal components in all.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ class Turn:
     Attributes
     ----------
     axis : int
-        Which of the joint's axes.
+        Index among the joint's axes.
     index : int
-        Which of the joint's coordinates, and which of its speeds.
+        Index among the joint's coordinates, and among its speeds.
     """
 
     axis: int
@@ -27,14 +27,14 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """A displacement along an axis by a coordinate, m, or by a factor times it; the coordinate's rate is the speed.
+    """A displacement along an axis by a coordinate, m, or by a factor times a coordinate; the coordinate's rate is the speed.
 
     Attributes
     ----------
     axis, index : int
-        As of `Turn`. Both may share a coordinate.
+        As in `Turn`. A turn and a slide may share a coordinate.
     factor : int or None
-        Which of the joint's factors, such as a pitch in m/rad.
+        Index among the joint's factors, such as a pitch in m/rad.
     """
 
     axis: int
@@ -44,14 +44,14 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Ball:
-    """Any rotation: a unit quaternion w, x, y, z that turns components behind it into components before it.
+    """Any rotation, by a unit quaternion w, x, y, z. It converts components of the frame behind into those of the frame before.
 
-    Its three speeds are the angular velocity in components behind it.
+    Its three speeds are the angular velocity in components of the frame behind.
 
     Attributes
     ----------
     coordinate, speed : int
-        The first of its coordinates and of its speeds among the joint's.
+        Index of its first coordinate among those of the joint, and of its first speed.
     """
 
     coordinate: int
@@ -60,12 +60,12 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Displacement:
-    """Any displacement, as the first of a chain: x, y, z, m. Its three speeds are the velocity in components of the chain's end.
+    """Any displacement x, y, z, m, as the first motion of a chain. Its speeds are the velocity, components at the chain's end.
 
     Attributes
     ----------
     coordinate, speed : int
-        As of `Ball`.
+        As in `Ball`.
     """
 
     coordinate: int
@@ -76,7 +76,7 @@ Motion = Turn | Slide | Ball | Displacement
 
 
 def names(chain: tuple[Motion, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What coordinates and speeds of a chain are called, in array order: nothing, if there is one alone.
+    """Suffixes of the names of a chain's coordinates and speeds, in array order; empty for a single one.
 
     Scalars are numbered; quaternions, positions and their speeds have letters.
     """
@@ -96,9 +96,9 @@ def names(chain: tuple[Motion, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def units(chain: tuple[Motion, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Units of coordinates and speeds of a chain, in array order; empty for quaternions, which have none.
+    """Units of coordinates and speeds of a chain, in array order; empty for quaternions.
 
-    A coordinate that turns and slides is an angle.
+    A coordinate that both turns and slides is an angle.
     """
     q: dict[int, str] = {}
     u: dict[int, str] = {}

@@ -1,8 +1,8 @@
-"""The structure of a model file: which keys stand where and what kind of value each takes.
+"""The structure of a model file: its keys, and the kind of value that each key takes.
 
-Pydantic models, one for each kind of entry. They know nothing of names and values: numbers arrive as parsed
-expressions, references as parsed names, and the modules of `sections` give them their meaning. Types of joints
-stand in `joints`, of force elements in `forces`, of outputs in `outputs`.
+Each kind of entry is a Pydantic model. Names and values are not known here: numbers become parsed expressions, references
+parsed names, and the modules of `sections` resolve them. The types of joints are in `joints`, those of force elements in
+`forces`, those of outputs in `outputs`.
 """
 
 from __future__ import annotations
@@ -63,17 +63,17 @@ def _armature(value: Any, handler: Any) -> Any:
 
 
 class JointEntry(PlacedEntry):
-    """What every joint between a body and its parent has: where it stands in the parent, and rotors that turn with it."""
+    """Keys of every joint between a body and its parent: its frame in the parent, and its rotors."""
 
     armature: Annotated[tuple[Expr, ...] | None, WrapValidator(_armature)] = None
 
 
 class LoopJointEntry(Entry):
-    """What every joint that closes a loop has: nothing but its type, since its faces say where it stands."""
+    """Key of every loop joint: only its type, since its faces give its place."""
 
 
 def _in_role(kind: type[Entry], name: str, role: type[Entry]) -> type[Entry]:
-    """The entry of a type of joint, or of condition, under one of its names, for a body or for a loop."""
+    """The entry of a type of joint or condition, under one of its names, for a body or for a loop."""
     tag: Any = Literal[name]
     return create_model(f"{kind.__name__}{role.__name__}", __base__=(kind, role), type=(tag, ...))
 
@@ -107,12 +107,12 @@ else:
 
 def _check_path(value: Any) -> str:
     if not isinstance(value, str) or not value:
-        raise complaint(f"{seen(value)}; a file is needed, by its path from this one: parts/leg.yaml")
+        raise complaint(f"{seen(value)}; give a file by its path from this one: parts/leg.yaml")
     return value
 
 
 class ShapeEntry(Entry):
-    """What every shape has."""
+    """Keys of every shape."""
 
     center: Vector = Origin
     mass: OptionalExpr = None
@@ -125,7 +125,7 @@ class BoxEntry(ShapeEntry):
 
 
 class LongEntry(ShapeEntry):
-    """What every shape along an axis has."""
+    """Keys of every shape along an axis."""
 
     type: str
     axis: Axis
@@ -183,14 +183,14 @@ class BodyEntry(Entry):
         if self.mass is None:
             if self.com is not None or self.inertia is not None:
                 raise complaint(
-                    "com or inertia beside a shape that gives them; give mass too, or leave them to the shape"
+                    "com or inertia is given besides a shape that determines them; give mass too, or leave them to the shape"
                 )
             if (shape.mass is None) == (shape.density is None):
                 seen = "neither mass nor density" if shape.mass is None else "both mass and density"
-                raise complaint(f"a shape with {seen}; exactly one is needed where the body has no mass of its own")
+                raise complaint(f"a shape with {seen}; give exactly one if the body has no mass of its own")
         elif shape.mass is not None or shape.density is not None:
             raise complaint(
-                "mass both in the body and in its shape; with a mass in the body the shape is for display only"
+                "mass is given both in the body and in its shape; with a mass in the body the shape is for display only"
             )
         return self
 
@@ -202,11 +202,11 @@ def _number_or_vector(value: Any) -> Any:
 _one: Final = TypeAdapter(Expr)
 _three: Final = TypeAdapter(tuple[Expr, Expr, Expr])
 Numbers = Annotated[Any, PlainValidator(_number_or_vector)]
-"""An expression, or three: a vector."""
+"""An expression, or three of them: a vector."""
 
 
 class ParameterEntry(Entry):
-    """A parameter with all that may be said of it. Of a vector, a bound that is one number holds for all three."""
+    """A parameter. If it is a vector, a bound that is one number holds for all three components."""
 
     value: Numbers
     unit: str = ""
@@ -215,7 +215,7 @@ class ParameterEntry(Entry):
 
 
 class SubmodelEntry(PlacedEntry):
-    """A file that is read once more, and where its ground stands."""
+    """A further use of a file, and the place of its ground."""
 
     placeholders: ClassVar[dict[str, Any]] = {"use": ""}
 
@@ -231,8 +231,8 @@ class TableEntry(Entry):
 
     x: tuple[Expr, ...]
     y: tuple[Expr, ...]
-    kind: Annotated[str, one_of(*KINDS, what="what lies between the points")] = "linear"
-    outside: Annotated[str, one_of(*OUTSIDE, what="what lies beyond the first and last point")]
+    kind: Annotated[str, one_of(*KINDS, what="the interpolation between the points")] = "linear"
+    outside: Annotated[str, one_of(*OUTSIDE, what="the values beyond the first and last point")]
     period: OptionalExpr = None
 
 
@@ -249,7 +249,7 @@ def _followed(value: Any, handler: Any) -> Any:
 
 
 class CouplingEntry(Entry):
-    """A coordinate by others: ``{joint: wheel, follows: {crank: -z1/z2}, offset: c}``."""
+    """A coordinate expressed by others: ``{joint: wheel, follows: {crank: -z1/z2}, offset: c}``."""
 
     placeholders: ClassVar[dict[str, Any]] = {"joint": "joint", "follows": {}}
 
@@ -269,7 +269,7 @@ ENERGIES: Final = tuple(measure.name for measure in MEASURES.values() if not mea
 
 
 def _keys_of_outputs() -> dict[str, Any]:
-    """All keys of outputs, those that several share behind the last of these."""
+    """All keys of outputs; shared keys come after the last output that has them."""
     keys: dict[str, Any] = {}
     for measure in _KEYED:
         for key, value in measure.keys.items():
@@ -279,16 +279,16 @@ def _keys_of_outputs() -> dict[str, Any]:
 
 
 def some_of(names: list[str]) -> str:
-    """A list of names in words."""
+    """The names in words: ``a, b or c``."""
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 class _OneMeasure(Entry):
-    """What every output is that is a mapping: one of the measures with a key."""
+    """Base class of an output that is a mapping: one measure with its keys."""
 
     @property
     def measure(self) -> type[Measure]:
-        """The first of those whose key is given."""
+        """The first measure whose key is given."""
         return next(measure for measure in _KEYED if getattr(self, measure.name) is not None)
 
     @model_validator(mode="after")
@@ -306,7 +306,7 @@ class _OneMeasure(Entry):
                 owners = [other.name for other in _KEYED if key in other.keys]
                 raise complaint(f"{with_article(key)} beside {measure.name}; {key} belongs to {some_of(owners)}")
             if not is_given and key in measure.hints:
-                raise complaint(f"{measure.name} without {key}; add {key}: {measure.hints[key]}")
+                raise complaint(f"{measure.name} needs {key}; add {key}: {measure.hints[key]}")
         return self
 
 

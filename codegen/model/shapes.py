@@ -1,8 +1,8 @@
-"""Mass, centre of mass and inertia of simple shapes, as expressions of the shape's own numbers.
+"""Mass, centre of mass and inertia of simple shapes, as expressions of their dimensions.
 
-The formulas are those of homogeneous solids about their centre, in body axes. A shape with an axis has one moment about
-the axis, ``along``, and one about every line across it, ``across``; with the unit vector a of the axis the inertia
-matrix is across 1 + (along - across) a a^T.
+The formulas are those of homogeneous solids about their centre, in body axes. A shape with an axis has the moment ``along``
+about the axis, and the moment ``across`` about every perpendicular line. With the unit vector a of the axis the inertia matrix
+is across 1 + (along - across) a a^T.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def mass_properties(shape: ShapeEntry) -> tuple[Expression, Vector, Inertia]:
     Raises
     ------
     ExpressionError
-        If numbers of the shape have no finite result, such as a capsule of length and radius zero.
+        If the result is not finite, such as for a capsule with length and radius zero.
     """
     if isinstance(shape, BoxEntry):
         x, y, z = shape.size
@@ -43,16 +43,16 @@ def mass_properties(shape: ShapeEntry) -> tuple[Expression, Vector, Inertia]:
         across = mass * (r * r / 4 + length * length / 12)
         return mass, shape.center, _about_axis(shape.axis, along, across)
     if isinstance(shape, CapsuleEntry):
-        # a cylinder of the given length and two half balls on its ends; both halves together are the ball
+        # a cylinder of the given length with two hemispheres, which together are a ball
         r, length = shape.radius, shape.length
-        ball_length = 4 * r / 3  # length of the cylinder that has the volume of the ball
+        ball_length = 4 * r / 3  # length of the cylinder with the volume of the ball
         whole = length + ball_length
         mass = _mass(shape, math.pi * r * r * whole)
         cylinder = mass * length / whole
         ball = mass * ball_length / whole
         rr, ll, lr = r * r, length * length, length * r
         along = cylinder * (rr / 2) + ball * (2 * rr / 5)
-        # a half ball has its centre of mass 3 r/8 from its flat side
+        # the centre of mass of a hemisphere is 3 r/8 from its flat side
         ends = 2 * rr / 5 + ll / 4 + 3 * lr / 8
         across = cylinder * (rr / 4 + ll / 12) + ball * ends
         return mass, shape.center, _about_axis(shape.axis, along, across)
@@ -72,7 +72,7 @@ def _mass(shape: ShapeEntry, volume: Expression) -> Expression:
 
 
 def _about_axis(axis: Vector, along: Expression, across: Expression) -> Inertia:
-    if axis.count(ZERO) == 2:  # what the general formula comes to, without the way there
+    if axis.count(ZERO) == 2:  # the result of the general formula, without its intermediate steps
         xx, yy, zz = (across if e is ZERO else along for e in axis)
         return xx, yy, zz, ZERO, ZERO, ZERO
     square = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]

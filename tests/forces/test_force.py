@@ -91,5 +91,5 @@ def test_what_is_wrong_is_told(entry: str, path: str, message: str) -> None:
 
 def test_a_force_on_what_is_fixed_to_the_ground_is_refused() -> None:
     fixed = TREE.replace("bodies:\n", "bodies:\n  wall: {parent: ground, joint: {type: fixed}, mass: 1}\n")
-    with pytest.raises(ModelError, match="acts on 'wall', which fixed joints hold to the ground, so it moves nothing"):
+    with pytest.raises(ModelError, match="acts on 'wall', which is fixed to the ground, so it moves nothing"):
         with_elements(fixed, "f: {type: force, on: wall, value: [1, 2, 3]}")

@@ -84,7 +84,5 @@ def test_what_is_wrong_is_told(entry: str, path: str, message: str) -> None:
 
 def test_a_torque_on_what_is_fixed_to_the_ground_is_refused() -> None:
     fixed = TREE.replace("bodies:\n", "bodies:\n  wall: {parent: ground, joint: {type: fixed}, mass: 1}\n")
-    with pytest.raises(
-        ModelError, match="torque 'n' acts on 'wall', which fixed joints hold to the ground, so it moves"
-    ):
+    with pytest.raises(ModelError, match="torque 'n' acts on 'wall', which is fixed to the ground, so it moves"):
         with_elements(fixed, "n: {type: torque, on: wall, value: [1, 2, 3]}")

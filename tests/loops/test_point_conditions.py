@@ -267,7 +267,7 @@ def test_a_rod_without_length_and_equations_that_cannot_be_are_told() -> None:
         PLANAR.replace("l: 0.7", "l: 0.0"): "no direction",
         HELIX.replace("x - r*cos(z/h)", "abs(x) - r"): "kink",
         HELIX.replace("x - r*cos(z/h)", "r - h"): "none of x, y and z",
-        HELIX.replace("x - r*cos(z/h)", "y - r*sin(z/h)"): "the same equation twice",
+        HELIX.replace("x - r*cos(z/h)", "y - r*sin(z/h)"): "both equations are the same",
         HELIX.replace("x - r*cos(z/h)", "x - q.x"): "q.x",
         HELIX.replace("{m: 1.5", "{x: 1, m: 1.5"): "x is a coordinate of the point",
         PLANAR.replace(", length: l", ""): "length",

@@ -89,7 +89,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("type: joint", "type: damper", "m.yaml:18:17: forces.drive.type: unknown force type 'damper'; *did you mean 'spring'?"),
         ("joint: arm,", "joint: amr,", "m.yaml:18:31: forces.drive.joint: unknown joint 'amr'; *did you mean 'arm'?"),
         ("position: hand", "position: tip", "m.yaml:20:22: outputs.height.position: unknown point 'tip'*"),
-        (", axis: z}", "}", "m.yaml:20:11: outputs.height: position without axis*"),
+        (", axis: z}", "}", "m.yaml:20:11: outputs.height: position needs axis*"),
         ("type: revolute", "type: planar", "m.yaml:9:*: bodies.arm.joint.axis: unknown key 'axis'; keys here: at, rotate, rpy, armature, type, normal; did you mean 'normal'*"),
         ("outputs:", "ouputs:", "m.yaml:19:1: ouputs: unknown key 'ouputs'; * did you mean 'outputs'?"),
         ("gravity: [0, 0, -9.81]", "gravity: -9.81", "m.yaml:2:10: gravity: '-9.81'; three numbers are needed*"),

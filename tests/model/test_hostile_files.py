@@ -206,7 +206,7 @@ def test_mistakes_in_every_repetition_do_not_take_forever() -> None:
 
 def test_many_bodies_whose_numbers_differ_are_refused() -> None:
     text = "model: m\nbodies:\n  repeat k in 1..60000:\n    a(k): {parent: ground, joint: {type: revolute, axis: y}, mass: k, com: [1, 0, 0]}\n"
-    assert "bodies of repeat blocks whose numbers all differ" in refused(text)[0]
+    assert "repeated bodies with different numbers" in refused(text)[0]
 
 
 def test_too_many_bodies_are_refused_before_they_are_built() -> None:
@@ -216,7 +216,7 @@ def test_too_many_bodies_are_refused_before_they_are_built() -> None:
     assert time.process_time() - start < 5
     assert (
         line
-        == f"m.yaml:4:11: bodies.a(k): more than {MAX_BODIES} bodies; reading them would take too long: repeat less (k = {MAX_BODIES + 1})"
+        == f"m.yaml:4:11: bodies.a(k): more than {MAX_BODIES} bodies; reading them would take too long: use fewer (k = {MAX_BODIES + 1})"
     )
 
 
@@ -348,4 +348,4 @@ def test_a_warning_hides_no_model_without_bodies() -> None:
     with pytest.raises(ModelError) as caught:
         parse_model(text, FILE)
     assert {p.severity for p in caught.value.problems} == {"error", "warning"}
-    assert "no bodies; a model has at least one" in str(caught.value)
+    assert "there are no bodies; give at least one" in str(caught.value)

@@ -102,8 +102,8 @@ def test_the_builder_and_a_seam_that_is_smooth() -> None:
     ("table", "message"),
     [
         ("{x: [0, 1], y: [1, 2], outside: periodic}", "2 at the end, 1 at the beginning"),
-        ("{x: [0, 1, 3], y: [1, 2, 1], outside: periodic, period: 2}", "a period is at least that"),
-        ("{x: [0, 1], y: [1, 1], outside: linear, period: 2}", "a table with a period has outside: periodic"),
+        ("{x: [0, 1, 3], y: [1, 2, 1], outside: periodic, period: 2}", "is shorter than the distance"),
+        ("{x: [0, 1], y: [1, 1], outside: linear, period: 2}", "a table with a period needs outside: periodic"),
         ("{x: [0, 1], y: [1, 1], outside: around}", "constant, linear or periodic"),
     ],
 )

@@ -117,11 +117,11 @@ def test_the_builder_and_submodels_have_tables(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("y: [0, peak, 2*peak, 1]", "y: [0, peak, 2*peak]", "m.yaml:5:34: tables.torque.y: 3 values at 4 places; each x has one y"),
-        ("x: [0, 1, 2.5, 4]", "x: [0, 1, 1, 4]", "tables.torque.x[2]: 1 after 1; places grow from one to the next"),
+        ("y: [0, peak, 2*peak, 1]", "y: [0, peak, 2*peak]", "m.yaml:5:34: tables.torque.y: 3 values for 4 arguments x; each x needs one y"),
+        ("x: [0, 1, 2.5, 4]", "x: [0, 1, 1, 4]", "tables.torque.x[2]: 1 after 1; arguments x must increase"),
         ("x: [0, 1], y: [-1, peak]", "x: [0], y: [-1]", "tables.level.x: 1 points; 2 to 200 are allowed"),
         (", outside: constant", "", "tables.level: key 'outside' is missing"),
-        ("outside: constant", "outside: error", "tables.level.outside: 'error'; constant, linear or periodic is allowed: what lies beyond"),
+        ("outside: constant", "outside: error", "tables.level.outside: 'error'; constant, linear or periodic is allowed: the values beyond"),
         ("kind: cubic", "kind: quintic", "tables.drag.kind: 'quintic'; linear or cubic is allowed"),
         ("y: [1, 0, 1, 3, -2]", "y: [1, 0, 1, peak, -2]", "tables.drag.y[3]: unknown name 'peak'; constants written before it"),
         ("y: [1, 0, 1, 3, -2]", "y: [1, 0, 1, q.arm(1), -2]", "tables.drag.y[3]: "),

@@ -51,7 +51,7 @@ def test_the_builder_has_them_too():
         ),
         ("[{type: box, size: [1, 2]}]", "three numbers are needed"),
         ("[{type: box, size: [1, 2, 3 kg]}]", "3 kg is a mass (kg); a length (m) is needed"),
-        ("[{type: sphere, radius: -size}]", "is negative; a size is at least 0"),
+        ("[{type: sphere, radius: -size}]", "is negative; a size must be at least 0"),
         (
             "[{type: sphere, radius: 1, color: red}]",
             '\'red\'; a colour is "#rrggbb" or "#rrggbbaa", in quotation marks',

@@ -61,7 +61,7 @@ def test_it_depends_on_inputs_through_the_dynamics(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
-        ("{acceleration: tip}", "acceleration without axis; add axis: x, y, z or a vector in the ground frame"),
+        ("{acceleration: tip}", "acceleration needs axis; add axis: x, y, z or a vector in the ground frame"),
         ("{acceleration: tpi, axis: x}", "unknown point 'tpi'; a point or a body is allowed: tip, rim, stand"),
         ("{acceleration: tip, axis: x, frame: body}", "a frame beside acceleration; frame belongs to angular_velocity"),
     ],

@@ -42,7 +42,7 @@ def test_axes_of_the_body_are_turned_with_it(engine: type) -> None:
     [
         (
             "{angular_velocity: arm}",
-            "angular_velocity without axis; add axis: x, y, z or a vector, in the ground frame or in",
+            "angular_velocity needs axis; add axis: x, y, z or a vector, in the ground frame or in",
         ),
         ("{angular_velocity: arm, axis: x, frame: hand}", "frame: 'hand'; ground or body is allowed"),
         ("{angular_velocity: tip, axis: x}", "unknown body 'tip'"),

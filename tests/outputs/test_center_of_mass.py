@@ -48,7 +48,7 @@ def test_it_is_the_mean_of_the_mass_centers(engine: type) -> None:
     [
         ("{center_of_mass: all, axis: x}", "'all'; system or a list of bodies, such as [hull, arm], is allowed"),
         ("{center_of_mass: [], axis: x}", "a list of 0; system or a list of bodies"),
-        ("{center_of_mass: system}", "center_of_mass without axis; add axis"),
+        ("{center_of_mass: system}", "center_of_mass needs axis; add axis"),
         ("{center_of_mass: [arm, amr], axis: x}", "center_of_mass[1]: unknown body 'amr'; *did you mean 'arm'?"),
         ("{center_of_mass: [arm, arm], axis: x}", "center_of_mass[1]: a body that is already in the list"),
         ("{center_of_mass: [ground], axis: x}", "the ground, which has no mass; list each body once"),

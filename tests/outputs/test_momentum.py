@@ -64,7 +64,7 @@ outputs:
     ("entry", "said"),
     [
         ("{momentum: spin, axis: x}", "momentum: 'spin'; linear or angular is allowed"),
-        ("{momentum: linear}", "momentum without axis; add axis"),
+        ("{momentum: linear}", "momentum needs axis; add axis"),
         (
             "{momentum: linear, axis: x, about: ground}",
             "about: linear momentum does not refer to a point, so about is not allowed; leave",

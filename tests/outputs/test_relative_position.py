@@ -40,7 +40,7 @@ def test_it_leads_from_the_first_point_to_the_second(engine: type, first: str, s
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
-        ("{relative_position: [tip, rim]}", "relative_position without axis; add axis"),
+        ("{relative_position: [tip, rim]}", "relative_position needs axis; add axis"),
         ("{relative_velocity: tip, axis: x}", "'tip'; a list of two points is needed, such as [tip, ground]"),
         ("{relative_velocity: [tip, rmi], axis: x}", "relative_velocity[1]: unknown point 'rmi'"),
     ],

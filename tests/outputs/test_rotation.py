@@ -87,7 +87,7 @@ def test_the_quaternion_of_a_ball_is_its_own_coordinates(ball: codegen.Solver, e
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
-        ("{rotation: arm}", "rotation without entry; add entry: qw, qx, qy, qz of the quaternion, or xx, xy"),
+        ("{rotation: arm}", "rotation needs entry; add entry: qw, qx, qy, qz of the quaternion, or xx, xy"),
         ("{rotation: arm, entry: w}", "'w'; qw, qx, qy, qz, xx, xy, xz, yx, yy, yz, zx, zy or zz is allowed"),
         ("{rotation: amr, entry: qw}", "unknown body 'amr'; *did you mean 'arm'?"),
         ("{rotation: tip, entry: qw}", "unknown body 'tip'; ground or one of"),

@@ -108,7 +108,7 @@ def test_only_such_a_model_says_so(tmp_path: Path) -> None:
         (
             "equilibrium: true",
             "equilibrium: true, u: {arm: 1}",
-            "equilibrium beside initial speeds; a state of rest has none",
+            "equilibrium excludes initial speeds; leave u out",
         ),
         ("equilibrium: true", "equilibrum: true", "unknown key 'equilibrum'; keys here: q, u, equilibrium"),
     ],

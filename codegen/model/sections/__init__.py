@@ -1,1 +1,1 @@
-"""One module for each kind of section of a model: what it means, and what is wrong with it."""
+"""One module for each kind of section of a model: it resolves the entries and reports their errors."""

@@ -1,4 +1,4 @@
-"""Bodies and the joints that carry them."""
+"""Bodies and their joints."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from .visuals import check_sizes, read_visuals
 
 MAX_BODIES: Final = 200_000
 LARGE, FEW_WRONG = 5000, 100
-"""A model of more than `LARGE` bodies is refused before its numbers are read if at most this number of its parents are wrong."""
+"""A model of more than `LARGE` bodies is rejected before its numbers are read if at most `FEW_WRONG` of its parents are wrong."""
 
 MAX_DIFFERENT: Final = 40_000
-"""So many of those of repeat blocks may differ in their numbers; those that do not are read once."""
+"""Largest number of repeated bodies with different numbers; equal ones are read once."""
 
 _Parts = tuple[Joint, Expression, Vector, Inertia, tuple[Visual, ...] | None, bool]
 _Listed = list[tuple[Path_, Expression]]
@@ -38,26 +38,26 @@ _Listed = list[tuple[Path_, Expression]]
 
 @dataclass(slots=True)
 class BodySection:
-    """The bodies and what was read of them, in the order of the file.
+    """The bodies and their entries, in the order of the file.
 
     Attributes
     ----------
     instances : list of Instance
     specs : list of BodyEntry or None
-        None where an entry could not be read.
+        None for an entry with errors.
     names : list of str
     index : dict of str to int
-        Where each body stands in `names`.
+        Index of each body in `names`.
     frames : dict of str to int
-        The same, and the ground.
+        The same, including the ground.
     bodies : list of Body
-        Those that could be read: as long as `names` if nothing is wrong.
+        The bodies without errors; as many as `names` if there are none.
     is_tree : bool
         Whether every body leads to the ground.
     is_sound : bool
-        Whether joints and mass properties of all bodies are known.
+        Whether the joints and mass properties of all bodies are known.
     rigid_parts : list of int, optional
-        See `checks.rigid_parts`; found when first needed.
+        See `checks.rigid_parts`; computed when first needed.
     """
 
     instances: list[Instance] = field(default_factory=list)
@@ -72,11 +72,11 @@ class BodySection:
 
 
 def read_bodies(reader: Reader) -> BodySection:
-    """Read the bodies; coordinates and speeds of their joints are allowed in expressions of the motion from now on."""
+    """Read the bodies. From then on, expressions of the scope ``motion`` may contain coordinates and speeds of their joints."""
     section = BodySection()
     for at in _entries(reader):
         if len(section.names) == MAX_BODIES:
-            reader.report(at, (), f"more than {MAX_BODIES} bodies; reading them would take too long: repeat less")
+            reader.report(at, (), f"more than {MAX_BODIES} bodies; reading them would take too long: use fewer")
             raise CannotGoOn
         name = reader.key_name(at, "body", "body")
         spec = reader.spec(BodyEntry, at)
@@ -86,7 +86,7 @@ def read_bodies(reader: Reader) -> BodySection:
             section.names.append(name)
     if not section.names and not any(p.severity == "error" for p in reader.problems):
         at = reader.top("bodies")
-        message = "no bodies; a model has at least one, such as arm: {parent: ground, joint: {type: revolute, axis: y}}"
+        message = "there are no bodies; give at least one: arm: {parent: ground, joint: {type: revolute, axis: y}}"
         reader.report(at, (), message)
     section.index = {n: i for i, n in enumerate(section.names)}
     section.frames = {**section.index, "ground": GROUND}
@@ -107,7 +107,7 @@ def read_bodies(reader: Reader) -> BodySection:
 
 
 def _entries(reader: Reader) -> Iterator[Instance]:
-    """The bodies of all files; before those of a submodel the one that its ground is."""
+    """The bodies of all files; those of a submodel follow the body that replaces its ground."""
     for part in reader.parts:
         if part.frame is not None:
             yield part.frame
@@ -115,7 +115,7 @@ def _entries(reader: Reader) -> Iterator[Instance]:
 
 
 def _build(reader: Reader, section: BodySection) -> None:
-    """The bodies; those that could not be read are left out, after their report."""
+    """Make the bodies; those with errors are left out after their report."""
     if len(section.names) > LARGE:
         _refuse_few_wrong_parents(reader, section)
     parts = _PartsReader(reader)
@@ -127,7 +127,7 @@ def _build(reader: Reader, section: BodySection) -> None:
             continue
         parent = body_index(reader, spec.parent, at, ("parent",), section.frames)
         if parent == i:
-            reader.report(at, ("parent",), f"body {name!r} is its own parent; another body or ground is allowed")
+            reader.report(at, ("parent",), f"body {name!r} is its own parent; give another body or ground")
         elif parent is not None:
             parents[i] = parent
         section.is_tree = section.is_tree and parent is not None and parent != i
@@ -149,9 +149,9 @@ def _build(reader: Reader, section: BodySection) -> None:
 
 
 def _refuse_few_wrong_parents(reader: Reader, section: BodySection) -> None:
-    """Refuse a large model with a few wrong parents at once: to read all of its numbers would take longest.
+    """Reject a large model with a few wrong parents at once, because reading all of its numbers would take longest.
 
-    Mistakes of many repetitions end the reading themselves.
+    Errors in many repetitions end the reading in any case.
 
     Raises
     ------
@@ -177,9 +177,9 @@ def _refuse_few_wrong_parents(reader: Reader, section: BodySection) -> None:
 def check_freedoms(
     reader: Reader, section: BodySection, held: Collection[int] = (), prescribed: Collection[str] = ()
 ) -> None:
-    """Report joints that move no mass; `held` are the bodies that a loop holds, which others may carry.
+    """Report joints that move no mass. `held` are bodies connected to others by loops.
 
-    Coordinates that are `prescribed` need none to move.
+    `prescribed` coordinates need no mass.
     """
     if section.is_sound:
         driven: dict[int, list[int]] = {}
@@ -199,7 +199,7 @@ def _report_finding(reader: Reader, at: Instance, found: checks.Finding) -> None
 
 
 def body_index(reader: Reader, reference: Expression, at: Instance, sub: Path_, frames: dict[str, int]) -> int | None:
-    """The body that a reference means, or None after a problem."""
+    """Index of the body that a reference names; None after an error."""
     name = reader.reference(reference, at, sub)
     if name is None:
         return None
@@ -219,7 +219,7 @@ def body_index(reader: Reader, reference: Expression, at: Instance, sub: Path_, 
 
 
 class _PartsReader:
-    """Joint and mass properties of bodies; the same objects for repetitions that mean the same."""
+    """Joint and mass properties of bodies; equal repetitions share the same objects."""
 
     def __init__(self, reader: Reader) -> None:
         self.reader = reader
@@ -227,14 +227,14 @@ class _PartsReader:
         self._parts: dict[tuple[Any, ...], _Parts] = {}
 
     def of(self, spec: BodyEntry, at: Instance) -> _Parts:
-        """Joint, mass properties and whether they are sound; the same objects where all expressions become equal."""
+        """Joint, mass properties, and whether they are valid; the same objects if all expressions are equal."""
         reader = self.reader
         before = reader.errors
         plan = self._plans.get((id(spec), id(at.part)))
         if plan is None:
             listed = list(expressions_of(spec))
             fixed = {}
-            if not at.part.is_submodel:  # the numbers of these may differ from use to use
+            if not at.part.is_submodel:  # the numbers of submodels may differ from use to use
                 fixed = {
                     s: reader.bound(e, at, s, "parameters") for s, e in listed if at.indices.keys().isdisjoint(e.names)
                 }
@@ -249,8 +249,8 @@ class _PartsReader:
         if found is None:
             if at.indices and len(self._parts) > MAX_DIFFERENT:
                 message = (
-                    f"more than {MAX_DIFFERENT} bodies of repeat blocks whose numbers all differ; reading them would take "
-                    f"too long: repeat less, or let repetitions have numbers in common"
+                    f"more than {MAX_DIFFERENT} repeated bodies with different numbers; reading them would take too long: use "
+                    f"fewer repetitions, or the same numbers in several of them"
                 )
                 reader.report(at, (), message, key=True)
                 raise TooManyProblems
@@ -259,7 +259,7 @@ class _PartsReader:
 
 
 def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, result: Bound, sound: bool) -> _Parts:
-    """Joint and mass properties; `sound` says whether names and values are, the joint is checked for itself."""
+    """Joint and mass properties; `sound` is False if names or values have errors. The joint is checked separately."""
     before = reader.errors
     joint = _joint(reader, spec.joint, at, result, sound)
     visuals = read_visuals(reader, spec, at, result) if sound else None
@@ -305,15 +305,15 @@ def _joint(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound: b
 
 
 def _armature(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound: bool) -> tuple[Expression, ...]:
-    """Reflected inertia of rotors, one for each speed of the joint; nothing where all are the number 0."""
+    """Reflected inertia of rotors, one for each speed of the joint; empty if all are the number 0."""
     if spec.armature is None:
         return ()
     given = tuple(bound["joint", "armature", i] for i in range(len(spec.armature)))
     wanted = spec.armature_units()
     if not wanted:
         message = (
-            f"armature of a {spec.name} joint, which no motor drives; joints that turn or slide by coordinates have it, "
-            f"and spherical ones: leave it out here, or add to mass and inertia of the body"
+            f"a {spec.name} joint has no motor, so armature is not allowed; joints that turn or slide by coordinates may have "
+            f"it, and spherical ones: leave it out here, or add it to mass and inertia of the body"
         )
         reader.report(at, ("joint", "armature"), message)
         return ()

@@ -1,4 +1,4 @@
-"""Coordinates that entries name: single ones, or those of a joint by its name."""
+"""Coordinates named in entries: single ones, or all of a joint by its name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .bodies import BodySection
 
 
 class JointOf(NamedTuple):
-    """The type, the coordinates and the speeds of a body's joint, and the body's number."""
+    """The type, coordinates and speeds of a body's joint, and the body's index."""
 
     kind: type[JointType]
     coordinates: tuple[str, ...]
@@ -25,7 +25,7 @@ class JointOf(NamedTuple):
 
 
 class Joints(dict[str, JointOf]):
-    """The joints of bodies that could be read, by name."""
+    """The joints of bodies without errors, by name."""
 
     def __init__(self, bodies: BodySection) -> None:
         super().__init__(
@@ -35,27 +35,27 @@ class Joints(dict[str, JointOf]):
         )
 
     def owner(self, name: str) -> str:
-        """The joint that a name is, or of which it is a coordinate."""
+        """The joint with this name, or with a coordinate of this name."""
         return name if name in self else name.rpartition(".")[0]
 
     def named(
         self, reader: Reader, at: Instance, sub: Path_, name: str, what: str, key: bool = False
     ) -> tuple[str, JointOf] | None:
-        """The joint of a coordinate, or of all of its coordinates, none of which may belong to a quaternion.
+        """The joint of a coordinate, or of all of its coordinates; it must not have a quaternion.
 
         Parameters
         ----------
         name : str
-            Of the coordinate, or of the joint.
+            Name of the coordinate, or of the joint.
         what : str
-            What is done to coordinates: ``coupled``.
+            The use of the coordinates, for messages: ``coupled``.
         key : bool
-            The name is the key at the path, and not the value.
+            Whether the name is the key at the path, and not the value.
 
         Returns
         -------
         (str, JointOf) or None
-            None after a problem.
+            None after an error.
         """
         joint = self.owner(name)
         if name.partition(".")[0] in reader.broken:
@@ -72,19 +72,18 @@ class Joints(dict[str, JointOf]):
         if coordinates and not kind.quaternions:
             return joint, self[joint]
         if not coordinates:
-            message = f"joint {joint!r} is {kind.name} and has no coordinate that could be {what}; leave it out"
+            message = f"joint {joint!r} is {kind.name} and has no coordinate to be {what}; leave it out"
         else:
             message = (
-                f"the {kind.name} joint {joint!r} has a quaternion, which cannot be {what}; give the body joints of single "
-                f"coordinates, one after the other with bodies without mass between them: prismatic, revolute, universal or "
-                f"planar ones"
+                f"the {kind.name} joint {joint!r} has a quaternion, which cannot be {what}; replace the joint by several with "
+                f"single coordinates, with massless bodies between them: prismatic, revolute, universal or planar ones"
             )
         reader.report(at, sub, message, key=key)
         return None
 
 
 def unknown_name(reader: Reader, what: str, name: str, known: Iterable[str]) -> str:
-    """A name that means nothing here, and those that do."""
+    """Message about an unknown name, with the known ones."""
     listed = list(dict.fromkeys(known))
     hint = reader.loop_hint(name) or nearest(name, listed)
     return f"unknown {what} {name!r}; allowed are {some(listed)}{hint}"

@@ -14,7 +14,7 @@ from .coordinates import Joints
 
 
 def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
-    """Read the couplings; each determines a coordinate of its own."""
+    """Read the couplings; each must determine a different coordinate."""
     joints = Joints(bodies)
     owner: dict[str, str] = {}
     found = []
@@ -25,13 +25,13 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
         own = _coordinate(reader, at, ("joint",), spec.joint, joints)
         if own is not None and own in owner:
             message = (
-                f"{own!r} follows others by coupling {owner[own]!r} already; a coordinate is determined once: take one of the "
-                f"two couplings away, or let this one determine another of its coordinates"
+                f"coupling {owner[own]!r} already determines {own!r}; remove one of the two couplings, or let this one "
+                f"determine another of its coordinates"
             )
             reader.report(at, ("joint",), message)
         if own is not None and f"q.{own}" in reader.prescribed:
             message = (
-                f"{own!r} is prescribed under `motion`, so it cannot follow; let the other coordinate follow it, or take it "
+                f"{own!r} is prescribed under `motion`, so it cannot follow; let the other coordinate follow it, or remove it "
                 f"from `motion`"
             )
             reader.report(at, ("joint",), message)
@@ -48,12 +48,12 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
 def _read_followed(
     reader: Reader, at: Instance, spec: CouplingEntry, own: str | None, joints: Joints, terms: list[Term]
 ) -> None:
-    """Add the coordinates that are followed, with minus their ratios."""
+    """Add the coordinates that it follows, with minus their ratios."""
     if not spec.follows:
-        reader.report(at, ("follows",), "nothing to follow; give coordinates with their ratios: {crank: -z1/z2}")
+        reader.report(at, ("follows",), "follows is empty; give coordinates with their ratios: {crank: -z1/z2}")
     seen: set[str] = set()
     for key, ratio in spec.follows.items():
-        # a name alone stands for a ratio of 1
+        # a name alone has the ratio 1
         sub: Path_ = ("follows", key) if isinstance(at.value.get("follows"), dict) else ("follows",)
         other = _coordinate(reader, at, sub, key, joints)
         errors = reader.errors
@@ -61,12 +61,12 @@ def _read_followed(
         if other is None or reader.errors > errors:
             continue
         if other == own or other in seen:
-            twice = "follows itself" if other == own else "stands here twice"
-            reader.report(at, sub, f"{other!r} {twice}; a coupling relates different coordinates, each given once")
+            twice = "follows itself" if other == own else "is given twice"
+            reader.report(at, sub, f"{other!r} {twice}; a coupling needs different coordinates, each given once")
             continue
         seen.add(other)
         if reader.value(value) == 0:
-            message = f"the ratio {value} is 0 at the default parameters, so nothing follows {other!r}; leave it out"
+            message = f"the ratio {value} is 0 at the default parameters, so {other!r} has no effect; leave it out"
             reader.report(at, sub, message)
         terms.append(_term(other, joints, -value))
 
@@ -77,7 +77,7 @@ def _term(name: str, joints: Joints, factor: Expression) -> Term:
 
 
 def _coordinate(reader: Reader, at: Instance, sub: Path_, written: Expression | str, joints: Joints) -> str | None:
-    """The single coordinate that a name means, or None after a problem."""
+    """The single coordinate that a name denotes; None after an error."""
     name = reader.coordinate(written, at, sub)
     named = None if name is None else joints.named(reader, at, sub, name, "coupled")
     if named is None or name in named[1].coordinates:

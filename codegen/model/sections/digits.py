@@ -1,6 +1,6 @@
-"""Angles and axes that look like exact ones with few digits: 1.5708 for pi/2.
+"""Warnings about angles and axes that are rounded exact ones: 1.5708 for pi/2.
 
-Hinges that should be parallel are not quite then, and what should move may be locked. Only warnings come from here.
+With them, revolute joints that should be parallel are not exactly so, and intended motion may be locked.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ..reading import Reader
 _PART: Final = math.pi / 12
 _EXACT: Final = 1e-13
 _MOST: Final = 48
-"""Twelfths of pi: two turns to both sides."""
+"""Largest multiple of pi/12: two turns in either sense."""
 
 
 def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> None:
-    """Warn of an angle that is a multiple of pi/12 but for its missing digits."""
+    """Warn of an angle that is a rounded multiple of pi/12."""
     value = _number(angle)
     if value is not None and (count := cut_twelfths(value)):
         off = abs(value - count * _PART)
@@ -34,9 +34,9 @@ def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> 
 
 
 def cut_twelfths(value: float) -> int:
-    """How many twelfths of pi a number is but for its missing digits; 0 if none.
+    """Number of twelfths of pi that a rounded number stands for; 0 if none.
 
-    With two decimals that is taken for meant at multiples of pi/2 only: 0.52 may be just that.
+    Numbers with two decimals count only near multiples of pi/2: 0.52 may be exact.
     """
     if not abs(value) <= (_MOST + 0.5) * _PART:
         return 0
@@ -46,7 +46,7 @@ def cut_twelfths(value: float) -> int:
 
 
 def check_axis(reader: Reader, axis: Vector, at: Instance, sub: Path_) -> None:
-    """Warn of an axis across a base vector whose angle in that plane is a multiple of pi/12 but for missing digits."""
+    """Warn of an axis perpendicular to a base vector whose angle in that plane is a rounded multiple of pi/12."""
     values = [_number(e) for e in axis]
     numbers = [v for v in values if v is not None]
     plane = [i for i, v in enumerate(numbers) if v != 0]
@@ -65,7 +65,7 @@ def check_axis(reader: Reader, axis: Vector, at: Instance, sub: Path_) -> None:
 
 
 def _number(e: Expression) -> float | None:
-    """The number that an expression is, with any sign."""
+    """The number of an expression that is one, with any sign; otherwise None."""
     if e.is_number:
         return float(e.value)
     return -float(e.tree[1][1]) if e.tree[0] == "neg" and e.tree[1][0] == "number" else None

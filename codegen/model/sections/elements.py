@@ -1,4 +1,4 @@
-"""Force elements, which drive joints or act between points of bodies, and outputs, named scalars of interest."""
+"""Force elements in joints or between points of bodies, and outputs."""
 
 from __future__ import annotations
 

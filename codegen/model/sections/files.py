@@ -1,4 +1,4 @@
-"""The other files of a model: those that it includes, and submodels, which are files read once more under a prefix."""
+"""The other files of a model: included files, and submodels, which are further uses of files under a prefix."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .quantities import read_constants
 
 
 def read_files(reader: Reader) -> None:
-    """Open all files, with their constants, which may say how often a submodel is used."""
+    """Open all files, and read their constants, on which the number of submodels may depend."""
     waiting = [reader.own]
     before = reader.errors
     while waiting:
@@ -35,11 +35,11 @@ def read_files(reader: Reader) -> None:
                     reader.report(at, (), message, key=True)
                     raise CannotGoOn
     if reader.errors > before and reader.files.is_wanting:
-        raise CannotGoOn  # what stands in a file that is not there is missed elsewhere
+        raise CannotGoOn  # contents of a missing file would be reported as unknown elsewhere
 
 
 def check_given(reader: Reader) -> None:
-    """Report numbers for submodels that have none of their name."""
+    """Report numbers for submodels that have no such name."""
     for part in reader.parts:
         if part.frame is None:
             continue
@@ -64,7 +64,7 @@ def _check_keys(reader: Reader, part: Part) -> None:
 
 
 def _with_included(reader: Reader, part: Part) -> list[Part]:
-    """The files that a file includes, and those that these include, and then itself; each is read from now on."""
+    """The files that a file includes, with their own included files, then itself; all are added to the reader."""
     found: list[Part] = []
     at = part.entry("include")
     if at.value is not None and not isinstance(at.value, (list, tuple)):
@@ -78,10 +78,10 @@ def _with_included(reader: Reader, part: Part) -> list[Part]:
 
 
 def _opened(reader: Reader, at: Instance, path: tuple[str | int, ...], text: object) -> Document | None:
-    """The file of that path, or None after a problem."""
+    """The file at a path; None after an error."""
     wanting, reader.files.is_wanting = reader.files.is_wanting, True
     if not isinstance(text, str):
-        reader.report(at, path, f"{seen(text)}; a file is needed, by its path from this one: parts/leg.yaml")
+        reader.report(at, path, f"{seen(text)}; give a file by its path from this one: parts/leg.yaml")
         return None
     found = reader.files.open(text, at.part.document, reader.add)
     if isinstance(found, str):
@@ -91,7 +91,9 @@ def _opened(reader: Reader, at: Instance, path: tuple[str | int, ...], text: obj
     if found in chain:
         circle = [d.file for d in reversed(chain[: chain.index(found) + 1])]
         reader.report(
-            at, path, f"files that read each other in a circle, {' -> '.join([*circle, found.file])}; leave one out"
+            at,
+            path,
+            f"files read each other in a circle, {' -> '.join([*circle, found.file])}; remove one of these uses",
         )
         return None
     reader.files.is_wanting = wanting
@@ -99,7 +101,7 @@ def _opened(reader: Reader, at: Instance, path: tuple[str | int, ...], text: obj
 
 
 def _submodel(reader: Reader, at: Instance) -> Part | None:
-    """The file of an entry of ``submodels`` in this use, or None after a problem."""
+    """The use of a file by an entry of ``submodels``; None after an error."""
     spec = reader.spec(SubmodelEntry, at)
     if not reader.is_whole(spec):
         reader.files.is_wanting = True
@@ -120,7 +122,7 @@ def _submodel(reader: Reader, at: Instance) -> Part | None:
 
 
 def _frame(at: Instance) -> Instance:
-    """The body without mass that a submodel's ground is: fixed where the entry says."""
+    """The massless body that replaces a submodel's ground, fixed where the entry says."""
     document = at.part.document
     places = document.places_of(at.value)
     joint = document.merged(at.value, {}, drop=("use", "on", "with"))

@@ -1,4 +1,4 @@
-"""Gravity: one acceleration for all bodies where it is constant in time, else a force on each of them."""
+"""Gravity: one acceleration for all bodies if it is constant in time, otherwise a force on each of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .points import rigid_parts
 
 
 def read_gravity(reader: Reader) -> Vector | None:
-    """The vector, m/s^2, of parameters, inputs and t; None where there is none."""
+    """The vector, m/s^2, an expression of parameters, inputs and t; None if there is none."""
     at = reader.only("gravity")
     if at is None:
         return None
@@ -24,12 +24,12 @@ def read_gravity(reader: Reader) -> Vector | None:
 
 
 def is_constant(reader: Reader, gravity: Vector) -> bool:
-    """Whether it depends on parameters alone: then it is one with the acceleration of the ground, and has a potential."""
+    """Whether it depends on parameters only. It is then equivalent to an acceleration of the ground, and has a potential."""
     return all(e.names <= reader.defaults.keys() for e in gravity)
 
 
 def weights(gravity: Vector, bodies: BodySection) -> list[Force]:
-    """The force on each body at its centre of mass, named ``gravity.BODY``; what fixed joints hold to the ground has none."""
+    """The force on each body at its centre of mass, named ``gravity.BODY``; bodies rigidly fixed to the ground have none."""
     parts = rigid_parts(bodies)
     found = []
     for k, body in enumerate(bodies.bodies):

@@ -1,4 +1,4 @@
-"""The coordinates that a model with loops asks to be independent."""
+"""Coordinates that a model with loops lists as independent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .coordinates import Joints, unknown_name
 
 
 def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
-    """Names of coordinates, those of a joint for its own name."""
+    """Names of coordinates; the name of a joint gives all of its coordinates."""
     joints = Joints(bodies)
     result: dict[str, None] = {}
     for at, sub, item in reader.listed("independent", "[crank]"):
@@ -31,7 +31,7 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
         elif kind.quaternions:
             message = (
                 f"{name} is one component of the {kind.name} joint {joint!r}, whose quaternion and speeds belong together; "
-                f"write {joint}, for all of the joint"
+                f"write {joint} for the whole joint"
             )
             reader.report(at, sub, message)
             continue
@@ -39,12 +39,12 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
             coordinates = (name,)
         if any(f"q.{c}" in reader.prescribed for c in coordinates):
             reader.report(
-                at, sub, f"{name!r} is prescribed under `motion`, so it is no coordinate to choose; leave it out"
+                at, sub, f"{name!r} is prescribed under `motion`, so it is not a free coordinate; leave it out"
             )
             continue
         twice = [c for c in coordinates if c in result]
         if twice:
-            reader.report(at, sub, f"{name!r} asks again for {some(twice)}; each coordinate may be given once")
+            reader.report(at, sub, f"{name!r} repeats {some(twice)}; each coordinate may be given once")
         result.update(dict.fromkeys(coordinates))
     return tuple(result)
 

@@ -45,7 +45,7 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
 
 
 def is_at_rest(reader: Reader) -> bool:
-    """Whether the model begins in equilibrium; what a submodel says of itself is its own."""
+    """Whether the model begins in equilibrium; the key in a submodel's file applies to that file alone."""
     files = [part.document.root.get("initial") for part in reader.parts if not part.is_submodel]
     return any(isinstance(initial, dict) and initial.get("equilibrium") in _YES for initial in files)
 
@@ -57,7 +57,7 @@ def _check_rest(reader: Reader, at: Instance, initial: dict[str, Any]) -> None:
     if at.value not in (*_YES, *_NO):
         reader.report(at, (), f"{seen(at.value)}; true or false is allowed: whether the model begins in equilibrium")
     elif at.value in _YES and initial.get("u"):
-        reader.report(at, (), "equilibrium beside initial speeds; a state of rest has none, leave u out", key=True)
+        reader.report(at, (), "equilibrium excludes initial speeds; leave u out", key=True)
 
 
 def _initial_value(
@@ -87,7 +87,7 @@ def _initial_value(
         entries = (name,)
     held = [n for n in entries if f"q.{n}" in reader.prescribed] if reader.prescribed else []
     if held:
-        message = f"{what} {held[0]!r} is prescribed under `motion`, which says where it begins; leave it out here"
+        message = f"{what} {held[0]!r} is prescribed under `motion`, which sets its initial value; leave it out here"
         reader.report(at, (), message, key=True)
         return
     values = list(values_of(at.value))
@@ -99,7 +99,7 @@ def _initial_value(
         return
     for entry, (sub, value) in zip(entries, values, strict=True):
         if entry in places and entry in result:
-            reader.report(at, (), f"{what} {entry!r} is given already; each may be given once", key=True)
+            reader.report(at, (), f"{what} {entry!r} is already given; each may be given once", key=True)
             continue
         expression = reader.scalar(at, sub, value, "parameters")
         if expression is not None:

@@ -1,4 +1,4 @@
-"""Joints, and conditions on points, that close loops, and how nearly conditions have to follow from others."""
+"""Loop joints and conditions on points, and the tolerance for redundant conditions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .points import face_at, held_together
 
 
 def read_loops(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[Loop]:
-    """Read the loops; one that joins what is rigidly joined already is reported."""
+    """Read the loops; a loop between rigidly joined bodies is an error."""
     result: list[Loop] = []
     for at, name, spec in reader.entries("loops", LoopEntry, "loop", "body"):
         if spec is None:
@@ -61,7 +61,7 @@ def _axes(reader: Reader, spec: LoopJoint, at: Instance) -> tuple[Vector, ...]:
 def read_equations(
     reader: Reader, spec: ConditionType, at: Instance
 ) -> tuple[tuple[Expression, ...], Expression | None]:
-    """The equations of a condition, and its length if it is a distance; what is wrong is reported."""
+    """The equations of a condition, and its length if it is a distance; reports errors."""
     if spec.length_key:
         sub: Path_ = ("joint", spec.length_key)
         before = reader.errors
@@ -69,8 +69,8 @@ def read_equations(
         value = reader.numeric(length)
         if value <= 0 and reader.errors == before:
             message = (
-                f"a distance of {value:g} m; a positive number is needed, since a rod without length has no direction; points "
-                f"that coincide are a spherical joint"
+                f"a distance of {value:g} m is not allowed; give a positive number, since a rod without length has no "
+                f"direction. Points that coincide are a spherical joint"
             )
             reader.report(at, sub, message)
         return (sphere(length),), length
@@ -81,19 +81,18 @@ def read_equations(
         if equation is not None:
             found.append(equation)
     if len(found) == len(spec.equation_keys) > 1 and len(set(found)) < len(found):
-        reader.report(at, ("joint", "equations"), "the same equation twice; a curve is where two surfaces meet")
+        reader.report(at, ("joint", "equations"), "both equations are the same; a curve needs two different surfaces")
     return tuple(found), None
 
 
 def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> Expression | None:
-    """One of them in names of the whole model; None after a problem."""
+    """An equation in names of the whole model; None after an error."""
     before = reader.errors
     for name in AS_WRITTEN:
         what = _taken(reader, name, at)
         if what and name in written.names:
             message = (
-                f"{name} is a coordinate of the point here, and also {what} of the file; give the latter another name, so that "
-                f"the name has one meaning"
+                f"{name} is a coordinate of the point here, and also {what} of the file; give the latter another name"
             )
             reader.report(at, sub, message)
     tree = with_coordinates(written.tree)
@@ -101,7 +100,7 @@ def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> 
     if bent := kink(tree, linear):
         message = (
             f"{written} has a kink or a jump where the point moves, by {bent}; an acceleration along a surface needs second "
-            f"derivatives: step(x, from, to), cubic tables and powers are smooth"
+            f"derivatives: use step(x, from, to), cubic tables or powers, which are smooth"
         )
         reader.report(at, sub, message)
     if reader.errors > before:
@@ -110,7 +109,7 @@ def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> 
     if reader.errors > before:
         return None
     if not depends(equation.tree):
-        message = f"{written} has none of x, y and z, the coordinates of the point; what is zero on the surface depends on them"
+        message = f"{written} contains none of x, y and z; a surface is an equation in these coordinates of the point"
         reader.report(at, sub, message)
         return None
     try:
@@ -122,10 +121,10 @@ def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> 
 
 
 def _taken(reader: Reader, name: str, at: Instance) -> str:
-    """What else of the file has the name of a coordinate."""
+    """Another meaning of a coordinate's name in the file; empty if there is none."""
     part = at.part
     if name in at.indices:
-        return "an index of repetition"
+        return "a repeat index"
     if name in part.constants:
         return "a constant"
     if part.name(name) in reader.defaults or part.name(name) in reader.inputs:
@@ -137,7 +136,7 @@ _LARGEST: Final = 0.01
 
 
 def read_loop_tolerance(reader: Reader) -> float:
-    """A number from 0 to 0.01."""
+    """The tolerance, a number from 0 to 0.01."""
     at = reader.only("loop_tolerance")
     if at is None:
         return LOOP_TOLERANCE
@@ -147,6 +146,6 @@ def read_loop_tolerance(reader: Reader) -> float:
     value = float(expression.value)
     if not 0 <= value <= _LARGEST:
         reader.report(
-            at, (), f"loop_tolerance is {value:g}; 0 to {_LARGEST:g} is allowed, left out it is {LOOP_TOLERANCE:g}"
+            at, (), f"loop_tolerance is {value:g}; 0 to {_LARGEST:g} is allowed, the default is {LOOP_TOLERANCE:g}"
         )
     return value

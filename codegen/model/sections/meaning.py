@@ -1,4 +1,4 @@
-"""What the expressions and references of an entry mean: the `EntryReader` of force elements and outputs."""
+"""Implementation of `EntryReader`, by which force elements and outputs read their expressions and references."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .points import face_at, held_together, point_at, point_named, unmoved
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """One entry with what it may refer to; the methods are those of `EntryReader`."""
+    """One entry and its context; the methods are those of `EntryReader`."""
 
     reader: Reader
     at: Instance
@@ -78,7 +78,7 @@ class Meaning:
 
             def message() -> str:
                 hint = reader.loop_hint(joint) or nearest(joint, bodies.index)
-                return f"unknown joint {joint!r}; a joint has the name of its body: {some(bodies.index)}{hint}"
+                return f"unknown joint {joint!r}; joints have the names of their bodies: {some(bodies.index)}{hint}"
 
             reader.report(self.at, (key,), message)
             return None
@@ -107,7 +107,7 @@ class Meaning:
                 if not known
                 else f"; prescribed are {some(known)}{hint}"
             )
-            reader.report(self.at, (key,), f"{name!r} is no coordinate with prescribed motion{nothing}")
+            reader.report(self.at, (key,), f"{name!r} is not a coordinate with prescribed motion{nothing}")
             return None
         body = self.bodies.specs[self.bodies.index[name.partition(".")[0]]]
         assert body is not None

@@ -16,7 +16,7 @@ from .coordinates import Joints, values_of
 
 
 def read_motion(reader: Reader, bodies: BodySection) -> dict[str, Expression]:
-    """What is prescribed, by coordinate; ``q.NAME`` and ``u.NAME`` of it stand for these functions from now on."""
+    """Prescribed coordinates with their functions, which from then on replace ``q.NAME`` and ``u.NAME`` in expressions."""
     joints = Joints(bodies)
     found: dict[str, Expression] = {}
     for at in reader.section("motion"):
@@ -35,14 +35,14 @@ def _read_values(
     values = list(values_of(at.value))
     if len(values) != len(coordinates):
         message = (
-            f"{count_of_values(len(values))}; joint {name!r} has {len(coordinates)}: {', '.join(coordinates)}; give a list, or "
-            f"single ones by name"
+            f"{count_of_values(len(values))}; joint {name!r} has {len(coordinates)}: {', '.join(coordinates)}; give a list of "
+            f"values, or single coordinates by name"
         )
         reader.report(at, (), message)
         return
     for coordinate, (sub, value) in zip(coordinates, values, strict=True):
         if coordinate in found:
-            reader.report(at, (), f"coordinate {coordinate!r} is prescribed already; each may be given once", key=True)
+            reader.report(at, (), f"coordinate {coordinate!r} is already prescribed; each may be given once", key=True)
             continue
         errors = reader.errors
         expression = reader.scalar(at, sub, value, "inputs")
@@ -61,7 +61,7 @@ def _read_values(
 
 
 def _kinked(at: Instance, value: object, kink: Kink) -> str:
-    """What is wrong with a motion that jumps, or whose velocity does, and what may be written instead."""
+    """Message about a motion that jumps, or whose velocity does, with advice."""
     where = f"at t = {kink.t:.9g} s" if kink.t is not None else f"where inputs change the branch of {kink.node}"
     what = "velocity" if kink.order else "value"
     called = [t for n, t in at.part.tables.items() if re.search(rf"\b{re.escape(n)}\s*\(", str(value))]
@@ -73,15 +73,15 @@ def _kinked(at: Instance, value: object, kink: Kink) -> str:
     if any(t.kind == "linear" for t in called):
         advice = "give the table kind: cubic, and outside: linear unless it ends at rest"
     elif called:
-        advice = "its slope is not zero at that end, beyond which it is constant; give the table outside: linear"
+        advice = "its slope is not zero at that end, and it is constant beyond; give the table outside: linear"
     return (
-        f"{value}: the {what} of this motion jumps from {kink.before:.6g} to {kink.after:.6g} {where}{inside}; other bodies "
-        f"would have to feel an impulse, which would be lost; {advice}"
+        f"{value}: the {what} of this motion jumps from {kink.before:.6g} to {kink.after:.6g} {where}{inside}; the impulse "
+        f"on other bodies would be lost; {advice}"
     )
 
 
 def _without_value(reader: Reader, expression: Expression) -> str:
-    """What is wrong with a motion where the model begins; nothing if it has a value, a rate and an acceleration."""
+    """Message about a motion without a finite value, rate or acceleration at the initial time; empty if it has all three."""
     inputs = frozenset(reader.inputs)
     start = reader.defaults | {n: 0.0 for x in inputs for n in (x, *rates_of(x))} | {"t": 0.0}
     of = expression

@@ -1,4 +1,4 @@
-"""Named expressions: what several entries have in common, written once. A name stands for its expression wherever it is used."""
+"""Named expressions, which several entries use. The expression replaces its name wherever the name occurs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..parts import Instance
 from ..reading import Reader
 
 MAX_SIZE: Final = 20_000
-"""Names and operations of an expression with those that it names written out."""
+"""Largest number of names and operations in an expression, after named expressions have been inserted."""
 
 
 def read_named_expressions(reader: Reader) -> list[tuple[Instance, Expression]]:
-    """Read the section: from here on the names may stand in expressions. They are checked where all names are known."""
+    """Read the section; from then on expressions may contain the names. They are checked when all names are known."""
     found = []
     for at in reader.section("expressions"):
         name = reader.key_name(at, "expression", "value")
@@ -45,16 +45,16 @@ def read_named_expressions(reader: Reader) -> list[tuple[Instance, Expression]]:
 
 
 def check_named_expressions(reader: Reader, found: list[tuple[Instance, Expression]]) -> None:
-    """Report names in them that are not known, once coordinates and points are."""
+    """Report unknown names in them, once coordinates and points are known."""
     for at, expression in found:
         before = reader.errors
         reader.bound(expression, at, (), "measured")
         if reader.errors > before:
-            at.part.stands_for(reader.local_name(at), ZERO.tree)  # it has been said
+            at.part.stands_for(reader.local_name(at), ZERO.tree)  # already reported
 
 
 def warn_of_unused(reader: Reader, what: str, found: Iterable[Instance]) -> None:
-    """Warn of expressions, or tables, that nothing names."""
+    """Warn of expressions or tables that are not used."""
     for at in found:
         name = reader.local_name(at)
         if name not in at.part.asked:
@@ -62,7 +62,7 @@ def warn_of_unused(reader: Reader, what: str, found: Iterable[Instance]) -> None
 
 
 def _size(tree: Any, most: int) -> int:
-    """How many nodes a tree has, counted no further than beyond `most`."""
+    """Number of nodes of a tree, counted up to `most` and not much further."""
     count, waiting = 0, [tree]
     while waiting and count <= most:
         node = waiting.pop()

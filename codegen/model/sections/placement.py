@@ -1,4 +1,4 @@
-"""Where frames stand: the expressions of an entry by their paths, and the rotations made of them."""
+"""Poses of frames: the expressions of an entry by their paths, and the rotations made from them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _AXES: Final = tuple(tuple(Expression.number(int(i == k)) for i in range(3)) for
 
 
 def expressions_of(entry: Entry, sub: Path_ = ()) -> Iterator[tuple[Path_, Expression]]:
-    """The expressions of an entry with their paths, references left out."""
+    """The expressions of an entry with their paths, without references."""
     for key, value in entry:
         if key not in _REFERENCES:
             yield from _expressions_in(value, (*sub, key))
@@ -38,7 +38,7 @@ def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]
 
 
 def bound_expressions(reader: Reader, entry: Entry, at: Instance, sub: Path_) -> dict[Path_, Expression]:
-    """The expressions of a validated entry by their paths, bound to parameters; once for all repetitions that mean the same."""
+    """The expressions of a validated entry by their paths, bound to parameters; computed once for all equal repetitions."""
     same = reader.bound_once.get((id(at.part), id(entry), sub))
     if same is not None:
         return same
@@ -62,7 +62,7 @@ def bound_entry(entry: Entry, bound: Bound, sub: Path_) -> Any:
 
 
 def vector(bound: Bound, *sub: str | int) -> Vector:
-    """The vector at a path; zero where nothing is."""
+    """The vector at a path; zero if there is none."""
     x, y, z = (bound.get((*sub, i), ZERO) for i in range(3))
     return x, y, z
 
@@ -70,7 +70,7 @@ def vector(bound: Bound, *sub: str | int) -> Vector:
 def rotation(
     reader: Reader, spec: PlacedEntry, at: Instance, sub: Path_, bound: Bound
 ) -> tuple[tuple[Vector, Expression], ...]:
-    """``rotate`` or ``rpy`` of the frame at a path, as rotations about the moving axes; those by zero are left out."""
+    """``rotate`` or ``rpy`` of the frame at a path, as rotations about the rotated axes, without those by zero."""
     turns: list[tuple[Vector, Expression]] = []
     for i in range(len(spec.rotate or ())):
         axis = vector(bound, *sub, "rotate", i, "axis")
@@ -81,6 +81,6 @@ def rotation(
     if spec.rpy is not None:
         for k in range(3):
             check_angle(reader, bound[*sub, "rpy", k], at, (*sub, "rpy", k))
-        # fixed axes x, y, z by roll, pitch, yaw: the moving axes z, y, x in turn
+        # fixed axes x, y, z by roll, pitch, yaw are the rotated axes z, y, x in turn
         turns = [(_AXES[k], bound[*sub, "rpy", k]) for k in (2, 1, 0)]  # type: ignore[misc]
     return tuple(t for t in turns if t[1] is not ZERO)

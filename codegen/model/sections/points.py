@@ -1,4 +1,4 @@
-"""Points fixed in bodies, and what means one elsewhere: a name, or a body with a place on it."""
+"""Points fixed in bodies, and references to points: a name, or a body with a position on it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def read_points(reader: Reader, bodies: BodySection) -> dict[str, Point]:
     for at in reader.section("points"):
         name = reader.key_name(at, "point", "point")
         if name in bodies.index:
-            message = f"{name!r} is a body already, and its name denotes the point at its origin; choose another name"
+            message = f"{name!r} is already a body, and its name denotes the point at its origin; choose another name"
             reader.report(at, (), message, key=True)
         spec = reader.spec(PointEntry, at)
         if spec is not None and name is not None:
@@ -42,7 +42,7 @@ def inline_point(
 def point_at(
     reader: Reader, spec: Any, name: str, at: Instance, sub: Path_, bodies: BodySection, points: dict[str, Point]
 ) -> Point | None:
-    """The point that a mapping or a name means; the name of a body, or ground, means its origin."""
+    """The point that a mapping or a name denotes; the name of a body, or ground, denotes its origin."""
     if isinstance(spec, PointEntry):
         return inline_point(reader, name, spec, at, sub, bodies)
     target = reader.reference(spec, at, sub)
@@ -51,7 +51,7 @@ def point_at(
     found = point_named(target, bodies, points)
     if found is not None:
         return found
-    if ("point", target) not in reader.first_seen:  # a point that is there but wrong has been reported
+    if ("point", target) not in reader.first_seen:  # a point with errors has been reported
 
         def message() -> str:
             known = [*points, *bodies.frames]
@@ -62,7 +62,7 @@ def point_at(
 
 
 def point_named(name: str, bodies: BodySection, points: dict[str, Point]) -> Point | None:
-    """The point of that name, or the origin of the body, or of the ground; None for no name of either."""
+    """The point of that name, or the origin of the body or ground of that name; None if there is neither."""
     if name in points:
         return points[name]
     return Point(name, bodies.frames[name], (ZERO, ZERO, ZERO)) if name in bodies.frames else None
@@ -71,7 +71,7 @@ def point_named(name: str, bodies: BodySection, points: dict[str, Point]) -> Poi
 def face_at(
     reader: Reader, spec: Any, at: Instance, sub: Path_, bodies: BodySection, points: dict[str, Point]
 ) -> Face | None:
-    """The face that a mapping means, or the name of a point: then its axes are those of the body."""
+    """The face that a mapping denotes; the name of a point denotes a face with the axes of its body."""
     if not isinstance(spec, FaceEntry):
         point = point_at(reader, spec, "", at, sub, bodies, points)
         return None if point is None else Face(point.body, point.at)
@@ -82,33 +82,33 @@ def face_at(
 
 
 def unmoved(reader: Reader, what: str, body: int, at: Instance, key: str, bodies: BodySection) -> bool:
-    """Report a force element that acts on the ground alone, or on what fixed joints hold to it."""
+    """Report a force element that acts only on the ground, or on a body rigidly fixed to it."""
     if body == GROUND:
         reader.report(at, (key,), f"{what} acts on the ground, which it cannot move; a body is needed")
         return True
     if not bodies.is_tree or reader.broken or rigid_parts(bodies)[body] != rigid_parts(bodies)[GROUND]:
         return False
     name = bodies.names[body]
-    message = f"{what} acts on {name!r}, which fixed joints hold to the ground, so it moves nothing; give such a joint a freedom"
+    message = f"{what} acts on {name!r}, which is fixed to the ground, so it moves nothing; make a joint there movable"
     reader.report(at, (key,), message)
     return True
 
 
 def rigid_parts(bodies: BodySection) -> list[int]:
-    """For each body, and last for the ground, a number that those have in common that cannot move against each other."""
+    """For each body, and last for the ground, a number that is equal for bodies that cannot move relative to each other."""
     if bodies.rigid_parts is None:
-        bodies.rigid_parts = [*checks.rigid_parts(bodies.bodies), GROUND]  # the ground's index, -1, is the last
+        bodies.rigid_parts = [*checks.rigid_parts(bodies.bodies), GROUND]  # index -1 of the ground is the last
     return bodies.rigid_parts
 
 
 def held_together(
     reader: Reader, what: str, start: int, end: int, at: Instance, bodies: BodySection, useless: str
 ) -> bool:
-    """Report a loop or force element between two bodies that cannot move against each other."""
+    """Report a loop or force element between two bodies that cannot move relative to each other."""
     if start == end:
         body = "the ground" if start == GROUND else repr(bodies.names[start])
         message = (
-            f"{what} joins {body} to itself, so it {useless}; two bodies that can move against each other are needed"
+            f"{what} joins {body} to itself, so it {useless}; it needs two bodies that can move relative to each other"
         )
     elif not bodies.is_tree or reader.broken:
         return False
@@ -120,7 +120,7 @@ def held_together(
         joints = "joint of" if len(path) == 1 else "joints of"
         message = (
             f"{what} joins {one} to {other}, which the fixed {joints} {some(bodies.names[k] for k in path)} hold"
-            f"{'s' * (len(path) == 1)} together already, so it {useless}; give such a joint a freedom, or leave {what} out"
+            f"{'s' * (len(path) == 1)} together, so it {useless}; give such a joint a degree of freedom, or remove {what}"
         )
     reader.report(at, ("to", "body"), message)
     return True

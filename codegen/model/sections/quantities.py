@@ -42,7 +42,7 @@ def model_name(reader: Reader) -> str:
 
 
 def read_constants(reader: Reader, parts: Iterable[Part]) -> None:
-    """Read the constants of some files; those that a submodel is given stand in the place of its own."""
+    """Read the constants of some files; constants given to a submodel replace its own."""
     for at in reader.section("constants", parts):
         given = reader.given_entry(at, "constants")
         if given is not None:
@@ -73,7 +73,7 @@ def read_constants(reader: Reader, parts: Iterable[Part]) -> None:
 
 
 def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
-    """Read the parameters; of a vector there are three, called after its components."""
+    """Read the parameters; a vector becomes three, named after its components."""
     result = []
     for at in reader.section("parameters"):
         if reader.given_entry(at, "parameters") is not None:
@@ -100,7 +100,7 @@ def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
             at.part.constants[vector_key(local)] = local
         for bound in ("min", "max"):
             if len(numbers.get(bound, ())) > size:
-                reader.report(at, (bound,), f"three bounds of one number; {bound} is a number as the value is")
+                reader.report(at, (bound,), f"three bounds for one number; give one number as {bound}")
                 del numbers[bound]
         for i in range(size):
             one = {k: v[i if len(v) > 1 else 0] for k, v in numbers.items()}
@@ -112,7 +112,7 @@ def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
 def _parameter(reader: Reader, at: Instance, name: str, numbers: dict[str, float], unit: str) -> Parameter:
     value, low, high = numbers.get("value", 0.0), numbers.get("min"), numbers.get("max")
     if low is not None and high is not None and low > high:
-        reader.report(at, ("min",), f"min {low:g} is above max {high:g}; min may be at most max")
+        reader.report(at, ("min",), f"min {low:g} is above max {high:g}; min must not exceed max")
     elif (low is not None and value < low) or (high is not None and value > high):
         message = f"value {value:g} is outside min {_limit(low)} and max {_limit(high)}"
         reader.report(at, ("value",), message, severity="warning")
@@ -122,18 +122,18 @@ def _parameter(reader: Reader, at: Instance, name: str, numbers: dict[str, float
 
 
 def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expression]) -> str:
-    """The unit of a parameter for people: what the file says, or that of its value."""
-    dimensions = {reader.dimension(e, at, quiet=True) for e in values} - {None}  # problems: where they are bound
+    """The unit of a parameter for documentation: that of the file, or that of its value."""
+    dimensions = {reader.dimension(e, at, quiet=True) for e in values} - {None}  # errors: reported at binding
     if len(dimensions) > 1:
-        reader.report(at, ("value",), "components of different units; those of a vector are of one kind")
+        reader.report(at, ("value",), "components have different units; those of a vector must be of the same kind")
     known = unit_of(text) if text else None
     if not dimensions:
         if known is not None and known[0] != 1:
             message = (
-                f"unit {text} says how the value is read to people only, and numbers are SI; write value: {values[0]} {text}, "
+                f"unit {text} only documents the value, and numbers are in SI units; write value: {values[0]} {text}, "
                 f"or give the value in {in_units(known[1]) or 'rad'}"
                 if values
-                else f"unit {text}; numbers are SI"
+                else f"unit {text}; numbers are in SI units"
             )
             reader.report(at, ("unit",), message, severity="warning")
         return text
@@ -148,11 +148,11 @@ def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expr
 
 
 def _note_dimension(reader: Reader, at: Instance, local: str, value: object) -> None:
-    """Of a constant that is written with a unit."""
+    """Store the dimension of a constant that is written with a unit."""
     try:
         written = parse(value) if isinstance(value, str) else None
     except ExpressionError:
-        return  # reported where it is read, as is what does not fit in it
+        return  # reported where the constant is read, as is one that does not fit
     found = None if written is None else reader.dimension(written, at, quiet=True)
     if found is not None:
         at.part.dimensions[local] = found
@@ -174,7 +174,7 @@ def _limit(value: float | None) -> str:
 
 
 def warn_of_unused_quantities(reader: Reader, parameters: Iterable[tuple[Parameter, Instance]]) -> None:
-    """Warn of parameters and inputs that no expression has."""
+    """Warn of parameters and inputs that no expression contains."""
     named = [("parameter", p.name, at) for p, at in parameters]
     named += [("input", name, reader.top("inputs")) for name in reader.inputs]
     for what, name, at in named:

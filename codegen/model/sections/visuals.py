@@ -1,4 +1,4 @@
-"""What views show of bodies: the visuals that a body lists, or its shape."""
+"""Visuals of bodies, which views show: those that a body lists, or its shape."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _VECTORS: Final = {"size", "radii"}
 def read_visuals(reader: Reader, spec: BodyEntry, at: Instance, bound: Bound) -> tuple[Visual, ...] | None:
     """The visuals of a body, from its expressions by their paths; its shape if it lists none; None without either.
 
-    Reports sizes that are negative and axes without direction.
+    Reports negative sizes and axes without direction.
     """
     if spec.visuals is not None:
         return tuple(_visual(reader, x, at, ("visuals", i), bound) for i, x in enumerate(spec.visuals))
@@ -48,7 +48,7 @@ def check_sizes(reader: Reader, type_: str, at: Instance, sub: Path_, bound: Bou
         for path in [(key, i) for i in range(3)] if key in _VECTORS else [(key,)]:
             size = bound.get((*sub, *path))
             if size is not None and (value := reader.numeric(size)) < 0:
-                message = f"{checks.with_value(size, value)} is negative; a size is at least 0"
+                message = f"{checks.with_value(size, value)} is negative; a size must be at least 0"
                 reader.report(at, (*sub, *path), message)
 
 
