@@ -20,7 +20,7 @@ def add_force(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="also replace files that ordernm did not write")
 
 
-def refuse_foreign_file(path: Path, force: bool = False) -> None:
+def refuse_foreign_file(path: Path, force: bool = False, option: str = "--force") -> None:
     """Raise `FolderError` where a file cannot be written, or holds something that ordernm did not write.
 
     Parameters
@@ -29,12 +29,14 @@ def refuse_foreign_file(path: Path, force: bool = False) -> None:
         What is to be written. An empty file, and what is no file (``/dev/null``, a pipe), may be written to.
     force : bool
         Do not look at what is in it.
+    option : str
+        The option that replaces a file of others, for the message.
     """
     why_not = unwritable(path)
     if why_not is not None:
         raise FolderError(why_not)
     if not force and not is_own(path):
-        raise FolderError(f"{path} exists, and ordernm did not write it; give another name, or --force to replace it")
+        raise FolderError(f"{path} exists, and ordernm did not write it; give another name, or {option} to replace it")
 
 
 def is_own(path: Path) -> bool:

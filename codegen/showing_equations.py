@@ -36,7 +36,6 @@ def _add_common(parser: argparse.ArgumentParser, formats: list[str]) -> None:
         how.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=FORMATS[name])
     parser.set_defaults(format="")
     parser.add_argument("-o", "--output", metavar="FILE", help="file to write (default: print)")
-    add_force(parser)
 
 
 def add_equations_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,12 +49,19 @@ def add_equations_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a value for a parameter; may be repeated"
     )
+    parser.add_argument(
+        "--intermediates", action="store_true", help="intermediate variables z1, z2, ... for long sums of large models"
+    )
     parser.add_argument("--simplify", action="store_true", help="let sympy simplify every entry, which may take long")
+    parser.add_argument("--force-size", action="store_true", help="also compute equations that are too large")
+    parser.add_argument("--force-file", action="store_true", help="also replace a file that ordernm did not write")
+    parser.add_argument("--force", action="store_true", help="--force-size and --force-file")
 
 
 def add_statements_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``ordernm statements``."""
     _add_common(parser, ["latex", "html"])
+    add_force(parser)
     parser.add_argument(
         "--functions", metavar="NAME,...",
         help="functions of the solver whose statements are wanted, such as accelerations,sensitivities (default: all)",
@@ -68,6 +74,8 @@ def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm equations``."""
     if options.values and options.set:
         raise Failure("--values gives all parameters numbers, --set one; leave out one of them")
+    if options.force_file and options.output is None:
+        raise Failure("--force-file is for a file that -o names; leave it out")
     given: Any = "values" if options.values else _values(options.set)
 
     def made(model: Any) -> tuple[str, str]:
@@ -75,11 +83,14 @@ def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
         from .symbolic.pages import equations_mathml, equations_page
         from .symbolic.writing import as_latex, as_sympy, as_text
 
-        found = equations(model, parameters=given, form=options.form, simplify=options.simplify, force=options.force)
+        found = equations(
+            model, parameters=given, form=options.form, intermediates=options.intermediates, simplify=options.simplify,
+            force=options.force or options.force_size,
+        )  # fmt: skip
         write = {"": as_text, "latex": as_latex, "sympy": as_sympy, "mathml": equations_mathml, "html": equations_page}
         return write[options.format](found), f"{found.terms} terms"
 
-    return _run(options, status, made)
+    return _run(options, status, made, "--force-file")
 
 
 def run_statements(options: argparse.Namespace, status: StatusLine) -> int:
@@ -97,17 +108,20 @@ def run_statements(options: argparse.Namespace, status: StatusLine) -> int:
         write = {"": as_text, "latex": as_latex, "html": statements_page}
         return write[options.format](found), f"{found.count} statements"
 
-    return _run(options, status, made)
+    return _run(options, status, made, "--force")
 
 
-def _run(options: argparse.Namespace, status: StatusLine, made: Callable[[Any], tuple[str, str]]) -> int:
-    """Read the model, and print or write what is made of it."""
+def _run(
+    options: argparse.Namespace, status: StatusLine, made: Callable[[Any], tuple[str, str]], to_replace: str
+) -> int:
+    """Read the model, and print or write what is made of it; `to_replace` is the option that replaces a foreign file."""
     from .model import load_model
     from .symbolic import SymbolicError
 
     target = None if options.output is None else Path(options.output)
     if target is not None:
-        refuse_foreign_file(target, options.force)
+        forced = options.force or getattr(options, "force_file", False)
+        refuse_foreign_file(target, forced, to_replace)
     status("reading", 0, 0)
     model = load_model(options.model)
     status("forming equations", 0, 0)

@@ -100,6 +100,9 @@ MADE = {
     ("equations", "--set"): "--set length=2",
     ("equations", "--simplify"): "--simplify",
     ("equations", "--output"): "-o equations.md",
+    ("equations", "--intermediates"): "--intermediates",
+    ("equations", "--force-size"): "--force-size",
+    ("equations", "--force-file"): "-o there.yaml --force-file",
     ("equations", "--force"): "-o there.yaml --force",
     ("statements", "--latex"): "--latex",
     ("statements", "--html"): "--html",
@@ -196,7 +199,9 @@ def recorded(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("command", "option"), sorted(MADE), ids=" ".join)
-def test_every_option_changes_something_or_is_refused(recorded, capsys, command, option):
+def test_every_option_changes_something_or_is_refused(recorded, capsys, monkeypatch, command, option):
+    if option == "--force-size":  # of a model that is small otherwise
+        monkeypatch.setattr("codegen.symbolic.motion.MOST_TERMS", 1)
     seen = []
     for more in ("", MADE[command, option]):
         code = cli.main(f"{BASES[command]} {more}".split())
@@ -226,6 +231,7 @@ TOGETHER = {
     "generate swing.yaml --compile-all --no-compile": "not allowed with",
     "import robot.urdf -o - --force": "--force is for a file",
     "statements swing.yaml --force": "--force is for a file",
+    "equations swing.yaml --force-file": "--force-file is for a file",
     "equations swing.yaml --values --set length=2": "leave out one of them",
     "view swing.yaml -t 1 --trajectory run.npz": "not allowed with",
     "view swing.yaml --trajectory run.npz -p length=2": "has its own parameters",

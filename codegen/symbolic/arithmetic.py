@@ -30,9 +30,9 @@ class SymbolicArithmetic(Arithmetic):
 
     symbolic = True
 
-    def __init__(self, most_products: int | None = None) -> None:
+    def __init__(self, most_products: int | None = None, intermediate: str = "") -> None:
         super().__init__("mpmath")
-        self.algebra = Algebra(most_products)
+        self.algebra = Algebra(most_products, intermediate)
 
     def number(self, x: Any) -> Polynomial:
         """A polynomial: an int, a fraction or an expression of sympy's as it is, a float as `exact` reads it."""
@@ -47,21 +47,21 @@ class SymbolicArithmetic(Arithmetic):
 
         def of(*arguments: Polynomial) -> Polynomial:
             function = sympy.floor if name == "floor" else getattr(sympy, TABLE[name].spelled("sympy"))
-            return self.algebra.convert(function(*(x.expression for x in arguments)))
+            return self.algebra.convert(function(*(x.short for x in arguments)))
 
         return of
 
     def power(self, x: Polynomial, y: Polynomial) -> Polynomial:
         """x**y."""
-        return self.algebra.convert(sympy.Pow(x.expression, y.expression))
+        return self.algebra.convert(sympy.Pow(x.short, y.short))
 
     def where_zero(self, x: Polynomial, value: Polynomial, otherwise: Polynomial) -> Polynomial:
         """A case distinction."""
-        cases = (value.expression, sympy.Eq(x.expression, 0)), (otherwise.expression, True)
+        cases = (value.short, sympy.Eq(x.short, 0)), (otherwise.short, True)
         return self.algebra.convert(sympy.Piecewise(*cases))
 
     def closed(self, pair: Pair) -> Pair:
-        """A matrix whose longer entries are not multiplied out where it is a factor."""
+        """A matrix whose longer entries are not multiplied out where it is a factor, or are intermediate variables."""
         value = np.empty_like(pair.value)
         for place, x in np.ndenumerate(pair.value):
             value[place] = self.algebra.closed(x, FACTORED)
@@ -69,5 +69,5 @@ class SymbolicArithmetic(Arithmetic):
 
     def value_of(self, expression: Expression, values: Mapping[str, Polynomial]) -> Polynomial:
         """An expression of a model, with polynomials for its names."""
-        known = {name: values[name].expression for name in expression.names}
+        known = {name: values[name].short for name in expression.names}
         return self.algebra.convert(to_sympy(expression, known, number=exact))

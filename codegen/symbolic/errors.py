@@ -11,4 +11,8 @@ class TooLargeError(SymbolicError):
     """Equations of more terms than allowed."""
 
 
-__all__ = ["SymbolicError", "TooLargeError"]
+class TooManyProductsError(ArithmeticError):
+    """Polynomials took more products of terms than allowed."""
+
+
+__all__ = ["SymbolicError", "TooLargeError", "TooManyProductsError"]

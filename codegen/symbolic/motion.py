@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,21 +14,18 @@ from ..loops.errors import AssemblyError, PartitionError
 from ..model.errors import ModelError, nearest
 from ..model.model import Model
 from ..reference.arithmetic import Array
-from .errors import SymbolicError, TooLargeError
+from .entries import count, floats, needed, steps
+from .errors import SymbolicError, TooLargeError, TooManyProductsError
 from .outputs import Outputs
 from .polynomials import UndecidedError, exact
-from .size import expected_terms
+from .size import expected_terms, most_terms
 from .system import MOST_TERMS, SymbolicEngine, matrix_of, symbols_of
 
 FORMS = ("tree", "multipliers", "embedded")
 """Of models without loops; of models with loops: with multipliers, and in the independent speeds."""
 
-MOST_PRODUCTS = 200_000
-"""Equations that take more products of terms, about ten for each term, are computed only if forced."""
-
-
-LARGEST = 2**53
-"""Whole numbers up to this one are exact as floats."""
+MOST_PRODUCTS = 600_000
+"""Equations that take more products of terms are computed only if forced."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +81,9 @@ class Equations:
         Embedded, with prescribed motion: what prescribed speeds add to the speeds, (nu, 1); zero where it is None.
     remainder : sympy.Matrix or None
         Embedded: accelerations where the independent ones are zero, (nu, 1).
+    intermediates : dict of Symbol to sympy.Expr
+        Intermediate variables ``z1``, ``z2``, ... of the matrices and outputs with their values, each after those that it
+        needs. Empty unless asked for.
     outputs : mapping of str to sympy.Expr
         The outputs of the model; accelerations are symbols ``udot.NAME`` in them.
     defaults : dict of Symbol to sympy.Expr
@@ -110,6 +111,7 @@ class Equations:
     S: sympy.Matrix | None = None
     s: sympy.Matrix | None = None
     remainder: sympy.Matrix | None = None
+    intermediates: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
     outputs: Outputs = field(default_factory=Outputs)
     defaults: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
 
@@ -139,7 +141,7 @@ class Equations:
         length_1
         """
         known = {s.name: s for s in (*self.q, *self.u, *self.udot, *self.parameters, *self.inputs, self.t)}
-        known |= {s.name: s for s in self.multipliers}
+        known |= {s.name: s for s in (*self.multipliers, *self.intermediates)}
         if name not in known:
             raise SymbolicError(f"{self.name} has no symbol {name!r}; it has {', '.join(known)}{nearest(name, known)}")
         return known[name]
@@ -152,8 +154,10 @@ class Equations:
 
     @property
     def terms(self) -> int:
-        """The number of terms of all matrices."""
-        return sum(len(sympy.Add.make_args(x)) for of in self.matrices.values() for x in of if x != 0)
+        """The number of terms of all matrices and intermediate variables, also of sums in products."""
+        every = [*self.intermediates.values(), *(x for of in self.matrices.values() for x in of)]
+        known: dict[sympy.Basic, int] = {}
+        return sum(count(x, known) for x in every if x != 0)
 
     def subs(self, values: Mapping[Any, Any]) -> Equations:
         """Return the equations with values for some symbols.
@@ -180,7 +184,8 @@ class Equations:
         left = {name: tuple(s for s in getattr(self, name) if s not in by) for name in ("parameters", "inputs")}
         outputs = Outputs({name: e.subs(by) for name, e in self.outputs.items()}, self.outputs.refused)
         known = {s: v for s, v in self.defaults.items() if s not in by}
-        new: dict[str, Any] = {**changed, **left, "outputs": outputs, "defaults": known}
+        inner = {s: e.subs(by) for s, e in self.intermediates.items() if s not in by}
+        new: dict[str, Any] = {**changed, **left, "outputs": outputs, "defaults": known, "intermediates": inner}
         return replace(self, **new)
 
     def lambdify(self, modules: str = "numpy", cse: bool = True) -> Callable[..., dict[str, Array]]:
@@ -191,7 +196,7 @@ class Equations:
         modules : str, optional
             As in `sympy.lambdify`.
         cse : bool, optional
-            Compute common subexpressions once.
+            Compute common subexpressions once. Where there are intermediate variables, these are computed instead.
 
         Returns
         -------
@@ -208,11 +213,14 @@ class Equations:
                [0.5819, 0.2135]])
         """
         of = self.matrices
+        inner = {s: floats(e) for s, e in needed(of.values(), list(self.intermediates.items())).items()}
         arguments = [*self.q, *self.u, *self.parameters, *self.inputs, self.t]
-        if more := {s for m in of.values() for s in m.free_symbols} - set(arguments):
+        every = {s for e in (*of.values(), *inner.values()) for s in e.free_symbols}
+        if more := every - {*arguments, *inner}:
             names = ", ".join(sorted(s.name for s in more))
             raise SymbolicError(f"lambdify: {names} have no values; put numbers in their place with subs")
-        found = sympy.lambdify(arguments, [[_floats(x) for x in m] for m in of.values()], modules=modules, cse=cse)
+        entries = [[floats(x) for x in m] for m in of.values()]
+        found = sympy.lambdify(arguments, entries, modules=modules, cse=partial(steps, inner, cse))
         default = [float(self.defaults[s]) for s in self.parameters]
 
         def evaluate(q: Any, u: Any, p: Any = None, inputs: Any = None, t: float = 0.0) -> dict[str, Array]:
@@ -242,6 +250,7 @@ def equations(
     *,
     parameters: Mapping[str, Any] | str | None = None,
     form: str | None = None,
+    intermediates: bool = False,
     simplify: bool = False,
     force: bool = False,
 ) -> Equations:
@@ -258,10 +267,13 @@ def equations(
     form : {"tree", "multipliers", "embedded"}, optional
         Form for a model with loops: with multipliers (the default), or in the independent speeds. A model without loops
         has the form ``"tree"``. See `Equations`.
+    intermediates : bool, optional
+        Introduce intermediate variables ``z1``, ``z2``, ... for long sums, instead of multiplying them out. The equations
+        of large mechanisms then have some thousand terms. See `Equations.intermediates`.
     simplify : bool, optional
         Apply `sympy.simplify` to every entry, which may take long.
     force : bool, optional
-        Compute equations that are expected to have more than 20 000 terms too.
+        Compute equations that have more than 20 000 terms too, however long it takes.
 
     Returns
     -------
@@ -288,26 +300,43 @@ def equations(
     >>> found.lambdify()([0.1, 0.2], [0.0, 0.0])["M"].shape
     (2, 2)
     """
-    found = _computed(model, _parameters(model, parameters), _form(model, form), None if force else MOST_PRODUCTS)
+    most = None if force else MOST_PRODUCTS
+    found = _computed(model, _parameters(model, parameters), _form(model, form), intermediates, most)
     return _simplified(found) if simplify else found
 
 
-def _computed(model: Model, given: dict[str, sympy.Expr], form: str, most_products: int | None) -> Equations:
+def _computed(
+    model: Model, given: dict[str, sympy.Expr], form: str, intermediates: bool, most_products: int | None
+) -> Equations:
     try:
-        if most_products is not None and (expected := expected_terms(model, given)) > MOST_TERMS:
+        if most_products is not None and (expected := expected_terms(model, given, intermediates)) > MOST_TERMS:
             raise TooLargeError(f"about {expected:.0e} terms")
-        return _assembled(model, SymbolicEngine(model, given, most_products), form, given)
+        return _assembled(model, SymbolicEngine(model, given, most_products, intermediates), form, given)
     except (AssemblyError, PartitionError) as error:
         raise ModelError([model.problem("loops", str(error))]) from None
     except ZeroDivisionError as error:
         raise SymbolicError(f"{model.name}: {error} in every state; an axis, a distance or a pivot vanishes") from None
     except UndecidedError as error:
         raise SymbolicError(f"{model.name}: a formula has different values in different states ({error})") from None
+    except TooManyProductsError:
+        size = f"up to {most_terms(model, given):.0e} terms"
     except TooLargeError as error:
-        raise TooLargeError(
-            f"the equations of {model.name} have {error}; allowed are {MOST_TERMS}. Give numbers for parameters "
-            f'(parameters="values", --values), take another form, or compute them all the same (force=True, --force)'
-        ) from None
+        size = str(error)
+    raise TooLargeError(
+        f"the equations of {model.name} have {size}; allowed are {MOST_TERMS}. {_smaller(model, given, form, intermediates)}"
+        f'give numbers for parameters (parameters="values", --values), or compute them all the same (force=True, --force-size)'
+    )
+
+
+def _smaller(model: Model, given: dict[str, sympy.Expr], form: str, intermediates: bool) -> str:
+    """The size of the equations with intermediate variables, as a part of a message."""
+    if intermediates:
+        return "Please "
+    try:
+        found = _computed(model, given, form, True, MOST_PRODUCTS)
+    except SymbolicError:
+        return "Please "
+    return f"Take intermediate variables (intermediates=True, --intermediates), which give {found.terms} terms, "
 
 
 def _form(model: Model, form: str | None) -> str:
@@ -354,59 +383,65 @@ def _number(value: Any) -> sympy.Expr:
     return found
 
 
-def _floats(e: sympy.Expr) -> sympy.Expr:
-    """An expression whose exact numbers are within the range of machine integers: the others become floats."""
-    large = {x: sympy.Float(x, 17) for x in e.atoms(sympy.Rational) if max(abs(x.p), x.q) > LARGEST}
-    return e.xreplace(large) if large else e
-
-
 def _assembled(model: Model, engine: SymbolicEngine, form: str, given: Collection[str]) -> Equations:
     f = engine.free_u
-    M, forcing = engine.mass[np.ix_(f, f)], engine.right_side[f]
+    arrays: dict[str, Any] = {"M": engine.mass[np.ix_(f, f)], "forcing": engine.right_side[f], "qdot": engine.rates}
     more: dict[str, Any] = {}
-    independent = engine.u
     if model.loops:
-        more = _with_loops(engine, form)
-        if form == "embedded":
-            place = {i: k for k, i in enumerate(f.tolist())}
-            free = [i for i in f.tolist() if i not in set(engine.dependent.tolist())]
-            independent = tuple(engine.u[place[i]] for i in free)
-            S, remainder = more["S"], more["remainder"]
-            forcing = S.T * (matrix_of(forcing) - matrix_of(M) * remainder)
-            M = S.T * matrix_of(M) * S
+        arrays |= _with_loops(engine, form)
+        more["constraints"] = tuple(engine.constraints.names)
+    if form == "multipliers":
+        more["multipliers"] = symbols_of(engine.constraints.names, "lambda.")
+    size = sum(len(x.terms) for of in arrays.values() for x in of.flat)
+    if engine.symbolic.algebra.most_products is not None and size > MOST_TERMS:
+        raise TooLargeError(f"{size} terms")
+    if form == "embedded":
+        if not engine.intermediates:  # the products are not multiplied out
+            arrays = {name: matrix_of(of) for name, of in arrays.items()}
+        M, S, remainder = arrays["M"], arrays["S"], arrays["remainder"]
+        arrays |= {"M": S.T @ M @ S, "forcing": S.T @ (arrays["forcing"] - M @ remainder)}
+    dependent = set(engine.dependent.tolist() if form == "embedded" else ())
+    independent = tuple(s for s, i in zip(engine.u, f.tolist(), strict=True) if i not in dependent)
     defaults = {s: exact(p.value) for s, p in zip(engine.p, model.parameters, strict=True) if p.name not in given}
-    return Equations(
+    more |= {name: of if isinstance(of, sympy.MatrixBase) else matrix_of(of) for name, of in arrays.items()}
+    found = Equations(
         model.name, form, engine.t, engine.q, engine.u, engine.udot, independent, tuple(defaults), engine.inputs,
-        matrix_of(engine.rates), _matrix(M), _matrix(forcing), **more, outputs=Outputs.of(engine),
-        defaults=defaults | dict.fromkeys(engine.inputs, sympy.Integer(0)),
+        **more, outputs=Outputs.of(engine), defaults=defaults | dict.fromkeys(engine.inputs, sympy.Integer(0)),
     )  # fmt: skip
+    return _with_definitions(found, engine) if engine.intermediates else found
 
 
-def _matrix(of: Array | sympy.Matrix) -> sympy.Matrix:
-    return of if isinstance(of, sympy.MatrixBase) else matrix_of(of)
+def _with_definitions(found: Equations, engine: SymbolicEngine) -> Equations:
+    """The same with the intermediate variables that it needs, numbered anew."""
+    algebra, matrices = engine.symbolic.algebra, found.matrices
+    every = [(algebra.atoms[number].expression, of) for number, of in algebra.definitions.items()]
+    values = needed([*matrices.values(), *found.outputs.values()], every)
+    new = dict(zip(values, symbols_of([f"{algebra.intermediate}{n + 1}" for n in range(len(values))]), strict=True))
+    changed: dict[str, Any] = {name: of.xreplace(new) for name, of in matrices.items()}
+    outputs = Outputs({name: e.xreplace(new) for name, e in found.outputs.items()}, found.outputs.refused)
+    definitions = {new[s]: value.xreplace(new) for s, value in values.items()}
+    return replace(found, **changed, outputs=outputs, intermediates=definitions)
 
 
-def _with_loops(engine: SymbolicEngine, form: str) -> dict[str, Any]:
+def _with_loops(engine: SymbolicEngine, form: str) -> dict[str, Array]:
     known, f, held = engine.constraints, engine.free_u, engine.held
     given = engine.state.u.value
-    common: dict[str, Any] = {"position": matrix_of(known.position), "constraints": tuple(known.names)}
+    common = {"position": known.position}
     if len(held):
-        common["drift"] = matrix_of(known.jacobian[:, held] @ given[held])
+        common["drift"] = known.jacobian[:, held] @ given[held]
     if form == "multipliers":
-        return common | {
-            "J": matrix_of(known.jacobian[:, f]), "rate": matrix_of(known.remainder),
-            "multipliers": symbols_of(known.names, "lambda."),
-        }  # fmt: skip
+        return common | {"J": known.jacobian[:, f], "rate": known.remainder}
     dependent = set(engine.dependent.tolist())
     free = [i for i in f.tolist() if i not in dependent]
     motion = engine.motion_of_tree
     if len(held):
-        common["s"] = matrix_of(motion[np.ix_(f, held)] @ given[held])
-    return common | {"S": matrix_of(motion[np.ix_(f, free)]), "remainder": matrix_of(engine.remainder_of_tree[f])}
+        common["s"] = motion[np.ix_(f, held)] @ given[held]
+    return common | {"S": motion[np.ix_(f, free)], "remainder": engine.remainder_of_tree[f]}
 
 
 def _simplified(found: Equations) -> Equations:
     new: dict[str, Any] = {name: of.applyfunc(sympy.simplify) for name, of in found.matrices.items()}
+    new["intermediates"] = {s: sympy.simplify(e) for s, e in found.intermediates.items()}
     outputs = Outputs({n: sympy.simplify(e) for n, e in found.outputs.items()}, found.outputs.refused)
     return replace(found, **new, outputs=outputs)
 

@@ -161,6 +161,8 @@ def equation_lines(found: Equations) -> list[tuple[str, str]]:
         if name in ("q", "u", "u_i", "multipliers"):
             left = {"multipliers": "<mi>λ</mi>", "u_i": scripts("<mi>u</mi>", word("i"))}.get(name, f"<mi>{name}</mi>")
             out.append(("vectors", printer.formula(left, operator("="), printer.matrix(sympy.Matrix(symbols)))))
+    for symbol, value in found.intermediates.items():
+        out.append(("intermediates", printer.formula(printer(symbol), operator("="), _sum(printer, value))))
     for name, of in found.matrices.items():
         if is_small(of):
             out.append((name, printer.formula(_letter(name), operator("="), printer.matrix(of))))
@@ -173,7 +175,8 @@ def equation_lines(found: Equations) -> list[tuple[str, str]]:
     return out
 
 
-HEADINGS = {"law": "Equations", "vectors": "Coordinates and speeds", "M": "Mass matrix", "forcing": "Right side",
+HEADINGS = {"law": "Equations", "vectors": "Coordinates and speeds",
+            "intermediates": "Intermediate variables", "M": "Mass matrix", "forcing": "Right side",
             "qdot": "Rates of the coordinates", "position": "Constraints", "J": "Constraint Jacobian",
             "rate": "Its rate times the speeds", "drift": "What prescribed motion adds", "S": "Speeds from the independent ones",
             "s": "What prescribed motion adds", "remainder": "Accelerations besides", "outputs": "Outputs"}  # fmt: skip

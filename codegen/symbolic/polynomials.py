@@ -2,24 +2,28 @@
 
 An atom is what sympy does not take apart: a symbol, a function such as ``sin(q)``, a square root, a sum that is divided by.
 Two polynomials in symbols, sines and cosines are equal if and only if their terms are, so zeros are recognised.
+With intermediate variables, a sum that is a factor becomes a symbol instead of being multiplied out.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import sympy
 
-from .errors import TooLargeError
+from .errors import TooManyProductsError
 
 Monomial = tuple[tuple[int, int], ...]
 """Numbers of atoms with their exponents, in the order of the atoms."""
 
-Terms = dict[Monomial, Fraction]
+Rational = int | Fraction
+
+Terms = dict[Monomial, Rational]
+"""Monomials with their factors. Whole numbers are ints, which are faster than fractions."""
 
 DENOMINATOR, OF_PI = 100_000, 1000
 """Largest denominators with which a float that is not a short decimal is taken as a fraction, or as one of pi."""
@@ -28,8 +32,8 @@ SHORT = 15
 """A float with at least this many digits is not a short decimal."""
 
 
-PER_TERM = 10
-"""Products of terms that a term of the equations takes, about."""
+LONGEST_FACTOR, LONGEST_SUM = 2, 40
+"""With intermediate variables: terms of a factor, and of a sum, that are not replaced by a symbol."""
 
 PI = Fraction(str(sympy.pi.evalf(40)))
 
@@ -64,33 +68,42 @@ class Algebra:
     Parameters
     ----------
     most_products : int, optional
-        Products of terms that are formed before `TooLargeError` is raised.
+        Products of terms that are formed before `TooManyProductsError` is raised.
+    intermediate : str, optional
+        Long sums become symbols, whose names are this prefix and a number. Left out: no sum does.
 
     Attributes
     ----------
     made : int
         Terms that products have had so far.
+    definitions : dict of int to Polynomial
+        By the number of an atom that is an intermediate variable: its value, which has earlier atoms only.
+    factored : set of int
+        Those of them that would not be multiplied out without intermediate variables.
     """
 
-    def __init__(self, most_products: int | None = None) -> None:
-        self.most_products = most_products
+    def __init__(self, most_products: int | None = None, intermediate: str = "") -> None:
+        self.most_products, self.intermediate = most_products, intermediate
         self.atoms: list[Atom] = []
         self.made = 0
+        self.definitions: dict[int, Polynomial] = {}
+        self.factored: set[int] = set()
         self._special: set[int] = set()  # atoms whose first power, or its inverse, may be replaced
         self._known: dict[sympy.Expr, int] = {}
         self._converted: dict[sympy.Expr, Polynomial] = {}
         self._closed: dict[sympy.Expr, Polynomial] = {}
+        self._symbols: dict[frozenset[tuple[Monomial, Rational]], sympy.Symbol] = {}
         self._powers: dict[tuple[int, int], Polynomial | None] = {}
 
     # --- polynomials ----------------------------------------------------------------------------------------------
 
     def constant(self, value: int | Fraction) -> Polynomial:
         """A rational number."""
-        return Polynomial(self, {(): Fraction(value)} if value else {})
+        return Polynomial(self, {(): value} if value else {})
 
     def atom(self, expression: sympy.Expr) -> Polynomial:
         """The polynomial of one atom."""
-        return Polynomial(self, {((self._number(expression), 1),): Fraction(1)})
+        return Polynomial(self, {((self._number(expression), 1),): 1})
 
     def _number(self, expression: sympy.Expr) -> int:
         found = self._known.get(expression)
@@ -112,12 +125,29 @@ class Algebra:
         """The same value; a polynomial of more than `most` terms as one atom that is not multiplied out."""
         if len(p.terms) <= most:
             return p
+        if self.intermediate:
+            found = self.named(p, most)
+            self.factored |= {a for m in found.terms for a, _ in m}
+            return found
         expression = p.expression
         if expression not in self._closed:
             self.atoms.append(Atom(expression))
-            self._closed[expression] = Polynomial(self, {((len(self.atoms) - 1, 1),): Fraction(1)})
+            self._closed[expression] = Polynomial(self, {((len(self.atoms) - 1, 1),): 1})
             self._converted[expression] = self._closed[expression]
         return self._closed[expression]
+
+    def named(self, p: Polynomial, most: int) -> Polynomial:
+        """The same value; of more than `most` terms an intermediate variable, or its negative."""
+        if len(p.terms) <= most:
+            return p
+        factor = 1 if p.terms[min(p.terms)] > 0 else -1
+        terms: Terms = {m: x * factor for m, x in p.terms.items()}
+        key = frozenset(terms.items())
+        if key not in self._symbols:
+            symbol = sympy.Symbol(f"{self.intermediate}{len(self._symbols) + 1}", real=True)
+            self.definitions[self._number(symbol)] = Polynomial(self, terms)
+            self._symbols[key] = symbol
+        return Polynomial(self, {((self._number(self._symbols[key]), 1),): factor})
 
     def convert(self, expression: sympy.Expr) -> Polynomial:
         """The polynomial of an expression of sympy's."""
@@ -128,7 +158,7 @@ class Algebra:
 
     def _convert(self, e: sympy.Expr) -> Polynomial:
         if isinstance(e, sympy.Rational):
-            return self.constant(Fraction(int(e.p), int(e.q)))
+            return self.constant(int(e.p) if e.q == 1 else Fraction(int(e.p), int(e.q)))
         if isinstance(e, sympy.Float):
             return self.convert(exact(float(e)))
         if isinstance(e, sympy.Add | sympy.Mul):
@@ -145,14 +175,34 @@ class Algebra:
     def evaluated(
         self, polynomials: np.ndarray[Any, Any], values: Mapping[sympy.Symbol, float]
     ) -> np.ndarray[Any, Any]:
-        """Floats of an array of polynomials, with values for all symbols."""
-        atoms = {a for p in polynomials.flat for m in p.terms for a, _ in m}
-        known = {a: float(self.atoms[a].expression.evalf(subs=values)) for a in atoms}
-        found = [
-            math.fsum(float(x) * math.prod(known[a] ** e for a, e in m) for m, x in p.terms.items())
-            for p in polynomials.flat
-        ]
-        return np.array(found).reshape(polynomials.shape)
+        """Floats of an array of polynomials, with values for all symbols but intermediate variables."""
+        known: dict[int, float] = {}
+        at: dict[sympy.Expr, float] = dict(values)
+
+        def value(p: Polynomial) -> float:
+            return math.fsum(float(x) * math.prod(known[a] ** e for a, e in m) for m, x in p.terms.items())
+
+        wanted = self.reached(polynomials.flat)
+        for a in wanted:
+            if a in self.definitions:
+                at[self.atoms[a].expression] = known[a] = value(self.definitions[a])
+            else:
+                known[a] = float(self.atoms[a].expression.evalf(subs=at))
+        return np.array([value(p) for p in polynomials.flat]).reshape(polynomials.shape)
+
+    def reached(self, polynomials: Iterable[Polynomial]) -> list[int]:
+        """The atoms that polynomials are made of, those of intermediate variables included, each after those it needs."""
+        found: set[int] = set()
+        left = {a for p in polynomials for m in p.terms for a, _ in m}
+        while left:
+            found |= left
+            needed = set()
+            for a in left:
+                inner = self.definitions[a].terms if a in self.definitions else {}
+                needed |= {b for m in inner for b, _ in m}
+                needed |= {self._known[x] for x in self.atoms[a].expression.free_symbols if x in self._known}
+            left = needed - found
+        return sorted(found)
 
     def rule(self, atom: int, exponent: int) -> Polynomial | None:
         """What a power of an atom is replaced by, or None."""
@@ -176,7 +226,7 @@ class Algebra:
         """The terms of a product."""
         self.made += len(a) * len(b)
         if self.most_products is not None and self.made > self.most_products:
-            raise TooLargeError(f"more than about {self.most_products / PER_TERM:.0e} terms")
+            raise TooManyProductsError
         total: Terms = {}
         for m, x in a.items():
             for n, y in b.items():
@@ -185,7 +235,7 @@ class Algebra:
 
     def _monomial(self, m: Monomial, n: Monomial) -> Terms:
         if not m or not n:
-            return {m or n: Fraction(1)}
+            return {m or n: 1}
         exponents = dict(m)
         for atom, e in n:
             exponents[atom] = exponents.get(atom, 0) + e
@@ -197,7 +247,7 @@ class Algebra:
                     left.append((atom, e))
                 else:
                     replaced.append(by)
-        result: Terms = {tuple(left): Fraction(1)}
+        result: Terms = {tuple(left): 1}
         for by in replaced:
             result = self.product(result, by.terms)
         return result
@@ -206,6 +256,8 @@ class Algebra:
         """1/p: of a sum, after taking out common factors, by an atom."""
         if not p.terms:
             raise ZeroDivisionError("division by an expression that is zero")
+        if self.intermediate:
+            p = self.named(p, 1)
         common: dict[int, int] = dict(next(iter(p.terms)))
         for m in p.terms:
             powers = dict(m)
@@ -220,12 +272,12 @@ class Algebra:
         if len(p.terms) == 1:
             return inverse
         rest = p * inverse
-        return inverse * Polynomial(self, {((self._number(rest.expression), -1),): Fraction(1)})
+        return inverse * Polynomial(self, {((self._number(rest.expression), -1),): 1})
 
 
-def _add(total: Terms, terms: Mapping[Monomial, Fraction], factor: Fraction) -> None:
+def _add(total: Terms, terms: Terms, factor: Rational) -> None:
     for m, x in terms.items():
-        total[m] = total.get(m, Fraction(0)) + x * factor
+        total[m] = total.get(m, 0) + x * factor
 
 
 class Polynomial:
@@ -240,7 +292,7 @@ class Polynomial:
         if isinstance(other, Polynomial):
             return other
         if isinstance(other, int | float | Fraction):
-            return self.algebra.constant(Fraction(other))
+            return self.algebra.constant(other if isinstance(other, int) else Fraction(other))
         return None
 
     def __add__(self, other: Any) -> Polynomial:
@@ -250,8 +302,9 @@ class Polynomial:
         if not self.terms or not b.terms:
             return b if not self.terms else self
         total = dict(self.terms)
-        _add(total, b.terms, Fraction(1))
-        return Polynomial(self.algebra, {m: x for m, x in total.items() if x})
+        _add(total, b.terms, 1)
+        found = Polynomial(self.algebra, {m: x for m, x in total.items() if x})
+        return self.algebra.named(found, LONGEST_SUM) if self.algebra.intermediate else found
 
     __radd__ = __add__
 
@@ -271,7 +324,10 @@ class Polynomial:
             return NotImplemented
         if not self.terms or not b.terms:
             return self if not self.terms else b
-        return Polynomial(self.algebra, self.algebra.product(self.terms, b.terms))
+        a = self
+        if self.algebra.intermediate and not (a.is_constant or b.is_constant):
+            a, b = (self.algebra.named(x, LONGEST_FACTOR) for x in (a, b))
+        return Polynomial(self.algebra, self.algebra.product(a.terms, b.terms))
 
     __rmul__ = __mul__
 
@@ -322,6 +378,11 @@ class Polynomial:
     def is_constant(self) -> bool:
         """Whether it is a rational number."""
         return not self.terms.keys() - {()}
+
+    @property
+    def short(self) -> sympy.Expr:
+        """The expression; with intermediate variables, a symbol for a long sum."""
+        return self.algebra.named(self, LONGEST_FACTOR).expression if self.algebra.intermediate else self.expression
 
     @property
     def expression(self) -> sympy.Expr:

@@ -8,9 +8,12 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+import sympy
+
 from ..model.members import joint_coordinates
 from ..model.model import GROUND, Model
-from .errors import TooLargeError
+from .errors import TooManyProductsError
+from .polynomials import Polynomial
 from .system import SymbolicEngine
 
 SURE = 3
@@ -20,21 +23,29 @@ PRODUCTS = 60_000
 """Products of terms that an estimate may take."""
 
 
-def expected_terms(model: Model, parameters: Mapping[str, Any]) -> float:
+FIRST, GROWTH = 8, 5 / 3
+"""Bodies on a path that are computed with intermediate variables; on longer ones, terms grow with this power of their number."""
+
+
+def expected_terms(model: Model, parameters: Mapping[str, Any], intermediates: bool = False) -> float:
     """About how many terms mass matrix and right side have, without loops and force elements.
 
     The first few bodies of the longest path from the ground are computed. Each further body multiplies the number of terms, by
     a factor that decreases from body to body as it did before, but half as quickly. Zero for models that are small.
     """
     path = longest_path(model)
-    if len(path) <= SURE:
+    if len(path) <= (FIRST if intermediates else SURE):
         return 0.0
+    if intermediates:
+        engine = SymbolicEngine(_beginning(model, path[:FIRST]), parameters, None, True)
+        entries = [*engine.mass.flat, *engine.right_side.flat, *engine.symbolic.algebra.definitions.values()]
+        return sum(len(x.terms) for x in entries) * (len(path) / FIRST) ** GROWTH * len(model.bodies) / len(path)
     counts: list[int] = []
     for length in range(1, len(path) + 1):
         engine = SymbolicEngine(_beginning(model, path[:length]), parameters, PRODUCTS)
         try:
             counts.append(sum(len(x.terms) for of in (engine.mass, engine.right_side) for x in of.flat))
-        except TooLargeError:
+        except TooManyProductsError:
             break
     if len(counts) == len(path):
         return float(counts[-1] * len(model.bodies) / len(path))
@@ -47,6 +58,49 @@ def expected_terms(model: Model, parameters: Mapping[str, Any]) -> float:
         factor = max(factor * decrease, 1.0)
         terms *= factor
     return terms * len(model.bodies) / len(path)
+
+
+def most_terms(model: Model, parameters: Mapping[str, Any]) -> float:
+    """A bound of the number of terms with multipliers, from the equations with intermediate variables.
+
+    A product has at most as many terms as its factors multiplied, and a polynomial at most as many as there are monomials of
+    its degrees.
+    """
+    engine = SymbolicEngine(model, parameters, None, True)
+    entries = [*engine.mass.flat, *engine.right_side.flat]
+    if model.loops:
+        entries += [x for of in (engine.constraints.jacobian, engine.constraints.remainder) for x in of.flat]
+    algebra, known = engine.symbolic.algebra, dict[int, tuple[float, Degrees]]()
+
+    def of(p: Polynomial) -> tuple[float, Degrees]:
+        total, degrees = 0.0, Degrees()
+        for monomial in p.terms:
+            count, own = 1.0, Degrees()
+            for a, e in monomial:
+                inner, powers = known.get(a) or (1.0, {_variable(algebra.atoms[a].expression): 1})
+                count *= inner ** max(e, 1)
+                for variable, degree in powers.items():
+                    own[variable] = own.get(variable, 0) + degree * abs(e)
+            total += count
+            degrees = {v: max(own.get(v, 0), degrees.get(v, 0)) for v in own | degrees}
+        monomials = (
+            2.0 * d + 1 if v.is_Function else d + 1.0 for v, d in degrees.items()
+        )  # sines to the first power at most
+        return min(total, math.prod(monomials)), degrees
+
+    for a, value in algebra.definitions.items():
+        if a not in algebra.factored:
+            known[a] = of(value)
+    return sum(of(x)[0] for x in entries)
+
+
+Degrees = dict[sympy.Basic, int]
+"""Of a polynomial in each variable."""
+
+
+def _variable(atom: sympy.Expr) -> sympy.Expr:
+    """A sine and a cosine of one angle are one variable."""
+    return sympy.cos(atom.args[0]) if isinstance(atom, sympy.sin) else atom
 
 
 def longest_path(model: Model) -> list[int]:
@@ -67,4 +121,4 @@ def _beginning(model: Model, path: list[int]) -> Model:
     )  # fmt: skip
 
 
-__all__ = ["expected_terms", "longest_path"]
+__all__ = ["expected_terms", "longest_path", "most_terms"]

@@ -36,6 +36,15 @@ def symbols_of(names: Sequence[str], prefix: str = "") -> tuple[sympy.Symbol, ..
     return tuple(sympy.Symbol(f"{prefix}{name}", real=True) for name in names)
 
 
+def _unused_prefix(model: Model, parameters: Mapping[str, Any]) -> str:
+    """Of the names of intermediate variables: one that no symbol of the model begins with."""
+    values = [s.name for x in parameters.values() for s in getattr(x, "free_symbols", ())]
+    prefix, names = "z", (*model.parameter_names, *model.inputs, *values)
+    while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in names):
+        prefix += "z"
+    return prefix
+
+
 @dataclass
 class Constraints:
     """The conditions of closed loops that count, over all speeds of the tree.
@@ -66,11 +75,21 @@ class SymbolicEngine(RecursiveEngine):
     parameters : mapping of str to number or sympy.Expr
         Values of parameters that shall not be symbols.
     most_products : int, optional
-        Products of terms; more raise `TooLargeError`.
+        Products of terms; more raise `TooManyProductsError`.
+    intermediates : bool, optional
+        Long sums become intermediate variables.
     """
 
-    def __init__(self, model: Model, parameters: Mapping[str, Any], most_products: int | None = None) -> None:
-        self.symbolic = SymbolicArithmetic(most_products)
+    def __init__(
+        self,
+        model: Model,
+        parameters: Mapping[str, Any],
+        most_products: int | None = None,
+        intermediates: bool = False,
+    ) -> None:
+        self.intermediates = intermediates
+        prefix = _unused_prefix(model, parameters) if intermediates else ""
+        self.symbolic = SymbolicArithmetic(most_products, prefix)
         super().__init__(model, self.symbolic)
         self.lengths = (1,) * len(self.model.loops)
         self.q = symbols_of(self.given.coordinate_names, "q.")
@@ -238,11 +257,12 @@ class SymbolicEngine(RecursiveEngine):
         for ear in self.partition.ears:
             D, rows = list(ear.dependent), list(range(first, first + len(ear.dependent)))
             first += len(D)
-            inverse = self._inverse_of(known.jacobian[np.ix_(rows, D)])
-            J = known.jacobian[rows].copy()
+            A, J = known.jacobian[np.ix_(rows, D)], known.jacobian[rows].copy()
             J[:, D] = 0 * J[:, D]
-            motion[D] = -(inverse @ (J @ motion))
-            besides[D] = -(inverse @ (known.remainder[rows] + J @ besides))
+            right = np.concatenate([J @ motion, known.remainder[rows] + J @ besides], axis=1)
+            large = self.intermediates and len(D) > LARGEST_INVERSE
+            found = -(orthogonal_solution(A, right) if large else self._inverse_of(A) @ right)
+            motion[D], besides[D] = found[:, :-1], found[:, -1:]
         return motion, besides
 
     @property
@@ -267,9 +287,9 @@ class SymbolicEngine(RecursiveEngine):
         if not n:
             return A
         every = tuple(range(n))
-        expected = n * _Minors(np.array([[len(x.terms) for x in line] for line in A], dtype=object), 1).of(every, every)
+        expected = n * _Minors(np.array([[len(x.terms) for x in line] for line in A], dtype=float), 1).of(every, every)
         if self.symbolic.algebra.most_products is not None and expected > MOST_TERMS:
-            raise TooLargeError(f"about {float(expected):.0e} terms in the embedded form")
+            raise TooLargeError(f"about {expected:.0e} terms in the embedded form")
         minors = _Minors(A)
         determinant = minors.of(every, every)
         share = self.symbolic.algebra.reciprocal(determinant)
@@ -279,6 +299,31 @@ class SymbolicEngine(RecursiveEngine):
                 rows, columns = (tuple(k for k in range(n) if k != x) for x in (j, i))
                 inverse[i, j] = minors.of(rows, columns) * (-1) ** (i + j) * share
         return inverse
+
+
+LARGEST_INVERSE = 3
+"""With intermediate variables, larger matrices are made orthogonal column by column."""
+
+
+def orthogonal_solution(A: Array, B: Array) -> Array:
+    """X of A X = B, (n, c), for a regular A (n, n).
+
+    The columns of A are made orthogonal one after another, as in the paper's elimination of loops, and B with them. No pivot is
+    zero in any state where A is regular, so none has to be chosen.
+    """
+    A, B, n = A.copy(), B.copy(), len(A)
+    R, X = np.zeros((n, n), dtype=object), np.zeros(B.shape, dtype=object)
+    for j in range(n):
+        a = A[:, j]
+        share = 1 / (a @ a)
+        for k in range(j + 1, n):
+            R[j, k] = a @ A[:, k] * share
+            A[:, k] = A[:, k] - a * R[j, k]
+        X[j] = a @ B * share
+        B = B - np.outer(a, X[j])
+    for j in reversed(range(n)):
+        X[j] = X[j] - R[j, j + 1 :] @ X[j + 1 :]
+    return X
 
 
 class _Minors:

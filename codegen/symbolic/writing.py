@@ -8,6 +8,7 @@ import sympy
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
+from .entries import LONGEST
 from .motion import Equations
 from .names import identifiers, latex_name
 
@@ -52,6 +53,7 @@ def as_text(found: Equations) -> str:
     """The equations in sympy's words, one entry a line."""
     lines = [f"{found.name}: {', '.join(LAWS[found.form])}"]
     lines += [f"{name} = ({', '.join(s.name for s in of)})" for name, of in vectors(found).items()]
+    lines += [f"{s.name} = {value}" for s, value in found.intermediates.items()]
     for name in found.matrices:
         for i, j, value in entries(found, name):
             place = f"{i + 1}, {j + 1}" if found.matrices[name].cols > 1 or name in ("M", "J", "S") else f"{i + 1}"
@@ -78,7 +80,7 @@ def latex_names(*of: object) -> dict[sympy.Symbol, str]:
 
 def as_latex(found: Equations) -> str:
     """The equations in LaTeX, for a document with the package amsmath."""
-    names = latex_names(*found.matrices.values(), *found.outputs.values())
+    names = latex_names(*found.matrices.values(), *found.outputs.values(), *found.intermediates.values())
     lines = [f"% equations of motion of {found.name}, form {found.form}"]
     lines += ["\\begin{gather*}", " \\\\\n".join(LATEX_LAWS[found.form]), "\\end{gather*}"]
     for name, of in vectors(found).items():
@@ -86,6 +88,7 @@ def as_latex(found: Equations) -> str:
             letter = {"multipliers": "\\lambda"}.get(name, name)
             column = " \\\\ ".join(latex_name(s.name) for s in of)
             lines.append(f"\\[ {letter} = \\begin{{bmatrix}} {column} \\end{{bmatrix}} \\]")
+    lines += [_broken(names[s], value, names) for s, value in found.intermediates.items()]
     for name, of in found.matrices.items():
         letter = LETTERS[name]
         if is_small(of):
@@ -119,6 +122,11 @@ class _PythonPrinter(StrPrinter):
     def _print_Symbol(self, expr: sympy.Symbol) -> str:
         return self._names.get(expr, expr.name)
 
+    def _print_Add(self, expr: sympy.Add, order: str | None = None) -> str:
+        if len(expr.args) <= LONGEST:
+            return str(super()._print_Add(expr, order))
+        return f"Add({', '.join(map(self._print, expr.args))})"
+
     def _print_Rational(self, expr: sympy.Rational) -> str:
         return f"Rational({expr.p}, {expr.q})"
 
@@ -126,7 +134,7 @@ class _PythonPrinter(StrPrinter):
 def as_sympy(found: Equations) -> str:
     """A module of Python that makes the same matrices with sympy alone."""
     of = {name: s for name, s in vectors(found).items() if name != "u_i"}
-    every = [*(s for symbols in of.values() for s in symbols), *found.udot, found.t]
+    every = [*(s for symbols in of.values() for s in symbols), *found.udot, found.t, *found.intermediates]
     names = identifiers(every, taken=[*dir(sympy), *MODULE, *found.matrices])
     printer = _PythonPrinter(names)
     lines = [f'"""Equations of motion of {found.name}: {", ".join(LAWS[found.form])}."""', "",
@@ -135,6 +143,9 @@ def as_sympy(found: Equations) -> str:
     for name, symbols in {**of, "udot": found.udot, "independent": found.independent}.items():
         lines.append(f"{name} = ({', '.join(names[s] for s in symbols)}{',' * (len(symbols) == 1)})")
     lines.append(f"t = {names[found.t]}")
+    if found.intermediates:
+        pairs = [f"    ({names[s]}, {printer.doprint(value)}),\n" for s, value in found.intermediates.items()]
+        lines.append(f"intermediates = [\n{''.join(pairs)}]")
     for name, matrix in found.matrices.items():
         rows = [f"    [{', '.join(printer.doprint(x) for x in matrix[i, :])}],\n" for i in range(matrix.rows)]
         lines.append(
@@ -147,7 +158,8 @@ def as_sympy(found: Equations) -> str:
     return "\n".join(lines) + "\n"
 
 
-MODULE = ("q", "u", "udot", "independent", "multipliers", "parameters", "inputs", "t", "defaults", "outputs")
+MODULE = ("q", "u", "udot", "independent", "multipliers", "parameters", "inputs", "t", "defaults", "outputs",
+          "intermediates")  # fmt: skip
 """Names that a module of `as_sympy` has beside those of matrices."""
 
 __all__ = ["as_latex", "as_sympy", "as_text", "entries"]

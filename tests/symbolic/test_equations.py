@@ -2,16 +2,18 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy
+from equation_agreement import Agreement, accelerations, difference
 
 import codegen
 from codegen.model import Model
 from codegen.model.errors import ModelError
-from codegen.symbolic import Equations, SymbolicError, TooLargeError, equations
+from codegen.symbolic import Equations, SymbolicError, TooLargeError, equations, motion
 from codegen.symbolic.pages import equations_page
 from codegen.symbolic.writing import as_latex, as_sympy, as_text
 
@@ -94,23 +96,7 @@ def read(name: str) -> Model:
     return codegen.parse_model(SMALL[name], name) if name in SMALL else codegen.load_model(EXAMPLES / f"{name}.yaml")
 
 
-def difference(x, y) -> float:
-    x, y = np.asarray(x), np.asarray(y)
-    assert x.shape == y.shape
-    return float(np.abs(x - y).max(initial=0) / max(1.0, np.abs(y).max(initial=0)))
-
-
-def accelerations(found: Equations, numbers: dict) -> np.ndarray:
-    """udot from the matrices, as the form says."""
-    if found.form == "tree":
-        return np.linalg.solve(numbers["M"], numbers["forcing"])[:, 0]
-    if found.form == "embedded":
-        return (numbers["S"] @ np.linalg.solve(numbers["M"], numbers["forcing"]) + numbers["remainder"])[:, 0]
-    J = numbers["J"]
-    A = np.block([[numbers["M"], J.T], [J, np.zeros((len(J), len(J)))]])
-    return np.linalg.solve(A, np.concatenate([numbers["forcing"], -numbers["rate"]]))[: len(numbers["M"]), 0]
-
-
+@pytest.mark.parametrize("intermediates", [False, True], ids=["expanded", "intermediates"])
 @pytest.mark.parametrize(
     ("name", "form"),
     [
@@ -119,35 +105,34 @@ def accelerations(found: Equations, numbers: dict) -> np.ndarray:
         ("elements", "tree"), ("coupled", "multipliers"), ("coupled", "embedded"),
     ],
 )  # fmt: skip
-def test_equations_are_those_of_the_solver(name, form, tmp_path):
+def test_equations_are_those_of_the_solver(name, form, intermediates, tmp_path):
     model = read(name)
-    found = equations(model, form=form)
-    codegen.generate(model, tmp_path / "made", target="numpy", compile=False, check=False)
-    solver = codegen.load(tmp_path / "made")
-    evaluate, rng = found.lambdify(), np.random.default_rng(len(name))
+    check(model, equations(model, form=form, intermediates=intermediates), tmp_path)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("form", ["multipliers", "embedded"])
+@pytest.mark.parametrize("name", ["stewart", "planar_3rrr", "bricard", "double_wishbone", "ladder", "hooke_ladder"])
+def test_equations_of_large_mechanisms_are_those_of_the_solver(name, form, tmp_path):
+    model = read(name)
+    check(model, equations(model, form=form, intermediates=True), tmp_path)
+
+
+def check(model: Model, found: Equations, folder: Path) -> None:
+    """At five states that close the loops."""
+    codegen.generate(model, folder / "made", target="numpy", compile=False, check=False)
+    solver = codegen.load(folder / "made")
+    agreement, rng = Agreement(model, solver, found), np.random.default_rng(len(model.name))
     for _ in range(5):
-        p = solver.parameters * rng.uniform(0.95, 1.05, len(solver.parameters))
+        p = solver.parameters * rng.uniform(0.98, 1.02, len(solver.parameters))
         inputs, t = rng.normal(size=len(model.inputs)), rng.uniform()
         q, u = solver.initial
-        q, u = q + rng.normal(size=len(q)) * 0.1, rng.normal(size=len(u))
-        q, u = solver.assemble(q, u, p, inputs, t)
-        numbers = evaluate(q, u, p, inputs, t)
-        assert difference(accelerations(found, numbers), solver.accelerations(q, u, p, inputs, t)) < 1e-12
-        assert difference(numbers["qdot"][:, 0], solver.coordinate_rates(q, u, p, inputs, t)) < 1e-12
-        if form != "multipliers":
-            assert difference(numbers["M"], solver.mass_matrix(q, p, inputs, t)) < 1e-12
-        else:
-            drift = numbers.get("drift", np.zeros((len(found.constraints), 1)))[:, 0]
-            assert difference(numbers["J"] @ u + drift, 0 * drift) < 1e-12
-            assert difference(numbers["position"], np.zeros((len(found.constraints), 1))) < 1e-12
-        if form == "embedded":
-            chosen = [u[found.u.index(s)] for s in found.independent]
-            given = numbers.get("s", np.zeros((len(u), 1)))[:, 0]
-            assert difference(numbers["S"] @ chosen + given, u) < 1e-12
-        values = dict(zip((*found.q, *found.u, *found.parameters, *found.inputs), [*q, *u, *p, *inputs], strict=True))
-        values |= dict(zip(found.udot, solver.accelerations(q, u, p, inputs, t), strict=True)) | {found.t: t}
-        of_outputs = [float(e.subs(values)) for e in found.outputs.values()]
-        assert difference(of_outputs, solver.outputs(q, u, p, inputs, t)[: len(of_outputs)]) < 1e-12
+        q, u = q + rng.normal(size=len(q)) * 0.03, rng.normal(size=len(u))
+        state = (*solver.assemble(q, u, p, inputs, t), p, inputs, t)
+        udot = accelerations(found, agreement.evaluate(*state))
+        assert difference(udot, solver.accelerations(*state)) < 1e-12
+        errors = agreement.errors(state)
+        assert max(errors.values()) < 1e-12, errors
     assert not found.outputs.refused
 
 
@@ -186,8 +171,38 @@ def test_large_equations_are_refused_with_their_expected_size():
         chain += f"  link_{k}: {{parent: {parent}, joint: {joint}, mass: mass, com: [0, 0.1, -length]}}\n"
     with pytest.raises(TooLargeError, match=r"the equations of chain have about \de\+\d\d terms; allowed are 20000"):
         equations(codegen.parse_model(chain, "chain"))
-    with pytest.raises(TooLargeError, match=r"have about \de\+\d\d terms in the embedded form; .*force=True"):
+    small = r"intermediates=True, --intermediates\), which give \d+ terms, give numbers .*force=True, --force-size"
+    with pytest.raises(TooLargeError, match=r"have about \de\+\d\d terms in the embedded form; .*" + small):
         equations(read("planar_3rrr"), form="embedded")
+
+
+def test_equations_are_refused_once_they_take_too_many_products(monkeypatch):
+    monkeypatch.setattr(motion, "MOST_PRODUCTS", 3000)
+    with pytest.raises(TooLargeError, match=r"have up to [1-9]e\+0\d terms; allowed are 20000"):
+        equations(read("four_bar"))
+    assert equations(read("four_bar"), force=True).terms > 200
+
+
+def test_long_sums_are_computed_in_parts():
+    """The compiler of Python does not take a thousand operators in a row."""
+    x, k = sympy.symbols("length k", real=True)
+    long = sympy.Add(*(n * x ** (n % 7) * sympy.cos(n * k) for n in range(2000)))
+    found = replace(
+        equations(read("pendulum"), parameters="values"), parameters=(x, k), forcing=sympy.Matrix([x * (long + 1)]),
+        defaults={k: 1, x: 2},
+    )  # fmt: skip
+    expected = 2 * (1 + sum(n * 2 ** (n % 7) * np.cos(n) for n in range(2000)))
+    assert found.lambdify()([0.1], [0.0])["forcing"][0, 0] == pytest.approx(expected, rel=1e-12)
+    made: dict = {}
+    exec(as_sympy(found), made)
+    assert made["forcing"] == found.forcing
+
+
+def test_names_of_intermediates_are_no_names_of_the_model():
+    text = TOP.replace("height", "z1").replace("across", "zz2")
+    found = equations(codegen.parse_model(text, "top"), intermediates=True)
+    assert {"z1", "zz2"} <= {s.name for s in found.parameters} and next(iter(found.intermediates)).name == "zzz1"
+    assert found.symbol("zzz1") in found.subs({"z1": 0.1}).intermediates
 
 
 def test_a_module_of_sympy_makes_the_same_matrices(tmp_path):
@@ -208,10 +223,18 @@ def test_a_module_of_sympy_makes_the_same_matrices(tmp_path):
     exec(compile(file.read_text(), str(file), "exec"), made)
     for name, matrix in found.matrices.items():
         assert made[name] == matrix, name
+    shorter: dict = {}
+    of_z = equations(read("four_bar"), form="embedded", intermediates=True)
+    exec(as_sympy(of_z), shorter)
+    assert shorter["intermediates"] == list(of_z.intermediates.items()) and shorter["M"] == of_z.M
     assert made["defaults"] == found.defaults and made["outputs"] == dict(found.outputs)
     file.write_text("mine")
     refused = subprocess.run([*command, "-o", str(file)], check=False, capture_output=True, text=True)
-    assert refused.returncode == 2 and "ordernm did not write it" in refused.stderr and file.read_text() == "mine"
+    assert (
+        refused.returncode == 2
+        and "ordernm did not write it; give another name, or --force-file" in refused.stderr
+        and file.read_text() == "mine"
+    )
 
 
 def test_generating_imports_no_sympy(tmp_path):

@@ -1,0 +1,64 @@
+"""Entries of matrices: their size, the intermediate variables that they need, and the steps in which numbers are computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import sympy
+
+from .polynomials import Polynomial
+
+LONGEST = 400
+"""A sum of more terms is computed in parts: compilers limit how deep operators are nested."""
+
+LARGEST = 2**53
+"""Whole numbers up to this one are exact as floats."""
+
+
+def needed(
+    of: Iterable[sympy.Basic], definitions: Sequence[tuple[sympy.Symbol, sympy.Expr | Polynomial]]
+) -> dict[sympy.Symbol, sympy.Expr]:
+    """The intermediate variables that expressions and matrices need, in their order."""
+    needed, found = {s for e in of for s in e.free_symbols}, {}
+    for symbol, value in reversed(definitions):
+        if symbol in needed:
+            found[symbol] = value.expression if isinstance(value, Polynomial) else value
+            needed |= found[symbol].free_symbols
+    return dict(reversed(found.items()))
+
+
+def count(e: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
+    """Terms of an expression: of a product those of its factors that are sums."""
+    if e not in known:
+        inner = [count(x, known) for x in e.args]
+        known[e] = sum(inner) if e.is_Add else sum(n for n in inner if n > 1) or 1
+    return known[e]
+
+
+def floats(e: sympy.Expr) -> sympy.Expr:
+    """An expression whose exact numbers are within the range of machine integers: the others become floats."""
+    large = {x: sympy.Float(x, 17) for x in e.atoms(sympy.Rational) if max(abs(x.p), x.q) > LARGEST}
+    return e.xreplace(large) if large else e
+
+
+def steps(inner: dict[sympy.Symbol, sympy.Expr], cse: bool, entries: Any) -> tuple[list[Any], Any]:
+    """Definitions that come first, and entries that use them: `inner` or common subexpressions, and parts of long sums."""
+    before, entries = sympy.cse(entries, list=False) if cse and not inner else (list(inner.items()), entries)
+    found: list[Any] = []
+
+    def short(e: Any) -> Any:
+        if isinstance(e, list):
+            return [short(x) for x in e]
+        if not any(len(x.args) > LONGEST for x in e.atoms(sympy.Add)):
+            return e
+        args = [short(x) for x in e.args]
+        while e.is_Add and len(args) > LONGEST:
+            parts = [sympy.Add(*args[k : k + LONGEST]) for k in range(0, len(args), LONGEST)]
+            args = [sympy.Dummy("part") for _ in parts]
+            found.extend(zip(args, parts, strict=True))
+        return e.func(*args)
+
+    for symbol, value in before:
+        found.append((symbol, short(value)))
+    return found, short(entries)
