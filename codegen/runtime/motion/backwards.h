@@ -1,29 +1,29 @@
-/* What the files of the way back share: a step of a method, and one state, with the transposes of the generated functions. */
+/* Shared by the files of the adjoint: a step of a method, and one state, with the transposes of the generated functions. */
 #ifndef ORDERNM_BACKWARDS_H
 #define ORDERNM_BACKWARDS_H
 
 #include "inside.h"
 
 struct ordernm_adjoint {
-    ordernm_problem problem;          /* the motion's, without directions */
+    ordernm_problem problem;          /* the motion's problem without directions */
     ordernm_results none;
     ordernm_gradients *gradients;
     ordernm_motion *motion;
-    int width, index, ngroups;        /* functionals, so many at a time */
-    int n;                            /* entries that are integrated and differentiated */
-    long *sampled, behind;            /* times that are left: of each group, of all behind jumps */
-    long timed;                       /* the one of the latter that the next switch backwards makes; -1 for none */
+    int width, index, ngroups;        /* functionals per group, and number of groups */
+    int n;                            /* number of integrated entries with derivatives */
+    long *sampled, behind;            /* remaining times: of each group, and after jumps */
+    long timed;                       /* index of the time after a jump that the next switch determines; -1 for none */
     scalar *lambda;                   /* [ngroups][n][width] */
     scalar *kappa[MOST_STAGES], *nu;  /* [n][width] */
-    scalar *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with loops closed */
+    scalar *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with closed loops */
     scalar *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
     void *of_stages;                  /* of an implicit method, for its equations */
-    int has_next;                     /* there is a step behind, which begins ... */
-    scalar next_t, *next, *next_modes;/* ... then, in that state, with these modes */
+    int has_next;                     /* a later step exists, which starts ... */
+    scalar next_t, *next, *next_modes;/* ... at this time, in this state, with these modes */
     scalar *p, *inputs;               /* [ngroups][np][width], [ngroups][count][ninputs][width] */
 };
 
-/* Whether a group has weights at times within this step, its end included. */
+/* Whether a group has weights at times within this step, including its end. */
 static inline int ordernm_samples_left(const ordernm_adjoint *a, int n)
 {
     const long left = a->sampled[n];
@@ -42,7 +42,7 @@ static inline void ordernm_accumulate(scalar *to, scalar factor, const scalar *o
     for (long i = 0; i < n; ++i) to[i] += factor*of[i];
 }
 
-/* transposes.c; each returns what a function returned */
+/* transposes.c; each returns the status of a function */
 int ordernm_rates_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu);
 int ordernm_integrals_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu);
 int ordernm_sample_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *nu);

@@ -1,8 +1,8 @@
-/* Coefficients of explicit Runge-Kutta methods. A row of a table says which of the earlier stages a stage is a sum of, and
- * how: stage[i] = z + h*sum(factor*rate[which]). The row of number `end` is the state at the end of the step. */
+/* Coefficients of explicit Runge-Kutta methods. Each row of a table defines a stage as a sum over earlier stages: stage[i] = z +
+ * h*sum(factor*rate[which]). The row with the number `end` is the state at the end of the step. */
 
-/* E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, section II.10:
- * DOP853, order 8 with errors of orders 5 and 3, and three stages more for an interpolant of order 7. */
+/* E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, section II.10: DOP853, order
+ * 8 with error estimates of orders 5 and 3, and three more stages for an interpolant of order 7. */
 static const row dop853_rows[16] = {
     {0, {0}, {0.0}},
     {1, {0},
@@ -73,7 +73,7 @@ static const scalar dop853_dense[4][16] = {
      96.32455395918828, -39.17726167561544, -149.72683625798564},
 };
 
-/* The classical method of order 4. Its interpolant is Hermite's, of order 3. */
+/* The classical method of order 4, with Hermite's interpolant of order 3. */
 static const row rk4_rows[5] = {
     {0, {0}, {0.0}},
     {1, {0}, {0.5}},

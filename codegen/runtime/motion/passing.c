@@ -4,21 +4,21 @@
  *
  *     S+ = S- + (f- - f+) dt,  dt = -(g_z S- + g_p)/g',  g' = g_z f- + g_t,
  *
- * with f- and f+ the rates before and after. Of several switches at one time each is passed so, one after another. */
+ * with the rates f- and f+ before and after. Simultaneous switches are passed in this way one after another. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* A switching function that changes at less than this part of its pace in the step touches zero only. */
+/* Rate of a switching function, relative to its average in the step, below which it only touches zero. */
 static const scalar GRAZING = 1e-9;
 
-/* In parts of the motion's time: switches that are passed within the first accumulate, one that is passed twice within the other has
- * rounding only to thank for it. */
+/* Fractions of the motion's duration: switches passed within the first accumulate; if a switch is passed twice within the second, the
+ * cause is rounding. */
 static const scalar ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
 
-/* Counts switches with a jump that are passed, again and again in a time that is nothing beside the motion's. Kinks do not accumulate
- * by themselves: a motion that passes many of them in no time has a cause elsewhere, such as speeds that grow beyond all bounds. */
+/* Counts switches with a jump that are passed repeatedly in a time that is negligible for the motion. Kinks are not counted, because they
+ * do not accumulate by themselves; frequent kinks have another cause, such as unbounded speeds. */
 static void count(ordernm_motion *m, int k)
 {
     if (m->passed == 0 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) {
@@ -29,9 +29,9 @@ static void count(ordernm_motion *m, int k)
     m->last_passed = k;
 }
 
-/* Changes the mode of a switch whose function is zero at a state z. `before` holds the rates in front of it, `after` becomes those
- * behind it, and derivatives along directions in z become those behind it. With `follows`, switches other than those in m->crossed take
- * the modes of their functions. Returns what a function returned. */
+/* Changes the mode of a switch whose function is zero at a state z. `before` are the rates before it; `after`, and derivatives along
+ * directions in z, receive the values after it. With `follows`, switches other than those in m->crossed take the modes of their
+ * functions. Returns the status of a function. */
 static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int follows, scalar *speed)
 {
     const long n = m->ny + m->nx;
@@ -53,7 +53,7 @@ static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scala
     return 0;
 }
 
-/* A switch is about to be passed: it joins those that have been passed at the same time, or begins a new row of these. */
+/* Adds a switch to those passed at the same time, or starts a new list of these. */
 static void gather(ordernm_motion *m, int k)
 {
     int joins = m->ntogether && m->t - m->together_since <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
@@ -67,7 +67,7 @@ static void gather(ordernm_motion *m, int k)
     m->together[m->ntogether++] = k;
 }
 
-/* Whether derivatives along a direction, entry `at` of states, differ between two orders of switches, beside how they jump. */
+/* Whether derivatives along a direction, entry `at` of states, differ between two orders of switches, relative to their jumps. */
 static int differ(const ordernm_motion *m, const group *of, int lane, const scalar *other)
 {
     for (long i = 0; i < m->ny + m->nx; ++i) {
@@ -79,9 +79,9 @@ static int differ(const ordernm_motion *m, const group *of, int lane, const scal
     return 0;
 }
 
-/* Several switches have been passed at one time. A disturbed motion passes them one after another, in an order that depends on the
- * disturbance. Along a direction for which the order matters there is no derivative. Three switches are passed in every order, more in
- * all rotations of two orders. Returns what a function returned. */
+/* Several switches are passed at the same time. A perturbed motion passes them one after another, in an order that depends on the
+ * perturbation. There is no derivative along a direction for which the order matters. All orders of up to three switches are compared; of
+ * more switches, the rotations of two orders. Returns the status of a function. */
 static int compare_orders(ordernm_motion *m)
 {
     const int n = m->ntogether, count = m->system->nswitches;
@@ -108,7 +108,7 @@ static int compare_orders(ordernm_motion *m)
     return status;
 }
 
-/* Whether a switch is in an output that an event is of. */
+/* Whether an output with an event depends on a switch. */
 static int times_event(const ordernm_motion *m, int k)
 {
     const ordernm_system *const s = m->system;
@@ -119,7 +119,7 @@ static int times_event(const ordernm_motion *m, int k)
     return 0;
 }
 
-/* Derivatives of the time of a passing, for events of outputs that jump there: NaN where two switches of such outputs disagree. */
+/* Stores derivatives of the time of a switch, for events of outputs that jump there; NaN if two such switches differ. */
 static void note_time(ordernm_motion *m, int k, int *timed)
 {
     if (!times_event(m, k)) return;
@@ -130,7 +130,7 @@ static void note_time(ordernm_motion *m, int k, int *timed)
     *timed = 1;
 }
 
-/* The passed switches must not be pushed back to by the rates behind all of them. */
+/* Whether the rates after all passed switches push back to one of them. */
 static int slides(ordernm_motion *m, const scalar *after)
 {
     for (int k = 0; k < m->system->nswitches; ++k) {
@@ -145,8 +145,8 @@ static int slides(ordernm_motion *m, const scalar *after)
     return 0;
 }
 
-/* At the end of a step, where switching functions of the switches in m->crossed are zero and the rates in rate[0] are those before:
- * modes, and derivatives along directions, become those behind. Returns 0, what a function returned, or SLIDES. */
+/* At the end of a step, where the functions of the switches in m->crossed are zero and rate[0] are the rates before them: updates modes,
+ * rates and derivatives along directions. Returns 0, the status of a function, or SLIDES. */
 int ordernm_pass_switches(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;
@@ -164,9 +164,9 @@ int ordernm_pass_switches(ordernm_motion *m)
         memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
         if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
         note_time(m, k, &timed);
-        if (m->modes[k] == 0.0) --m->ntogether; /* the other one is its time */
+        if (m->modes[k] == 0.0) --m->ntogether; /* the other switch determines its time */
         if (!ordernm_rates_jump(m, before, after)) {
-            if (at_once) m->modes[k] = 0.0; /* rounding goes to and fro across a kink */
+            if (at_once) m->modes[k] = 0.0; /* rounding crosses a kink repeatedly */
             continue;
         }
         count(m, k);
@@ -182,7 +182,7 @@ int ordernm_pass_switches(ordernm_motion *m)
     return m->ngroups ? compare_orders(m) : 0;
 }
 
-/* Whether switches have been passed faster and faster. */
+/* Whether switches are passed faster and faster. */
 int ordernm_accumulates(const ordernm_motion *m)
 {
     if (m->passed < 3 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) return 0;

@@ -1,35 +1,35 @@
-/* Points that a motion passes at which rates may have no value, or no derivative: the zeros of singular functions, such as the
- * denominator of a quotient, or x^2 + y^2 of atan2(y, x). Nothing is wrong with most: sin(x)/x is smooth. So rates, and their derivatives
- * along directions, are looked at on both sides of such a point, and beside it. */
+/* Points of a motion at which rates, or their derivatives, may be undefined: zeros of singular functions, such as the denominator of a
+ * quotient, or x^2 + y^2 for atan2(y, x). Most are harmless: sin(x)/x is smooth. So rates and their derivatives along directions are
+ * evaluated on both sides of such a point, and near it. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* A singular function is looked at in PARTS + 1 places of a step; it is searched where it comes as near to zero, in parts of its largest
- * value, and is zero where it is less than AT_POINT. */
+/* A singular function is evaluated at PARTS + 1 places of a step. A minimum is searched where it is nearer to zero than a fraction of its
+ * largest value; it counts as zero below AT_POINT. */
 enum { PARTS = 4, GOLDEN = 48 };
 static const scalar LEAST_PART = 1e-14;
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEARER = 1e-3, AT_POINT = 1e-9;
 
-/* On each side rates at AWAY distances from the point, in parts of the step, the farthest first; they tend to nothing if their changes do
- * not become less. Near the point what they tend to follows by Aitken's rule, exactly if they differ from it by a power of the distance;
- * farther away by the parabola through them. A direction is lost if both say so: rounding as that of (1 - cos(x))/x^2 is rough near the
- * point, and a square root farther away. */
+/* On each side, rates are evaluated at AWAY distances from the point, relative to the step, the farthest first. They have no limit if
+ * their changes do not decrease. Near the point, the limit follows by Aitken's rule, which is exact for a power of the distance; farther
+ * away, by a parabola. A direction is lost if both show a jump: rounding errors, as in (1 - cos(x))/x^2, disturb the values near the
+ * point, and square roots those farther away. */
 enum { AWAY = 3, SIDES = 2*AWAY, SETS = ORDERNM_SIDES/SIDES };
 static const scalar DISTANCE[SETS][AWAY] = {{1e-2, 1e-3, 1e-4}, {0.27, 0.09, 0.03}};
 static const scalar CONVERGES = 0.8;
 
-/* What rates tend to is known to this part of what is left at the nearest distance. */
+/* Accuracy of limits, relative to the change at the nearest distance. */
 static const scalar BENT = 0.2;
 
-/* A stage as near to the point, in parts of the step, is at it. */
+/* Distance of a stage from the point, relative to the step, below which it is at the point. */
 static const scalar HIT = 1e-12;
 
-/* Rates that differ by less, in parts of their size, are the same; and those whose differences change what is integrated by less. */
+/* Relative difference of rates, and effect of differences on the integrated state, below which rates are equal. */
 static const scalar SAME = 2e-5, ROUNDING = 1e-9;
 
-/* Beside the point, in parts of the distances; changes there become less with the distance, or rates jump. */
+/* Distances from the point, relative to those above; rates jump unless their changes there decrease with the distance. */
 static const scalar BESIDE_POINT[] = {-1.0, -0.4, 0.0, 0.7};
 static const scalar CONTINUOUS = 0.3;
 
@@ -41,7 +41,7 @@ void ordernm_between(const ordernm_motion *m, scalar h, scalar x, scalar *z)
         z[i] = y*y*((1.0 + 2.0*x)*m->z[i] + h*x*first[i]) + x*x*((3.0 - 2.0*x)*m->next[i] - h*y*last[i]);
 }
 
-/* All switching functions at a state in which loops are closed as it has been predicted. */
+/* All switching functions at a state, with the loops as predicted. */
 static int look(ordernm_motion *m, scalar t, const scalar *z, scalar *found)
 {
     ordernm_call c;
@@ -57,12 +57,12 @@ static scalar singular_function(ordernm_motion *m, scalar h, int k, scalar part,
     return look(m, m->t + part*h, m->trial, m->switches) ? NAN : m->switches[k];
 }
 
-/* Where a singular function is zero or nearest to it between two places. */
+/* Position between two places at which a singular function is zero or nearest to zero. */
 static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar high, int exactly, scalar *least)
 {
     static const scalar G = 0.61803398874989485;
     scalar first = singular_function(m, h, k, low, exactly), last = singular_function(m, h, k, high, exactly);
-    if (first*last < 0.0) { /* the Illinois way */
+    if (first*last < 0.0) { /* Illinois method */
         for (int n = 0; n < GOLDEN && high - low > LEAST_PART; ++n) {
             const scalar secant = high - last*(high - low)/(last - first);
             const scalar middle = n%8 == 7 || !(secant > low && secant < high) ? 0.5*(low + high) : secant;
@@ -89,14 +89,14 @@ static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar hig
     return f < g ? one : other;
 }
 
-/* The least value that a parabola through three places has between them, or the least of the three. */
+/* The smallest value of a parabola through three places between them, or the smallest of the three values. */
 static scalar least_between(const scalar *y)
 {
     const scalar slope = 0.5*(y[2] - y[0]), bend = y[2] - 2.0*y[1] + y[0], least = fmin(y[0], fmin(y[1], y[2]));
     return bend > 0.0 && fabs(slope) <= bend ? fmin(least, y[1] - 0.5*slope*slope/bend) : least;
 }
 
-/* Whether a singular function, whose values in the step are y, is zero in it: between which places it may be, and where it is. */
+/* Whether a singular function with the values y is zero in the step; returns the position. */
 static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *part)
 {
     scalar size[PARTS + 1], range = 0.0, least;
@@ -121,7 +121,7 @@ static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *p
     return 0;
 }
 
-/* Finds the next point that the step passes, of singular functions behind `point->which`; whether there is one. */
+/* Finds the next singular point in the step, for functions after `point->which`; returns whether there is one. */
 int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
 {
     const ordernm_system *const s = m->system;
@@ -139,14 +139,14 @@ int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
         for (int i = 0; i <= PARTS; ++i) y[i] = m->singular[i*s->nswitches + k];
         if (!passes(m, step->h, k, y, &found->part)) continue;
         const int first = found->part < AT_END, last = found->part > 1.0 - AT_END;
-        if (first && !m->switched && m->results->accepted) continue; /* the step before has seen it */
+        if (first && !m->switched && m->results->accepted) continue; /* the previous step has found it */
         found->before = !(first && m->switched), found->after = !(last && cut);
         return 1;
     }
     return 0;
 }
 
-/* Looks at rates along all directions, on both sides. Returns what a function returned. */
+/* Evaluates rates along all directions on both sides of the point. Returns the status of a function. */
 int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at)
 {
     m->method->interpolate(m, h, at->part, m->at_point);
@@ -161,7 +161,7 @@ int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at)
     return 0;
 }
 
-/* What a rate tends to on one side of the point; `open` is how far apart the two nearest are, where they tend to nothing. */
+/* The limit of a rate on one side of the point; `open` is the difference of the two nearest values if there is no limit. */
 static scalar limit(scalar *const *sides, int set, long n, scalar *open)
 {
     const scalar last = sides[2][n], before = sides[1][n] - sides[0][n], change = last - sides[1][n];
@@ -177,8 +177,8 @@ static scalar rate_at_point(const ordernm_motion *m, const point *at, int set, l
     return at->before && at->after ? 0.5*(one + other) : one + other;
 }
 
-/* Whether a rate tends to nothing at the point, or to something else on its other side, or is something else at a stage that is at it, where
- * formulas may give anything; and by more than what is integrated allows: its rounding, and for derivatives the errors of steps. */
+/* Whether a rate has no limit at the point, different limits on its two sides, or another value at a stage at the point, where formulas
+ * may give anything. Differences must exceed rounding errors and, for derivatives, the errors of steps. */
 static int is_rough_in(const ordernm_motion *m, int set, scalar h, const point *at, long n, scalar allowed)
 {
     scalar *const *const sides = m->sides + set*SIDES;
@@ -197,12 +197,12 @@ static int is_rough_in(const ordernm_motion *m, int set, scalar h, const point *
         size = fmax(size, fmax(fabs(sides[k*AWAY][n]), fabs(ends[k])));
         bend = fmax(bend, fabs(sides[k*AWAY + AWAY - 1][n] - ends[k]));
     }
-    const scalar tends = set && both ? fmin(open[0], open[1]) : fmax(open[0], open[1]); /* farther away rates may turn on one side */
+    const scalar tends = set && both ? fmin(open[0], open[1]) : fmax(open[0], open[1]); /* farther away, rates may have an extremum on one side */
     const scalar apart = fmax(jump <= BENT*bend ? 0.0 : jump, tends);
     return (ends[0] - ends[1])*0.0 != 0.0 || (!(apart <= SAME*size) && !(h*apart <= allowed));
 }
 
-/* Whether some rates, one number in `width`, are rough near the point and farther away. */
+/* Whether some rates, every `width`-th number, are rough both near the point and farther away. */
 static int is_rough(const ordernm_motion *m, scalar h, const point *at, long first, int width)
 {
     const long end = first + (m->ny + m->nx)*width;
@@ -219,7 +219,7 @@ static int is_rough(const ordernm_motion *m, scalar h, const point *at, long fir
 
 int ordernm_rates_are_rough(const ordernm_motion *m, scalar h, const point *at) { return is_rough(m, h, at, 0, 1); }
 
-/* The state at a point, moved along the motion, by the cubic through the ends of the step, and along a direction; m->p too. */
+/* The state at a point, shifted along the motion (by the cubic through the ends of the step) and along a direction; sets m->p, too. */
 static void moved_state(ordernm_motion *m, scalar h, scalar part, const group *g, int lane, scalar by)
 {
     ordernm_between(m, h, part, m->trial);
@@ -236,7 +236,7 @@ static scalar moved_function(ordernm_motion *m, scalar h, const point *at, const
     return status ? 0.0 : fabs(m->switches[at->which]);
 }
 
-/* How far along a direction the singular function is what it is at the farther distances of the motion; 0 if it is zero all along. */
+/* Shift along a direction at which the singular function has its value at the farther distances of the motion; 0 if it is zero everywhere. */
 static scalar reach(ordernm_motion *m, scalar h, const point *at, scalar farthest, const group *g, int lane)
 {
     scalar size = 0.0, by, here;
@@ -247,14 +247,14 @@ static scalar reach(ordernm_motion *m, scalar h, const point *at, scalar farthes
     by = 1.0/size;
     for (int n = 0; n < 20 && (here = moved_function(m, h, at, g, lane, by)) <= away; ++n) by *= 4.0;
     if (here <= away) return 0.0;
-    for (int n = 0; n < 80 && here > away; ++n) { /* it falls with the distance or its square */
+    for (int n = 0; n < 80 && here > away; ++n) { /* it decreases with the distance or its square */
         by *= fmin(0.5, sqrt(away/here));
         here = moved_function(m, h, at, g, lane, by);
     }
     return by;
 }
 
-/* Whether rates change from the point to places beside it, along a direction, by as much however near these are. */
+/* Whether rates change from the point to places near it, along a direction, by an amount that does not decrease with the distance. */
 static int jumps_beside(ordernm_motion *m, int set, scalar h, const point *at, const group *g, int lane)
 {
     const scalar farthest = DISTANCE[set][0];
@@ -284,7 +284,7 @@ static int jumps_beside(ordernm_motion *m, int set, scalar h, const point *at, c
     return worst > SAME*largest;
 }
 
-/* Whether a direction has no derivative behind a point. */
+/* Whether a direction has no derivative after a singular point. */
 int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, int lane)
 {
     const group *const g = m->groups + n;

@@ -1,21 +1,21 @@
-/* Poses where a loop loses rank, such as a parallelogram's when it is flat: a motion passes them between the stages of a step.
+/* Poses where a loop loses rank, such as a flat parallelogram: a motion passes them between the stages of a step.
  *
- * Near such a pose the closure's condition is as 1/|t - pose|, and rounding changes accelerations by its square or cube. A method's
- * stages need not come near: the pose is found from the conditions that the stages of a tried step have, and the step is made again
- * so that the pose lies in the widest gap between them. */
+ * Near such a pose, the condition number of the closure grows like 1/|t - pose|, and rounding errors of accelerations with its square
+ * or cube. The stages of a method need not come near: the condition numbers at the stages of a tried step give the time of the pose,
+ * and the step is repeated so that the pose is in the widest gap between them. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* What may be left of inverse conditions about a line where they are those beside a pose: poor ones that stay poor are not. */
+/* Relative deviation from a straight line below which inverse condition numbers indicate a pose; constantly large condition numbers do not. */
 static const scalar STRAIGHT = 0.03;
 
-/* In parts of the step: no stage, nor its end, should be as near to a pose. The widest gap has twice as much on either side; and a
- * step that begins as near can only be tiny. */
+/* Relative to the step: smallest distance from a pose for stages and for the step's end. The widest gap between stages extends twice as
+ * far on either side. A step that starts nearer must be very small. */
 static const scalar NEAR = 0.1;
 
-/* A straight line through so many points; where it is zero. Returns the squares of what is left, in units of the values. */
+/* Fits a straight line through n points, and computes its zero. Returns the sum of squares of the residuals, in units of the values. */
 static scalar zero_of_line(const scalar *t, const scalar *s, int n, scalar *zero)
 {
     scalar mean_t = 0.0, mean_s = 0.0, tt = 0.0, ts = 0.0, ss = 0.0;
@@ -30,9 +30,9 @@ static scalar zero_of_line(const scalar *t, const scalar *s, int n, scalar *zero
     return (ss - ts*ts/tt)/ss;
 }
 
-/* After a step was tried: if one of its stages had a poor condition, when the pose is that makes it so. There the inverse of the
- * condition changes sign, which it does not show: each place for it next to the poorest stage is tried, and that one taken where
- * the inverses are straightest. Returns whether a stage is too near to it. */
+/* If a stage of the tried step has a large condition number: estimates the time of the pose that causes it. There, the inverse of the
+ * condition number changes sign, but only its magnitude is known. So a sign change is tried on each side of the worst stage; the
+ * straighter line wins. Returns whether a stage is too near to the pose. */
 int ordernm_find_pose(ordernm_motion *m, scalar h)
 {
     const int end = m->method->stages;
@@ -54,7 +54,7 @@ int ordernm_find_pose(ordernm_motion *m, scalar h)
     if (n < 3 || !(too_poor || (m->adaptive && !m->method->gives_rate && inverse[worst]*m->telling <= 1.0))) return 0;
     const int first = worst > 2 ? worst - 2 : 0, last = worst + 2 < n ? worst + 2 : n - 1;
     scalar straightest = STRAIGHT, found = -INFINITY;
-    for (int sign = worst; sign <= worst + 1; ++sign) { /* behind it the inverse is positive */
+    for (int sign = worst; sign <= worst + 1; ++sign) { /* after the pose, the inverse is positive */
         scalar s[5], zero = -INFINITY;
         for (int i = first; i <= last; ++i) s[i - first] = i < sign ? -inverse[i] : inverse[i];
         const scalar left = zero_of_line(time + first, s, last - first + 1, &zero);
@@ -65,12 +65,12 @@ int ordernm_find_pose(ordernm_motion *m, scalar h)
     return too_poor || fabs(time[worst] - found) < NEAR*h;
 }
 
-/* What doubles as constants change in errors at most, in units of their rounding times condition^3; by how much an error that comes
- * of the step's size gets smaller with it, at least. */
+/* Largest effect of constants in double precision on errors, in units of their rounding times condition number^3; and smallest factor by
+ * which an error caused by the step size decreases with the step. */
 static const scalar BY_CONSTANTS = 128*2.2e-16, SMALLER = 0.9, LESS = 0.5;
 
-/* Whether a step across a pose has an error that comes of rounding: of one that was smaller it is not less, and constants that are
- * doubles explain it. Smaller steps would only come nearer to the pose. */
+/* Whether the error of a step across a pose is due to rounding: it did not decrease with the step size, and constants in double precision
+ * explain it. Smaller steps would only come nearer to the pose. */
 int ordernm_rounded_at_pose(const ordernm_motion *m, scalar h, scalar error)
 {
     if (!(m->pose > m->t && m->pose < m->t + h && fabs(m->pose - m->refused_pose) < h)) return 0;
@@ -83,7 +83,7 @@ int ordernm_rounded_at_pose(const ordernm_motion *m, scalar h, scalar error)
     return error*(m->problem->atol[0] + m->problem->rtol*size) < rounded;
 }
 
-/* The size of a step that would be h, where a pose is near. A method of constant steps makes one that is shorter. */
+/* The size of a step that would be h, near a pose. A method with constant steps makes a smaller one. */
 scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall)
 {
     const scalar gap = m->method->gap, left = m->pose - m->t, centred = left/gap, before = left - gap*h;
@@ -94,22 +94,21 @@ scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall)
         return part > gap + 0.1 ? left - gap*h : left/(1.0 - gap);
     }
     if (centred <= 1.05*h && m->t + centred <= wall) return centred;
-    /* the step behind it may then have its size, and the pose in its gap */
+    /* the next step may then have its full size, with the pose in its gap */
     return before > h ? 0.5*before : before > 0.0 && m->t + before + h <= wall ? before : 0.5*left;
 }
 
-/* ---- Results at such a pose. ---- */
+/* ---- Results at a pose. ---- */
 
-/* Places beside one, in parts of the step, and weights of what is there: of Lagrange's polynomials through all six and through the
- * inner four. */
+/* Positions near a pose, relative to the step, and weights of Lagrange's interpolation with all six and with the inner four of them. */
 static const scalar OFFSETS[BESIDE] = {-0.03, -0.02, -0.01, 0.01, 0.02, 0.03};
 static const scalar SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BESIDE] = {0.0, -1.0/6, 4.0/6, 4.0/6, -1.0/6, 0.0};
 
-/* How far both may be apart, in parts of the value or tolerances: derivatives that differ by more have none there. Nor have those
- * whose difference of both sides grows towards the pose, like that of 1/(t - pose). */
+/* Largest difference of the two interpolations, relative to the value or in tolerances; derivatives with a larger one do not exist at the
+ * pose. The same holds if the difference of both sides grows towards the pose, as for 1/(t - pose). */
 static const scalar SAME = 1e-6, SAME_TOLERANCES = 1e3;
 
-/* Of the rows and states beside the pose, those at it. Returns -1 if values have none. */
+/* Interpolates rows and states at the pose from those near it. Returns -1 if values do not exist. */
 static int at_pose(ordernm_motion *m, scalar t, long size)
 {
     const ordernm_problem *const p = m->problem;
@@ -129,8 +128,8 @@ static int at_pose(ordernm_motion *m, scalar t, long size)
     return 0;
 }
 
-/* What a row, and the state, would be at the end of a step of size h: loops have lost rank there, but the motion is smooth, and it is
- * known beside. Returns -1 too if those steps are too large. */
+/* Interpolates a row, and the state, at the end of a step of size h: loops have lost rank there, but the motion is smooth. Also returns
+ * -1 if the steps are too large. */
 int ordernm_beside(ordernm_motion *m, scalar h, ordernm_describing *describe, long size)
 {
     memset(m->at_pose, 0, m->size*sizeof(scalar));
@@ -146,7 +145,7 @@ int ordernm_beside(ordernm_motion *m, scalar h, ordernm_describing *describe, lo
     return at_pose(m, m->t + h, size);
 }
 
-/* The same within the step that was made, which stays. */
+/* The same within the accepted step. */
 int ordernm_beside_within(ordernm_motion *m, scalar h, scalar part, long size)
 {
     for (int j = 0; j < BESIDE; ++j) {

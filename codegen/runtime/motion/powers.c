@@ -1,34 +1,34 @@
-/* Steps beside switches of kind ORDERNM_POWER and ORDERNM_ROOT, where rates are as smooth as max(0, x)^1.5 and sqrt(max(0, x)). Errors of the state hardly show there how large
- * errors of its derivatives are: beside the zero these fall with a lower power of the step. With derivatives such steps are graded: they
- * become shorter and shorter towards the zero, and longer behind it. */
+/* Steps near switches of kind ORDERNM_POWER and ORDERNM_ROOT, where rates are only as smooth as max(0, x)^1.5 and sqrt(max(0, x)).
+ * Errors of the state do not show the errors of its derivatives, which decrease with a lower power of the step near the zero. With
+ * derivatives, such steps are graded: they become shorter towards the zero, and longer after it. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* A zero is beside a step up to as many of its lengths away. */
+/* Largest distance of a zero, in lengths of the step, at which it affects the step. */
 static const scalar FARTHEST = 5.0;
 
-/* Errors of derivatives over those of the state, in the time in which the state changes by its size over the step's: where the zero is
- * within one length of the step. Farther away it is less, by the distance to its third power. */
+/* Ratio of the errors of derivatives to those of the state, times the time in which the state changes by its size, over the step size, for a
+ * zero within one length of the step. Farther away it decreases with the third power of the distance. */
 static const scalar LARGER = 300.0;
 
-/* Shorter steps, in parts of that time, are not made again. No longer one ends at the zero: rounding may put its last stage beyond, where
- * derivatives of max(0, x)^1.1 are no longer small. */
+/* Relative to that time: shorter steps are not repeated, and no longer step ends at the zero. Rounding may put the last stage beyond the
+ * zero, where derivatives of max(0, x)^1.1 are no longer small. */
 static const scalar LEAST = 1e-9;
 
-/* Steps that end at the zero and whose errors are too large are made again over this part. Steps of constant size, which have no
- * estimate, all are, over HALF, and behind the zero none is longer than the distance to it: in lengths of the step, but for rounding. */
+/* A step that ends at the zero with too large an error is repeated over the first fraction. Constant steps have no error estimate: all are
+ * repeated over HALF, and after the zero no step is longer than EVEN times the distance to it. */
 static const scalar TOWARDS = 0.8, HALF = 0.5, EVEN = 0.99;
 
-/* How many step lengths are between an end of the step and the zero of a switch that is watched as number e, by its change near there. */
+/* Distance between an end of the step and the zero of the switch with the monitored function e, in step lengths, by its local rate. */
 static scalar distance(const ordernm_motion *m, int e, int last)
 {
     const scalar at_end = last ? m->after[e] : m->crossing[e], inside = m->samples[(last ? EVENT_SAMPLES - 1 : 0)*m->nwatched + e];
     return inside > at_end ? at_end/(inside - at_end)*ordernm_event_point(1) : INFINITY;
 }
 
-/* How long the state takes to change by its size, in units of what is allowed; at most all the motion. */
+/* Time in which the state changes by its size, in tolerances; at most the duration of the motion. */
 static scalar time_of_change(const ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
@@ -41,23 +41,23 @@ static scalar time_of_change(const ordernm_motion *m)
     return fmin(sqrt(size/rate), p->end - p->start);
 }
 
-/* Whether a switch has a power or a root. */
+/* Whether a switch is a power or a root. */
 static int has_power(const ordernm_motion *m, int k)
 {
     const int kind = m->system->switch_kind[k];
     return kind == ORDERNM_POWER || kind == ORDERNM_ROOT;
 }
 
-/* Functions that have their zeros in common change in proportion, in any direction of the state and of parameters: to this part. */
+/* Relative tolerance for functions with a common zero, which are proportional for all changes of state and parameters. */
 static const scalar IN_PROPORTION = 1e-9;
 
-/* Whether the step ends or begins at the zero of a root: of switch k, that is watched as number e. */
+/* Whether the step starts or ends at the zero of a root: switch k, with the monitored function e. */
 static int is_at_root(const ordernm_motion *m, const trial *step, int k, int e)
 {
     return m->system->switch_kind[k] == ORDERNM_ROOT && (m->changed[k] == m->t || (step->event >= 0 && m->happened[e] > 0.0));
 }
 
-/* Whether all roots at whose zeros the step ends or begins have that in common. */
+/* Whether all roots at whose zeros the step starts or ends have a common zero. */
 static int have_one_zero(ordernm_motion *m, const trial *step)
 {
     const ordernm_system *const s = m->system;
@@ -82,8 +82,8 @@ static int have_one_zero(ordernm_motion *m, const trial *step)
     return 1;
 }
 
-/* The error of derivatives in a step beside such a zero; else 0. `error` is that of the step's state; the step may end at the zero. One as
- * short as LEAST that ends or begins at the zero of a root is noted. How long the step should be is in m->advice. */
+/* The error of derivatives in a step near such a zero; else 0. `error` is the error of the state; the step may end at the zero. Records a
+ * step as short as LEAST that starts or ends at the zero of a root. Sets m->advice for the step size. */
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error)
 {
     const int events = m->problem->nevents;
@@ -119,8 +119,9 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
     return 0.0;
 }
 
-/* Derivatives behind a step that ends or begins at the zero of a root. Disturbed motions come to the zero at another time, by dt, and are
- * the same otherwise: S+ = S + (f - f+) dt. Other changes of derivatives are as short as the step. Returns what a function returned. */
+/* Derivatives after a step that starts or ends at the zero of a root. Perturbed motions reach the zero at a time that differs by dt, and
+ * are the same otherwise: S+ = S + (f - f+) dt. Other changes of derivatives are negligible for such a short step. Returns the status of
+ * a function. */
 int ordernm_beside_root(ordernm_motion *m, const trial *step)
 {
     scalar *const before = m->error[0], *const after = m->error[1], speed;
@@ -139,15 +140,15 @@ int ordernm_beside_root(ordernm_motion *m, const trial *step)
     return status ? status : ordernm_rates(m, m->t + step->h, m->next, m->rate[m->method->stages]);
 }
 
-/* ---- Where derivatives are not carried across. ---- */
+/* ---- Where derivatives are not continued. ---- */
 
-/* Rates change as a power of the distance to the zero. It is found from three distances, in parts of the step. */
+/* Rates change like a power of the distance from the zero. The exponent is found from three distances, relative to the step. */
 static const scalar FAR = 1.0, NEARER = 0.1;
 
-/* A power as near to one is taken for one; a change that is less, in parts of the largest rate, is none. */
+/* Exponents above the first count as 1; smaller changes than the second, relative to the largest rate, count as zero. */
 static const scalar POWER_OF_ONE = 0.95, NO_CHANGE = 1e-8;
 
-/* How much rates change between one end of the step and a place in it, in units of what is allowed. Returns what a function returned. */
+/* Change of rates between one end of the step and a place in it, in tolerances. Returns the status of a function. */
 static int changes(ordernm_motion *m, scalar h, int last, scalar away, scalar *rates)
 {
     const ordernm_problem *const p = m->problem;
@@ -158,7 +159,7 @@ static int changes(ordernm_motion *m, scalar h, int last, scalar away, scalar *r
     return status;
 }
 
-/* Whether derivatives of rates grow without bounds at one end of the step, as those of sqrt(max(0, x)) do. */
+/* Whether derivatives of rates are unbounded at one end of the step, as for sqrt(max(0, x)). */
 static int grow(ordernm_motion *m, scalar h, int last)
 {
     const ordernm_problem *const p = m->problem;
@@ -173,7 +174,8 @@ static int grow(ordernm_motion *m, scalar h, int last)
     return 0;
 }
 
-/* A switch at whose zero a step ends, or begins, of constant size or with other switches, and derivatives of rates grow without bounds; -1 if there is none. */
+/* A switch at whose zero a step starts or ends (a constant step, or one with other switches), if derivatives of rates are unbounded there; -1 if
+ * there is none. */
 int ordernm_growing_power(ordernm_motion *m, const trial *step)
 {
     for (int i = 0; i < m->nheld && (!m->adaptive || m->root == MANY_ROOTS); ++i) {

@@ -1,16 +1,15 @@
-/* Radau IIA of order 5 with three stages, for stiff systems: a step, its error, and what lies between its ends.
+/* Radau IIA of order 5 with three stages, for stiff systems: a step, its error, and the interpolant.
  *
  * E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed., Springer 1996, section IV.8, and their code
- * RADAU5. The stages z + Z[i] satisfy Z[i] = h*sum(a[i][j]*rate[j]). With A^-1 = T*L*T^-1, where L holds one real eigenvalue
+ * RADAU5. The stages z + Z[i] satisfy Z[i] = h*sum(a[i][j]*rate[j]). With A^-1 = T*L*T^-1, where L contains one real eigenvalue
  * and a pair of complex ones, Newton's method on W = T^-1*Z needs one real and one complex factorisation of the size of the
- * state. The Jacobian J is exact; it is kept while Newton's method converges fast, and its factors while the step keeps its size.
+ * state. The Jacobian J is exact. It is kept while Newton's method converges fast, and its factors while the step keeps its size.
  *
- * What is solved for are the n independent coordinates and speeds. Integrals are sums of the stages' outputs afterwards, and
- * predictions of dependent coordinates are what closing the loops has given at a stage in Newton's last iteration.
+ * The unknowns are the n independent coordinates and speeds. Integrals are sums of the stages' outputs, computed afterwards.
+ * Predictions of dependent coordinates are the values that closed the loops at a stage in Newton's last iteration.
  *
- * Derivatives are those of the step that has been made, as exact as the stages that they are taken at, off by the error of Z times
- * second derivatives. So Newton's method goes on further below the tolerance where there are directions, or where steps are kept
- * for the way back. */
+ * Derivatives are those of the step actually made. Their error is the error of Z times second derivatives. So, with directions or
+ * with steps stored for the adjoint, Newton's method continues further below the tolerance. */
 #include "radau.h"
 
 #include <math.h>
@@ -18,28 +17,28 @@
 
 enum {
     ITERATIONS = 7,
-    FIXED_ITERATIONS = 30,    /* where a smaller step is no way out */
-    LARGEST_FORMED = 24       /* entries of a system whose Jacobians at the stages are formed */
+    FIXED_ITERATIONS = 30,    /* if a smaller step is impossible */
+    LARGEST_FORMED = 24       /* order of a system whose Jacobians at the stages are formed */
 };
 
-/* Newton's method converges so fast that J is kept. */
+/* Convergence rate of Newton's method below which J is kept. */
 static const scalar FAST = 1e-3;
 
-/* What may be left of the stages' equations, in units of the errors allowed. */
+/* Residual of the stages' equations, relative to the tolerances. */
 static const scalar SOLVED = 0.03;
 
-/* Stages are this much closer to the solution of their equations where there are directions. */
+/* Factor on the residual if there are directions. */
 static const scalar CLOSER = 1e-2;
 
-/* Steps keep their size, and factors are kept, if they could be as many times as large. */
+/* The step size and the factors are kept if the next step could be larger by at most this factor. */
 static const scalar KEEP_BELOW = 1.2;
 
 static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
 
 /* ---- Memory. ---- */
 
-/* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations; returns how many bytes, which
- * is all where at is 0. */
+/* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations; returns the number of bytes, which is
+ * all if at is 0. */
 size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
 {
     memory of = {(char *)at, 0};
@@ -55,7 +54,7 @@ size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
     return of.used;
 }
 
-/* Lays out what the method needs of its own, from a cache line on; returns how many bytes, which is all where at is 0. */
+/* Lays out the method's own memory, aligned to a cache line; returns the number of bytes, which is all if at is 0. */
 size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 {
     memory of = {(char *)at, 0};
@@ -72,8 +71,8 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = (int *)ordernm_take(&of, (n + 1)*sizeof(int));
     r->column = ordernm_numbers(&of, square);
     r->jacobian = ordernm_numbers(&of, (long)n*n);
-    /* In calls: three sweeps or more of every group against all columns, and S along every group. Factors of three times the order
-     * cost more than sweeps where the order is larger (measured: 0.7 of it at 8, twice as much at 35). */
+    /* Costs in calls: at least three sweeps of every group, compared with all columns, and S along every group. For larger orders,
+     * factors of three times the order cost more than sweeps (measured: 0.7 as much at order 8, twice as much at 35). */
     r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
     r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
     r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);
@@ -101,7 +100,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 
 /* ---- Stages. ---- */
 
-/* Factors of Z[i] in the polynomial through the step's beginning and its stages, at theta: z + sum(weight*Z). */
+/* Factors of Z[i] in the polynomial through the step's start and its stages, at theta: z + sum(weight*Z). */
 void ordernm_radau_weights(scalar theta, scalar *w)
 {
     for (int j = 0; j < STAGES; ++j) {
@@ -111,7 +110,7 @@ void ordernm_radau_weights(scalar theta, scalar *w)
     }
 }
 
-/* Stages begin on the polynomial of the step before. */
+/* Starting values of the stages: the polynomial of the previous step. */
 static void extrapolate(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
@@ -128,7 +127,7 @@ static void extrapolate(ordernm_motion *m, scalar h)
     }
 }
 
-/* J at z. */
+/* Computes J at z. */
 static int renew(ordernm_motion *m)
 {
     struct radau *const r = m->radau;
@@ -143,8 +142,8 @@ static int renew(ordernm_motion *m)
     return 0;
 }
 
-/* Newton's method on the stages; limit is what may be left of the change, in units of errors allowed, and usual what has to be
- * reached where rounding keeps it from that. */
+/* Newton's method on the stages. `limit` is the largest change at convergence, in tolerances; `usual` is the limit that suffices if
+ * rounding prevents this. */
 static int iterate(ordernm_motion *m, scalar h, scalar limit, scalar usual)
 {
     struct radau *const r = m->radau;
@@ -178,7 +177,7 @@ static int iterate(ordernm_motion *m, scalar h, scalar limit, scalar usual)
             r->slowness = r->theta/(1.0 - r->theta);
             const scalar end = fixed ? 0.0 : r->slowness*size*pow(r->theta, ITERATIONS - 1 - k);
             if (end > limit && end > usual) {
-                /* It would take too many iterations: a step that is as much smaller as they are too slow. */
+                /* Too many iterations would be needed: reduces the step by the same factor. */
                 const scalar excess = fmin(fmax(end/limit, 1e-4), 20.0);
                 m->advice = 0.8*pow(excess, -1.0/(4 + ITERATIONS - 1 - k));
                 return DIVERGED;
@@ -192,7 +191,7 @@ static int iterate(ordernm_motion *m, scalar h, scalar limit, scalar usual)
     return DIVERGED;
 }
 
-/* J and its factors as they are needed, then Newton's method; with J of an earlier state, once more with that of this one. */
+/* Computes J and its factors if necessary, then applies Newton's method. Repeats with the current J if that of an earlier state fails. */
 static int stages(ordernm_motion *m, scalar h, scalar limit, scalar usual)
 {
     struct radau *const r = m->radau;
@@ -210,7 +209,7 @@ static int stages(ordernm_motion *m, scalar h, scalar limit, scalar usual)
 
 /* ---- Steps. ---- */
 
-/* Integrals, of the values or along a group: the sums of what is integrated at the stages. */
+/* Integrals, of the values or along a group: sums over the stages. */
 static int integrate(ordernm_motion *m, scalar h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
@@ -226,7 +225,7 @@ static int integrate(ordernm_motion *m, scalar h, const group *g, int closed)
     return 0;
 }
 
-/* The error along a group, or of the values: (REAL/h - J) error = REAL/h*(...). Integrals feed nothing back. */
+/* The error of the values or along a group: (REAL/h - J) error = REAL/h*(...). Integrals do not affect other entries. */
 static void estimate(ordernm_motion *m, scalar h, const group *g, const scalar *rate)
 {
     const struct radau *const r = m->radau;
@@ -240,10 +239,10 @@ static void estimate(ordernm_motion *m, scalar h, const group *g, const scalar *
     for (long k = (long)m->ny*width; k < n; ++k) error[k] *= h/REAL;
 }
 
-/* What the estimate, which is of order 3, says of the solution, which is of order 5. RADAU5 allows estimates that grow with the
- * power of 2/3 of the tolerance; that trusts that terms of a series fall as they do in smooth motions of size one. Here they have
- * to be seen to fall: where each is less than that before by one factor, the change of an entry in the step and its error of the
- * fourth power say what that of the sixth is, change*(error/change)^(5/3). A tenth of that trust is used. */
+/* Judges the solution, of order 5, by the error estimate, of order 3. RADAU5 accepts estimates that grow with the tolerance to the power
+ * 2/3, which assumes that the terms of a series decrease as in smooth motions of size one. Here the decrease must be observed. If each
+ * term decreases by the same factor, the change of an entry and its error of fourth power give the error of sixth power:
+ * change*(error/change)^(5/3). A tenth of RADAU5's allowance is used. */
 static void judge(ordernm_motion *m, scalar h, const group *g)
 {
     const struct radau *const r = m->radau;
@@ -257,7 +256,7 @@ static void judge(ordernm_motion *m, scalar h, const group *g)
     }
 }
 
-/* What the next step should be, by the error of this one and of that before (K. Gustafsson). */
+/* The next step size, by the errors of this step and of the one before (K. Gustafsson). */
 static scalar next_step(const ordernm_motion *m, scalar h, scalar error)
 {
     const struct radau *const r = m->radau;
@@ -272,7 +271,7 @@ static scalar next_step(const ordernm_motion *m, scalar h, scalar error)
     return 1.0/fmin(fmax(quotient, 1.0/LARGEST_CHANGE), 1.0/LEAST_CHANGE);
 }
 
-/* The stages of a step that has been accepted serve the next one. */
+/* Keeps the stages of an accepted step for the next one. */
 static void go_on(struct radau *r, scalar h)
 {
     for (int i = 0; i < STAGES; ++i) {
@@ -285,14 +284,14 @@ static void go_on(struct radau *r, scalar h)
     ++r->accepted;
 }
 
-/* Behind a switch nothing of the step before is of use. */
+/* After a switch, nothing of the previous step is reused. */
 static void begin_anew(struct radau *r)
 {
     r->accepted = 0;
     r->theta = 1.0;
 }
 
-/* Errors that count in Newton's method, and where it ends, see iterate. */
+/* Tolerances, and limits of Newton's method; see iterate. */
 static void limits(ordernm_motion *m, scalar *limit, scalar *usual)
 {
     const struct radau *const r = m->radau;
@@ -303,7 +302,7 @@ static void limits(ordernm_motion *m, scalar *limit, scalar *usual)
     *limit = m->ngroups || p->fixed || m->results->steps ? fmax(least, CLOSER**usual) : *usual;
 }
 
-/* The step's end, from its stages, at which loops are closed where derivatives want them. */
+/* The end of the step from its stages; closes the loops if derivatives need this. */
 static int ends(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
@@ -312,13 +311,13 @@ static int ends(ordernm_motion *m, scalar h)
         for (int i = 0; i < STAGES && !status; ++i) status = ordernm_radau_rates(m, h, i, 0, 0, 0);
     if (status) return status;
     for (long k = 0; k < m->values; ++k) m->next[k] = m->z[k] + r->stage[2][k];
-    /* Dependent coordinates by their rates: what loops have been closed with is compared with them. */
+    /* Integrates dependent coordinates by their rates, for comparison with those that close the loops. */
     for (long k = m->ny + m->nx; k < m->ny + m->nx + m->nd; ++k)
         m->next[k] = m->z[k] + h*(A[2][0]*m->rate[1][k] + A[2][1]*m->rate[2][k] + A[2][2]*m->rate[3][k]);
     return 0;
 }
 
-/* Derivatives at the step's end along all directions. Returns CONVERGED, DIVERGED, or what a function returned. */
+/* Derivatives at the end of the step along all directions. Returns CONVERGED, DIVERGED, or the status of a function. */
 static int ends_along(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
@@ -337,17 +336,17 @@ static int ends_along(ordernm_motion *m, scalar h)
     return CONVERGED;
 }
 
-/* What is left of the step before, and of its Jacobian, where this one begins. Returns what a function returned. */
+/* What to keep of the previous step and of its Jacobian at the start of this one. Returns the status of a function. */
 static int take_up(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
-    if (r->tried && m->t != r->t_tried) { /* the step that was tried last has been accepted */
+    if (r->tried && m->t != r->t_tried) { /* the last tried step has been accepted */
         go_on(r, r->h_tried);
         r->formed_here = r->formed && m->identity && m->segment == r->segment && !m->switched;
         if (m->switched || m->t == m->root_end) begin_anew(r);
     }
     if (m->ngroups && (!r->tried || m->system->split || m->segment != r->segment || m->switched)) {
-        /* By the function that gives them without directions, so that steps are the same to the last bit. */
+        /* By the function without directions, so that steps are the same to the last bit. */
         const int status = ordernm_rates_of(m, m->t, m->z, m->rate[0], 0, 0, RATES);
         if (status) return status;
     }
@@ -381,7 +380,7 @@ static int radau_step(ordernm_motion *m, scalar h, scalar *error)
     if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(scalar));
     *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
     if (*error > 1.0 && !p->fixed && (!r->accepted || m->rejected_before)) {
-        /* Stiff components are filtered once more. */
+        /* Filters stiff components once more. */
         estimate(m, h, 0, m->rate[0]);
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + (k < m->ny ? m->error[0][k] : 0.0);
         if (!ordernm_rates_of(m, m->t, m->trial, m->rate[1], 0, 0, m->nx ? RATES | INTEGRALS : RATES)) {
@@ -402,7 +401,7 @@ static int radau_step(ordernm_motion *m, scalar h, scalar *error)
     scalar change = next_step(m, h, *error);
     if (p->fixed) *error = *error < INFINITY ? 0.0 : NAN;
     if (*error <= 1.0) {
-        /* What is integrated has been found at this state already. */
+        /* Outputs have been computed at this state already. */
         if ((status = ordernm_rates_of(m, m->t + h, m->next, m->rate[3], 0, 0, RATES))) return status;
         r->h_accepted = h;
         r->error_accepted = fmax(1e-2, *error);
@@ -431,10 +430,11 @@ static void radau_interpolate(ordernm_motion *m, scalar h, scalar theta, scalar 
 
 static const scalar TIMES[] = {0.0, 0.15505102572168219018, 0.64494897427831780982, 1.0};
 
-/* ---- Steps that are kept, and made again. ---- */
+/* ---- Stored and repeated steps. ---- */
 
-/* What decides where Newton's method ends: whether J was made here, how fast it was expected to be; with the former, what stages
- * are in long double; then the stages. Before the first step of some, what it began with: the stages of the step before, and J, as the state that it was made at. */
+/* Data that determine where Newton's method ends: whether J was computed here, and the expected convergence rate. With the former, which
+ * stages are in long double; then the stages. Before the first of several steps, the starting data: the stages of the step before, and J,
+ * as the state at which it was computed. */
 static void radau_keep(const ordernm_motion *m, scalar *row)
 {
     const struct radau *const r = m->radau;

@@ -1,16 +1,16 @@
-/* A step of Radau IIA backwards.
+/* The adjoint of a step of Radau IIA.
  *
- * Its stages obey A^-1 Z/h = f(z + Z[i]), and its end, and every state in between, is z + sum(w[i] Z[i]). From lambda = dJ/dz+, and
- * from what weighs states in between, everything in lanes of functionals, with g for what is integrated (J its rates):
+ * Its stages satisfy A^-1 Z/h = f(z + Z[i]). Its end, and every state in between, is z + sum(w[i] Z[i]). Given lambda = dJ/dz+ and
+ * weights of states in between, in lanes of functionals, with g for the integrated outputs:
  *
  *     right_i = w_i lambda + ... + g_z(Y_i)^T gamma_i,  gamma_i = h a_3i lambda_g,
  *     sum_j (A^-1)_ji mu_j/h - f_z(Y_i)^T mu_i = right_i,
  *     lambda <- lambda + ... + sum f_z(Y_i)^T mu_i + g_z(Y_i)^T gamma_i,  gradient += f_p(Y_i)^T mu_i + g_p(Y_i)^T gamma_i.
  *
- * The equations, which are those of the stages' derivatives transposed, are solved in rounds: of what is left of the right sides
- * by factors near by, then with the exact transposes, which tell what is left, and whose parts of the gradient add up. Factors are
- * those of all three stages' own Jacobians where the system is small, and one round is all but enough; else those of one Jacobian,
- * of this step's middle or of a step behind it. */
+ * These are the transposed equations of the stages' derivatives. They are solved in rounds: approximate factors reduce the residual
+ * of the right sides; then exact transposes give the new residual, and contributions to the gradient. In small systems, the factors
+ * are those of all three stages' own Jacobians, so one round almost suffices. Otherwise they are those of one Jacobian, at the middle
+ * of this step or of a later one. */
 #include "backwards.h"
 #include "radau.h"
 
@@ -19,18 +19,18 @@
 
 enum {
     ROUNDS = 60,
-    LARGEST_FORMED = 32,      /* entries of a system whose Jacobians at the stages are formed at once */
-    OLD = 0, FRESH, FORMED    /* factors, from those at hand to those of the equations themselves */
+    LARGEST_FORMED = 32,      /* order of a system whose Jacobians at the stages are formed immediately */
+    OLD = 0, FRESH, FORMED    /* kinds of factors, from existing ones to those of the equations themselves */
 };
 
-/* What a round changes the solution by, relative to it, when it is found. */
+/* Relative change of the solution by a round at which it has converged. */
 static const scalar FOUND = 1e-13;
 
-/* Of each kind: rounds in which changes fall by less than this want better factors; changes that rounding may keep from falling. */
+/* For each kind of factors: slowest decrease of changes per round; and change at which rounding may prevent a further decrease. */
 static const scalar SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-14, 1e-14, 1e-9};
 
-/* The size of a change relative to that of the solution that it leads to, the largest of all lanes, in coordinates and in speeds; `loose` the same,
- * where what is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
+/* The relative change of the solution, the largest of all lanes, for coordinates and for speeds. For `loose`, quantities that are
+ * negligible within the step need less accuracy. NaN if changes are not finite. */
 static scalar relative(const ordernm_adjoint *a, scalar h, scalar *const *change, scalar *const *mu, scalar *loose)
 {
     const ordernm_motion *const m = a->motion;
@@ -59,8 +59,7 @@ static scalar relative(const ordernm_adjoint *a, scalar h, scalar *const *change
     return sqrt(largest);
 }
 
-/* By factors of a kind, what right sides are the products of the equations' matrix with. Returns what a function returned, or
- * DIVERGED if a matrix is singular. */
+/* Solves the equations by factors of the given kind. Returns the status of a function, or DIVERGED if a matrix is singular. */
 static int solve(ordernm_adjoint *a, scalar h, int factors, scalar *const *right, scalar *const *found)
 {
     ordernm_motion *const m = a->motion;
@@ -88,7 +87,7 @@ static int solve(ordernm_adjoint *a, scalar h, int factors, scalar *const *right
     return 0;
 }
 
-/* Adds what stages' rates depend on, weighed by the solution of the equations, to lambda and to the gradients of a group. */
+/* Adds the derivatives of the stages' rates, weighted by the solution of the equations, to lambda and to the gradients of a group. */
 static int equations_transposed(ordernm_adjoint *a, int n, scalar h, scalar *const *right, scalar *lambda)
 {
     ordernm_motion *const m = a->motion;
@@ -102,7 +101,7 @@ static int equations_transposed(ordernm_adjoint *a, int n, scalar h, scalar *con
         if (status && status != DIVERGED) return status;
         const scalar changed = status ? NAN : relative(a, h, change, mu, &loose);
         if (changed <= FOUND) return 0;
-        if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) { /* nor is it a number where there are no factors */
+        if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) { /* also not a number without factors */
             if (loose <= ROUNDED[factors] && !status) return 0;
             if (factors == FORMED) return DIVERGED;
             factors = factors == OLD && m->radau->jacobian_here ? FORMED : factors + 1;
@@ -125,7 +124,7 @@ static int equations_transposed(ordernm_adjoint *a, int n, scalar h, scalar *con
     return DIVERGED;
 }
 
-/* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
+/* One group of functionals through one step: lambda at its end becomes lambda at its start. */
 static int group_backwards(ordernm_adjoint *a, int n, scalar h)
 {
     ordernm_motion *const m = a->motion;
@@ -173,7 +172,7 @@ int ordernm_radau_backwards(ordernm_adjoint *a, const scalar *row)
         if (m->identity) continue;
         ordernm_call c;
         ordernm_arguments(m, ordernm_time_of_stage(m->t, h, i), stage, &c);
-        if (m->system->split && (status = ordernm_close_loops(m, &c))) return status; /* others are as they were closed */
+        if (m->system->split && (status = ordernm_close_loops(m, &c))) return status; /* for other joints, the loops are still closed */
         memcpy(a->q[i], m->q, m->system->nq*sizeof(scalar));
     }
     if (m->system->split && (status = ordernm_settling_transposed(a, m->t + h, a->stage[STAGES - 1]))) return status;

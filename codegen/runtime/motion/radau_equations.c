@@ -1,4 +1,4 @@
-/* The linear equations of Radau IIA: Jacobians, factors of a step's equations, and the same of all its stages at once. */
+/* The linear equations of Radau IIA: Jacobians, factors of a step's equations, and of the equations of all its stages at once. */
 #include "radau.h"
 
 #include <math.h>
@@ -6,7 +6,7 @@
 
 /* ---- Jacobians. ---- */
 
-/* The Jacobian at a state whose loops are closed, by long doubles or not: so many columns at a time. Returns what a function returned. */
+/* The Jacobian at a state with closed loops, in double or long double, several columns at a time. Returns the status of a function. */
 int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, scalar *jacobian, int precise)
 {
     struct radau *const r = m->radau;
@@ -32,8 +32,9 @@ int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, sc
     return 0;
 }
 
-/* Coordinates whose rates are speeds by some Jacobians are not solved for: x[e] = (b[e] + x[partner])/s where s is REAL/h, or the
- * complex one. Their columns of J, over s, are added to those of their partners, and times b[e]/s to right sides. */
+/* Coordinates whose rates are speeds by the given Jacobians are eliminated: x[e] = (b[e] + x[partner])/s, where s is REAL/h or the
+ * complex value. Their columns of J, divided by s, are added to those of their partners; right sides are reduced by the same columns
+ * times b[e]/s. */
 static void reduce(const struct radau *r, int count, scalar *const *jacobian, reduction *to)
 {
     const int n = r->n;
@@ -59,7 +60,7 @@ static void reduce(const struct radau *r, int count, scalar *const *jacobian, re
     for (int e = 0; e < to->count; ++e) to->partner[e] = to->place[to->partner[e]];
 }
 
-/* Takes r->jacobian for those that follow: its factors are to be found. */
+/* Uses r->jacobian from now on; its factors must be computed. */
 void ordernm_radau_take_jacobian(struct radau *r)
 {
     const reduction *const by = &r->of_step;
@@ -70,7 +71,7 @@ void ordernm_radau_take_jacobian(struct radau *r)
     r->h_factored = 0.0;
 }
 
-/* ---- Of a step: a real and a complex matrix, of one Jacobian. ---- */
+/* ---- The equations of a step: a real and a complex matrix with one Jacobian. ---- */
 
 /* Returns 1 if a matrix is singular. */
 int ordernm_radau_factorise(ordernm_motion *m, scalar h)
@@ -102,7 +103,7 @@ int ordernm_radau_factorise(ordernm_motion *m, scalar h)
     return 0;
 }
 
-/* Of b, [n][width], to what is factorised: b of what is kept, and columns times b/s of what is not. */
+/* Right sides of the factorised equations from b, [n][width]: retained entries of b, plus columns of eliminated entries times b/s. */
 static inline void take_kept(const struct radau *r, const scalar *b, const scalar *over, scalar *x, int width)
 {
     const reduction *const by = &r->of_step;
@@ -175,8 +176,8 @@ static void solve_complex(const struct radau *r, scalar *b, scalar *c, int width
     else solve_complex_lanes(r, b, c, width);
 }
 
-/* The same of the transposes: of right sides, those of reduced coordinates over s are added to those of their partners; the
- * coordinates' solutions follow from their columns. */
+/* The same for the transposes: right sides of eliminated coordinates, divided by s, are added to those of their partners; solutions of
+ * these coordinates follow from their columns. */
 static inline void solve_transposed_lanes(const struct radau *r, scalar *b, scalar *c, scalar *d, int width)
 {
     const reduction *const by = &r->of_step;
@@ -218,7 +219,7 @@ static inline void solve_transposed_lanes(const struct radau *r, scalar *b, scal
     }
 }
 
-/* Of stages at so many entries from `at` on, a correction to right: solutions of (L/h - J) dW = T^-1 rate - L/h W. */
+/* A correction of the stages' entries from `at` on, in r->right: solutions of (L/h - J) dW = T^-1 rate - L/h W. */
 static void correction(ordernm_motion *m, scalar h, long at, int width)
 {
     struct radau *const r = m->radau;
@@ -239,7 +240,7 @@ static void correction(ordernm_motion *m, scalar h, long at, int width)
     solve_complex(r, r->right[1], r->right[2], width);
 }
 
-/* Corrects the stages, and leaves what has been added to them in r->right. */
+/* Corrects the stages, and leaves the corrections in r->right. */
 void ordernm_radau_correct(ordernm_motion *m, scalar h, long at, int width)
 {
     struct radau *const r = m->radau;
@@ -254,8 +255,8 @@ void ordernm_radau_correct(ordernm_motion *m, scalar h, long at, int width)
     }
 }
 
-/* What right, [n][width] of each stage, is the product of the stages' matrix M^T with, were J the same at all of them; as the
- * transformation is transposed too, the complex pair is conjugate to that above. */
+/* Solves with the transposed matrix M^T of the stages' equations, as if J were the same at all stages; right is [n][width] for each
+ * stage. The transformation is transposed, too, so the complex pair is conjugate to that above. */
 void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const *right, scalar *const *mu, int width)
 {
     const int n = r->n*width;
@@ -274,10 +275,10 @@ void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const 
     }
 }
 
-/* ---- Of all stages at once, each with its own Jacobian. ---- */
+/* ---- The equations of all stages at once, each with its own Jacobian. ---- */
 
-/* A^-1 dZ/h - J dZ at each stage with its own J: all three at once. Coordinates whose rates are speeds are h A times the speeds'
- * and their own right sides. Returns 1 if the matrix is singular. */
+/* A^-1 dZ/h - J dZ at each stage with its own J, all three at once. Coordinates whose rates are speeds equal h A times the speeds plus
+ * their own right sides. Returns 1 if the matrix is singular. */
 int ordernm_radau_factorise_stages(struct radau *r, scalar h)
 {
     const int n = r->n;
@@ -298,7 +299,7 @@ int ordernm_radau_factorise_stages(struct radau *r, scalar h)
     return ordernm_factorise(size, r->whole, r->whole_pivot);
 }
 
-/* dZ of a group, from `at` on, from what rates are along S, r->along. */
+/* dZ of a group, from `at` on, from the rates along S in r->along. */
 static inline void solve_stages_lanes(ordernm_motion *m, scalar h, long at, int width)
 {
     const struct radau *const r = m->radau;
@@ -330,7 +331,7 @@ static inline void solve_stages_lanes(ordernm_motion *m, scalar h, long at, int 
                 to[(long)by->reduced[e]*width + l] += h*(A[i][0]*x[of] + A[i][1]*y[of] + A[i][2]*z[of]);
             }
     }
-    /* the rates at the step's end, for the error of the next one */
+    /* rates at the end of the step, for the error of the next one */
     const scalar *const u = r->stage[0] + at, *const v = r->stage[1] + at, *const w = r->stage[2] + at;
     scalar *const rate = m->rate[STAGES] + at;
     for (int i = 0; i < n*width; ++i) rate[i] = (A_INVERSE[2][0]*u[i] + A_INVERSE[2][1]*v[i] + A_INVERSE[2][2]*w[i])/h;
@@ -343,8 +344,8 @@ void ordernm_radau_solve_stages(ordernm_motion *m, scalar h, long at, int width)
     else solve_stages_lanes(m, h, at, width);
 }
 
-/* mu[i], [n][width], from right sides to solutions of M^T mu = right, where M dZ = right are the equations of the stages' changes,
- * M = A^-1/h - J. */
+/* mu[i], [n][width], from right sides to solutions of M^T mu = right, where M = A^-1/h - J is the matrix of the equations for changes of
+ * the stages. */
 void ordernm_radau_solve_transposed(const struct radau *r, scalar h, scalar *const *mu, int width)
 {
     const reduction *const by = &r->of_stages;
@@ -379,8 +380,8 @@ void ordernm_radau_solve_transposed(const struct radau *r, scalar h, scalar *con
 
 /* ---- Rates at stages. ---- */
 
-/* Rates at a stage, along one group or none, whose directions are as at the stage or as at the step's beginning; what predictions
- * of dependent coordinates are there is kept. */
+/* Rates at a stage, along one group or none; its directions are those at the stage, or at the start of the step with `beginning`. Stores
+ * the predictions of dependent coordinates there. */
 int ordernm_radau_rates(ordernm_motion *m, scalar h, int i, const group *g, int beginning, int what)
 {
     struct radau *const r = m->radau;
@@ -390,7 +391,7 @@ int ordernm_radau_rates(ordernm_motion *m, scalar h, int i, const group *g, int 
         const long end = g->at + (long)predicted*g->width;
         for (long k = g->at; k < end; ++k) m->trial[k] = beginning ? m->z[k] : m->z[k] + r->stage[i][k];
     }
-    if (m->precise_stages >> i & 1u) what |= PRECISE; /* which tells something of loops that are known to be closed only */
+    if (m->precise_stages >> i & 1u) what |= PRECISE; /* affects only loops that are known to be closed */
     const int status = ordernm_rates_of(m, ordernm_time_of_stage(m->t, h, i), m->trial, m->rate[i + 1], g != 0, g, what);
     if (status) return status;
     if (what & KNOWN_CLOSED) return 0;

@@ -1,11 +1,11 @@
 /* Derivatives of Radau IIA's stages along the directions of a group.
  *
- * They are those of the step that has been made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations with the exact
- * Jacobian at every stage. Of small systems these Jacobians are formed, and the equations of all three stages are factorised once
- * for all directions; the last Jacobian serves Newton's method in the next step too. Of large ones nobody forms them: the
- * equations are solved in sweeps, in which right sides are what the system's functions give along all directions of a group at
- * once, and the factors at hand correct dZ as they do Z; where that fails, as those of small ones, so that steps are the same with
- * and without directions. */
+ * They are the derivatives of the step actually made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations with the exact
+ * Jacobian at every stage. For small systems, these Jacobians are formed, and the equations of all three stages are factorised once
+ * for all directions; the last Jacobian is also used by Newton's method in the next step. For large systems, the equations are
+ * solved in sweeps: the system's functions give the right sides along all directions of a group at once, and the existing factors
+ * correct dZ as they correct Z. If the sweeps fail, Jacobians are formed as for small systems, so that steps are the same with and
+ * without directions. */
 #include "radau.h"
 
 #include <math.h>

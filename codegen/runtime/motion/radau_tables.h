@@ -1,7 +1,7 @@
-/* Radau IIA of order 5: its coefficients, and the transformation that takes the equations of its stages apart.
+/* Radau IIA of order 5: its coefficients, and the transformation that decouples the equations of its stages.
  *
  * E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed., Springer 1996, section IV.8. A^-1 = T*L*INVERSE,
- * INVERSE = T^-1, where L holds a real eigenvalue and a pair of complex ones. */
+ * INVERSE = T^-1, where L contains a real eigenvalue and a pair of complex ones. */
 #ifndef ORDERNM_RADAU_TABLES_H
 #define ORDERNM_RADAU_TABLES_H
 
@@ -20,7 +20,7 @@ static const scalar INVERSE[STAGES][STAGES] = {
     {-0.50287263494578688, 2.5719269498556054, -0.59603920482822492},
 };
 
-/* L: a real eigenvalue and a complex one, with its conjugate. */
+/* L contains a real eigenvalue and a complex one with its conjugate. */
 static const scalar REAL = 3.6378342527444957, RE = 2.6810828736277521, IM = 3.0504301992474106;
 
 static const scalar A[STAGES][STAGES] = {
@@ -35,7 +35,7 @@ static const scalar A_INVERSE[STAGES][STAGES] = {
     {5.5319726474218083, -7.5319726474218083, 5.0},
 };
 
-/* Of the error estimate. */
+/* Weights of the error estimate. */
 static const scalar E[STAGES] = {-10.048809399827416, 1.3821427331607489, -0.33333333333333333};
 
 #endif

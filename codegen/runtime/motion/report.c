@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Time derivatives of all coordinates, of quaternions of length one, of speeds and of outputs. */
+/* Time derivatives of all coordinates (with normalised quaternions), speeds and outputs. */
 int ordernm_report_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *rates)
 {
     const ordernm_system *const s = m->system;
@@ -29,7 +29,7 @@ int ordernm_report_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *r
     return 0;
 }
 
-/* Derivatives along the directions of a group, in a row of results whose values are there. */
+/* Derivatives along the directions of a group, in a row of results that already contains the values. */
 static int report_along(ordernm_motion *m, scalar t, const scalar *z, const group *g, ordernm_call *c, scalar *row)
 {
     const ordernm_system *const s = m->system;
@@ -69,7 +69,7 @@ static int report_along(ordernm_motion *m, scalar t, const scalar *z, const grou
     return 0;
 }
 
-/* A row of results at a state: its loops closed, quaternions of length one. */
+/* A row of results at a state, with closed loops and normalised quaternions. */
 int ordernm_report(ordernm_motion *m, scalar t, const scalar *z, scalar *row)
 {
     const ordernm_system *s = m->system;

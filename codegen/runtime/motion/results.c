@@ -1,10 +1,10 @@
-/* What is kept of a motion: rows of results at times within a step, steps for the way back, and why no more comes. */
+/* Results of a motion: rows at times within a step, stored steps for the adjoint, and the reason for the end. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Why rates could not be computed. */
+/* Records why rates could not be computed. */
 int ordernm_failed(ordernm_results *r, int status)
 {
     if (status == SLIDES) return ORDERNM_SLIDING;
@@ -12,7 +12,7 @@ int ordernm_failed(ordernm_results *r, int status)
     return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
 }
 
-/* Rates of these entries have no value. */
+/* Records the entries with undefined rates. */
 int ordernm_not_finite(ordernm_motion *m, const scalar *rate)
 {
     for (int i = 0; i < ordernm_counted(m); ++i)
@@ -20,7 +20,7 @@ int ordernm_not_finite(ordernm_motion *m, const scalar *rate)
     return ORDERNM_NOT_FINITE;
 }
 
-/* Whether something was to be computed in long double that has not been compiled yet; it is once. */
+/* Whether functions in long double are needed that have not been compiled yet; returns true only once. */
 int ordernm_wants_precise(ordernm_motion *m)
 {
     const int wanted = m->imprecise && !m->system->precise && !m->results->as_is;
@@ -34,7 +34,7 @@ static void keep_row(ordernm_results *r, const scalar *row, long size)
     ++r->count;
 }
 
-/* Results at a state; the reason where there are none. Those at a pose that a step ends at are known. */
+/* Stores results at a state; returns the reason if there are none. At a pose at the end of a step, the interpolated row is used. */
 int ordernm_keep(ordernm_motion *m, scalar t, const scalar *z)
 {
     const int known = m->row_known && m->known_row[0] == t;
@@ -45,7 +45,7 @@ int ordernm_keep(ordernm_motion *m, scalar t, const scalar *z)
     return ORDERNM_ENDED;
 }
 
-/* Results at the times within the step that has been made. Without room for them the step is made again. */
+/* Stores results at times within the accepted step. If memory is short, the step is repeated later. */
 int ordernm_sample(ordernm_motion *m, scalar end)
 {
     const ordernm_problem *const p = m->problem;
@@ -62,7 +62,7 @@ int ordernm_sample(ordernm_motion *m, scalar end)
             }
             m->method->interpolate(m, h, (t - m->t)/h, m->trial);
             z = m->trial;
-            /* predictions between the ends of a step are as good as at its ends */
+            /* predictions between the ends of a step are as accurate as at its ends */
         }
         int reason = ordernm_keep(m, t, z);
         if (reason == ORDERNM_IMPRECISE) return reason;

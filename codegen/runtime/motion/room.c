@@ -1,13 +1,13 @@
-/* A motion at its beginning: the memory that it needs, its initial state, and conditions that are poor for its tolerances. */
+/* The start of a motion: memory, initial state, and limits of condition numbers that depend on the tolerances. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Conditions below it are not poor, whatever is asked for. */
+/* Condition numbers below this are never too large. */
 static const scalar LEAST_POOR = 10.0;
 
-static const scalar LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
+static const scalar LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter for constant steps */
 
 static const scheme *method_of(const ordernm_problem *p)
 {
@@ -15,14 +15,14 @@ static const scheme *method_of(const ordernm_problem *p)
     return methods[ordernm_kind(p)];
 }
 
-/* Of long doubles: the workspace, and what NAME_precise.c has beside it. */
+/* Number of long doubles: the workspace, and additional memory of NAME_precise.c. */
 static long precise_numbers(const ordernm_system *s)
 {
     const long values = 3L*s->nq + 3L*s->nu + s->np + s->ninputs + s->noutputs + s->nclosure + s->nloops;
     return s->workspace + values + LANES*(3L*s->nq + 3L*s->nu + s->np + s->ninputs + s->noutputs + 1);
 }
 
-/* Directions in groups, and the size of states with them. */
+/* Groups of directions, and the size of states with them. */
 static void lay_out_groups(ordernm_motion *m, memory *of, int at)
 {
     const ordernm_problem *const p = m->problem;
@@ -42,14 +42,14 @@ static void lay_out_groups(ordernm_motion *m, memory *of, int at)
     m->lost = ordernm_numbers(of, (long)m->ngroups*LANES);
 }
 
-/* What functions of the system read and write at one state. */
+/* Memory for arguments and results of the system's functions at one state. */
 static void lay_out_arguments(ordernm_motion *m, memory *of)
 {
     const ordernm_system *const s = m->system;
     if (s->closing_step) m->precise_work = ordernm_take(of, precise_numbers(s)*sizeof(long double));
     scalar **of_q[] = {&m->q, &m->qdot, &m->newton, &m->closed}, **of_u[] = {&m->u, &m->udot};
     scalar **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
-    const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
+    const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is also used for speeds */
     for (int i = 0; i < 4; ++i) *of_q[i] = ordernm_numbers(of, wider);
     for (int i = 0; i < 2; ++i) *of_u[i] = ordernm_numbers(of, s->nu);
     for (int i = 0; i < 3; ++i) *lanes_q[i] = ordernm_numbers(of, s->nq*LANES), *lanes_u[i] = ordernm_numbers(of, s->nu*LANES);
@@ -111,8 +111,8 @@ static void lay_out_events(ordernm_motion *m, memory *of)
     m->samples = ordernm_numbers(of, (long)EVENT_SAMPLES*most_watched);
 }
 
-/* Lays a motion out; `at` is 0 where only sizes are asked for. The workspace of the system's functions comes last: it is much
- * larger than all else, and not among the `zeros` that a motion begins with, which would fill the caches. */
+/* Lays out the memory of a motion; `at` is 0 if only sizes are requested. The workspace of the system's functions comes last. It is much
+ * larger than everything else and not initialised with `zeros`, which would fill the caches. */
 static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
 {
     memory of = {(char *)at, 0};
@@ -188,20 +188,20 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, scalar *room)
                 S[(s->nfree_q + i)*g->width + l] = p->du[k*s->nu + s->free_u[i]];
             for (int i = 0; p->dp && i < s->np; ++i) g->dp[i*g->width + l] = p->dp[k*s->np + i];
             if (ordernm_finite_along(S, s->nfree_q + s->nfree_u, g->width, l)) continue;
-            m->lost[n*LANES + l] = NAN; /* lost in a motion before this one */
+            m->lost[n*LANES + l] = NAN; /* lost in a previous motion */
             for (int i = 0; i < s->nfree_q + s->nfree_u; ++i) S[i*g->width + l] = 0.0;
         }
     }
     m->t = p->start;
-    /* rounding of conditions moves dependents in proportion to the condition, and rates to its square */
+    /* rounding errors of closure conditions change dependents in proportion to the condition number, and rates in proportion to its square */
     const scalar rounding = fmax(1.0, s->nloops);
     m->poor = m->poor_rates = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
-    /* in long double, where coordinates keep what is rounded, to its cube; predictions tell branches apart that differ by more */
+    /* in long double, in proportion to its cube, because coordinates are rounded to double; predictions distinguish branches farther apart */
     const scalar by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
-    /* constants are doubles: lengths that ought to be the same are off by so much where they were turned */
+    /* lengths that should be equal differ by this much if constants in double precision were rotated */
     m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
-    /* speeds are off by rounding times the condition, and in long double by its square */
+    /* speeds have rounding errors times the condition number, in long double times its square */
     m->hopeless = fmax(fmin(0.1*p->rtol/2.2e-16, sqrt(0.1*p->rtol/(5.4e-20*rounding))), LEAST_HOPELESS);
     m->pose = m->refused_pose = m->root_end = -INFINITY;
     m->mark = p->start;

@@ -1,7 +1,7 @@
-/* How long the rows of a motion are: of results, of events, of steps that are kept. */
+/* Lengths of a motion's rows: results, events, stored steps. */
 #include "inside.h"
 
-/* The method of a motion: where nothing is independent, an implicit one has no equations, and the explicit one is taken. */
+/* The method of a motion. If nothing is independent, an implicit method has no equations, and an explicit one is used. */
 int ordernm_kind(const ordernm_problem *p)
 {
     const int solves = p->system->nfree_q + p->system->nfree_u > 0;
@@ -28,7 +28,7 @@ long ordernm_step_size(const ordernm_problem *p)
     const ordernm_system *s = p->system;
     const int kind = ordernm_kind(p), stages = kind == ORDERNM_RK4 ? RK4_STAGES : kind == ORDERNM_DOP853 ? DOP853_STAGES : RADAU_STAGES;
     const long state = s->nq + s->nfree_u + p->nintegrals;
-    /* with the stages that are not its beginning; explicit ones with coordinates for which loops are closed, and the first rate */
+    /* with stages other than its start; for explicit methods also coordinates with closed loops, and the first rate */
     const long of_stages = kind == ORDERNM_RADAU ? stages*state : (stages - 1)*(state + (s->closing_step ? s->nq : 0)) + state;
     return ordernm_head_size(p) + state + of_stages;
 }

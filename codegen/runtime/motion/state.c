@@ -1,4 +1,4 @@
-/* One state: its independent entries taken apart and put together, loops closed, inputs, rates, rows of results. */
+/* One state: packing and unpacking its independent entries, closing loops, inputs, rates. */
 #include "inside.h"
 
 #include <math.h>
@@ -6,10 +6,10 @@
 
 enum { CLOSING_STEPS = 12 };
 
-/* What one more of Newton's steps leaves: its square, times the condition of the closure. */
+/* Residual that one more Newton step leaves: its square, times the condition number of the closure. */
 static const scalar CLOSED = 1e-15;
 
-/* Scaled residual that rounding of coordinates of one may leave: an angle after many turns is known less well. */
+/* Scaled residual due to rounding of coordinates; angles after many turns are less accurate. */
 static const scalar ROUNDING = 1e-13;
 
 /* ---- Quaternions. ---- */
@@ -19,7 +19,7 @@ static scalar length_of(const scalar *e)
     return sqrt(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);
 }
 
-/* Gives a quaternion length one, and its derivatives along so many directions what they are then. */
+/* Normalises a quaternion, and its derivatives along `width` directions. */
 void ordernm_normalise(scalar *e, scalar *de, int width)
 {
     const scalar length = length_of(e);
@@ -34,8 +34,8 @@ void ordernm_normalise(scalar *e, scalar *de, int width)
     }
 }
 
-/* Newton's method turns along tangents, so it makes quaternions longer, and predictions are of any length: dependent ones have length
- * one. What a joint shares with independent entries keeps the length that these have, `before`. */
+/* Newton's steps along tangents increase the norm of quaternions, and predictions have any norm: dependent quaternions are normalised. If
+ * a joint shares them with independent entries, they keep the norm `before`. */
 static void keep_lengths(ordernm_motion *m, const scalar *before)
 {
     const ordernm_system *const s = m->system;
@@ -49,9 +49,9 @@ static void keep_lengths(ordernm_motion *m, const scalar *before)
     }
 }
 
-/* ---- The state of the system. ---- */
+/* ---- Arguments of the system's functions. ---- */
 
-/* All coordinates and speeds of a state, in m->q and m->u, the dependent ones as predicted. */
+/* All coordinates and speeds of a state, in m->q and m->u, with dependent ones as predicted. */
 void ordernm_expand(ordernm_motion *m, const scalar *z)
 {
     const ordernm_system *const s = m->system;
@@ -62,8 +62,8 @@ void ordernm_expand(ordernm_motion *m, const scalar *z)
     for (int i = 0; i < m->nd; ++i) m->q[m->dependent[i]] = predicted[i];
 }
 
-/* Arguments of functions at a state; its coordinates and speeds are m->q and m->u unless z has them as they are. They are written
- * where they stay: a struct that is returned is copied in vectors right after its parts were written, for which processors wait. */
+/* Arguments of functions at a state: m->q and m->u, or z itself if it has this layout. Written through a pointer, because a returned
+ * struct would be copied right after its parts were written, which stalls processors. */
 void ordernm_arguments(ordernm_motion *m, scalar t, const scalar *z, ordernm_call *c)
 {
     ordernm_expand(m, z);
@@ -79,7 +79,7 @@ void ordernm_arguments(ordernm_motion *m, scalar t, const scalar *z, ordernm_cal
     c->u = m->identity ? z + m->system->nq : m->u;
 }
 
-/* A row of as many numbers as there are lanes; sizes that compilers know cost no call. */
+/* Copies `width` numbers; for constant widths, compilers avoid a call. */
 static inline void copy_lanes(scalar *to, const scalar *from, int width)
 {
     if (width == 1) *to = *from;
@@ -87,7 +87,7 @@ static inline void copy_lanes(scalar *to, const scalar *from, int width)
     else memcpy(to, from, LANES/2*sizeof(scalar));
 }
 
-/* Seeds of a group. */
+/* Seeds of a group of directions. */
 void ordernm_seeds(ordernm_motion *m, scalar t, const scalar *z, const group *g, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
@@ -106,7 +106,7 @@ void ordernm_seeds(ordernm_motion *m, scalar t, const scalar *z, const group *g,
     c->du = m->du;
 }
 
-/* By how much dropped conditions are open where residuals were computed last. */
+/* Records the residual of dropped conditions. */
 static void note_dropped(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;
@@ -134,9 +134,9 @@ static scalar left_by_rounding(const ordernm_motion *m)
     return ROUNDING*largest;
 }
 
-/* Closes the loops of m->q by Newton's method, in long double where rounding of the conditions would move the dependent
- * coordinates by too much, and says in m->precise whether derivatives are to be computed so, too, and in m->precise_values whether
- * rates are. Returns 0, what the function returned, or -1 if they do not close. */
+/* Closes the loops of m->q by Newton's method, in long double if rounding of the conditions would move the dependent coordinates by too
+ * much. Sets m->precise if derivatives, and m->precise_values if rates, are to be computed in long double. Returns 0, the status of the
+ * function, or -1 if the loops do not close. */
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
@@ -178,7 +178,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
             before = INFINITY;
             continue;
         }
-        /* where conditions imply each other only nearly, what is left of them stays */
+        /* nearly redundant conditions keep a residual */
         if (is_rounding || step*step*condition <= CLOSED) {
             if (s->ndropped) note_dropped(m);
             return 0;
@@ -189,8 +189,8 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 
 /* ---- Rates. ---- */
 
-/* Time derivatives of z and of its derivatives along some groups; all coordinates, loops closed, are in m->q then. Loops that are
- * known to be closed are as predictions say. Returns 0, what a function returned, or -1 if loops do not close. */
+/* Time derivatives of z, and of its derivatives along some groups; leaves all coordinates, with closed loops, in m->q. Loops that are
+ * known to be closed use the predictions. Returns 0, the status of a function, or -1 if loops do not close. */
 int ordernm_rates_of(ordernm_motion *m, scalar t, const scalar *z, scalar *rate, int ngroups, const group *groups, int what)
 {
     const ordernm_system *s = m->system;
@@ -205,7 +205,7 @@ int ordernm_rates_of(ordernm_motion *m, scalar t, const scalar *z, scalar *rate,
     if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
     c.udot = m->identity ? rate + s->nq : m->udot;
-    const int apart = m->precise != m->precise_values; /* values are not those that come with derivatives */
+    const int apart = m->precise != m->precise_values; /* values differ from those computed with derivatives */
     if (rates && !ngroups && (status = ORDERNM_VALUES_OF(m, state_rates)(&c))) return status;
     for (int n = 0; n < ngroups; ++n) {
         const group *g = groups + n;
@@ -250,7 +250,7 @@ int ordernm_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *rate)
     return ordernm_rates_of(m, t, z, rate, m->ngroups, m->groups, RATES | INTEGRALS);
 }
 
-/* The same at a step's end, from which the next one begins: its loops need not be closed a second time. */
+/* The same at the end of a step, where the next one starts: its loops need not be closed a second time. */
 int ordernm_rates_at_end(ordernm_motion *m, scalar t, scalar *rate)
 {
     const int status = ordernm_rates(m, t, m->next, rate);
@@ -265,9 +265,8 @@ int ordernm_rates_at_end(ordernm_motion *m, scalar t, scalar *rate)
 
 /* ---- Between steps. ---- */
 
-/* What is done with a state between two steps: predictions become what closure asks for, and so do independent entries that a
- * joint shares with dependent ones. Returns 1 if more than predictions has changed: rates are computed anew then; -1 if loops do
- * not close. */
+/* Adjusts a state between two steps: predictions, and independent entries of joints that also have dependent ones, become consistent with
+ * closure. Returns 1 if more than predictions has changed, so that rates must be computed again; -1 if loops do not close. */
 int ordernm_settle(ordernm_motion *m, scalar t, scalar *z)
 {
     const ordernm_system *s = m->system;
@@ -286,7 +285,7 @@ int ordernm_settle(ordernm_motion *m, scalar t, scalar *z)
     for (int i = 0; i < m->nd; ++i) predicted[i] = m->q[m->dependent[i]];
     if (!s->split) return 0;
     for (int i = 0; i < s->nfree_q; ++i) z[i] = m->q[s->free_q[i]];
-    c.full_u = m->qdot; /* as long as it is needed, and not needed itself */
+    c.full_u = m->qdot; /* used as memory here */
     for (int n = 0; n < m->ngroups; ++n) {
         const group *g = m->groups + n;
         const int width = g->width;
@@ -300,8 +299,8 @@ int ordernm_settle(ordernm_motion *m, scalar t, scalar *z)
     return 1;
 }
 
-/* Arguments of sensitivities at a state, loops closed, whose one direction is time: along rates of the independent entries. Returns
- * what a function returned, or -1 if loops do not close. */
+/* Arguments of sensitivities at a state with closed loops, with time as the only direction: along the rates of the independent entries.
+ * Returns the status of a function, or -1 if loops do not close. */
 int ordernm_along_time(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, ordernm_call *c)
 {
     static const scalar one[LANES] = {1.0};
@@ -316,9 +315,9 @@ int ordernm_along_time(ordernm_motion *m, scalar t, const scalar *z, const scala
     return 0;
 }
 
-/* ---- Conditions. ---- */
+/* ---- Condition numbers. ---- */
 
-/* What loops are by their condition at a stage of a step, or at its end. */
+/* Records the condition numbers of the loops at a stage of a step, or at its end. */
 void ordernm_note_condition(ordernm_motion *m, int stage, int status)
 {
     const int n = m->system->nloops;

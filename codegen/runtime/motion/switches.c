@@ -1,8 +1,7 @@
 /* Switches: where forces or outputs change their branch.
  *
- * Within a step every switch keeps its mode, the sign of its switching function, so that a step sees one smooth extension of the
- * rates. A step that a switching function changes its sign in is made again so that it ends there; then the mode changes, which
- * passing.c does. */
+ * Within a step every switch keeps its mode, the sign of its switching function, so that the rates are smooth in a step. If a
+ * switching function changes its sign, the step is repeated so that it ends there; then passing.c changes the mode. */
 #include "inside.h"
 
 #include <math.h>

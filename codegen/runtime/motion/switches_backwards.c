@@ -1,8 +1,8 @@
-/* Switches on the way back: with the adjoint lambda+ behind a switch,
+/* The adjoint of switches: with the adjoint lambda+ after a switch,
  *
  *     w = -(lambda+ . (f- - f+) + J_t)/g',  lambda- = lambda+ + w g_z,  gradient += w g_p,
  *
- * where J_t is how a functional depends on the time of the switch, as one of an event does whose output jumps there. */
+ * where J_t is the derivative of a functional by the time of the switch, for an event whose output jumps there. */
 #include "backwards.h"
 
 #include <string.h>
