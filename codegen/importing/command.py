@@ -63,10 +63,11 @@ def run(options: argparse.Namespace) -> tuple[Imported, Path | None]:
     ModelError
     ExistsError
     """
-    chosen = {f.name: getattr(options, f.name) for f in fields(Options) if f.name != "package_paths"}
+    chosen = {f.name: getattr(options, f.name) for f in fields(Options) if f.name not in ("package_paths", "folder")}
     if options.output == "-" and options.force:
         raise ExistsError("--force replaces a file, and -o - prints the model; remove --force")
-    found = import_model(options.file, package_paths=options.package_path, **chosen)
+    folder = Path(options.output or "").parent if options.output != "-" else Path()
+    found = import_model(options.file, package_paths=options.package_path, folder=folder, **chosen)
     if options.output == "-":
         return found, None
     target = Path(options.output if options.output is not None else f"{found.model.name}.yaml")

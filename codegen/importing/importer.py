@@ -50,6 +50,7 @@ class Options:
     parameterize: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None = None
     loops: str | os.PathLike[str] | None = None
     package_paths: Sequence[str | os.PathLike[str]] = ()
+    folder: str | os.PathLike[str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +162,8 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
           that lies beside a URDF is read in any case.
         - ``package_paths`` (sequence of str or path): Folders of the packages that the file names by ``package://``
           and ``model://``. Other files are read only from these and from the folder of the robot file.
+        - ``folder`` (str or path): Folder that the model's names of mesh files start from. Left out: that of the robot
+          file.
 
     Returns
     -------
@@ -355,7 +358,8 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     _lift(robot, bodies)
     head = _head(robot, bodies, names, source)
     name = model_name(robot.name) if options.name is None else options.name
-    writer = ModelWriter(robot, bodies, name, names, parameters, head, side.sections, options.motors)
+    folder = os.path.dirname(robot.file) if options.folder is None else os.fspath(options.folder)
+    writer = ModelWriter(robot, bodies, name, names, parameters, head, side.sections, options.motors, folder)
     text = writer.text()
     model = _checked(text, robot, bodies, names, side)
     return Imported(

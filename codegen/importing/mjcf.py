@@ -39,14 +39,17 @@ from .robot import (
     as_three,
 )
 from .xml_reading import Element
-from .xml_values import place_of
+from .xml_values import hex_color, place_of
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _TYPES: Final = {_FREE: "free", _BALL: "spherical", _SLIDE: "prismatic", _HINGE: "revolute"}
 _CONNECT, _WELD, _JOINT = range(3)
 _SITE: Final = 6
 """Value of mjtObj for sites."""
-_SPHERE, _CAPSULE, _CYLINDER, _BOX = 2, 3, 5, 6
+_SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = 2, 3, 4, 5, 6, 7
+_MESH_FOLDERS: Final = ("meshdir", "assetdir")
+_HIDDEN: Final = 3
+"""Groups of geoms from this one on are hidden by MuJoCo's viewer."""
 _DIRT: Final = 1e-15
 
 _LISTED: Final[dict[str, tuple[str, str, str, Effect]]] = {
@@ -302,10 +305,27 @@ class _Reader:
                 _SPHERE: ("sphere", (radius,)),
                 _CYLINDER: ("cylinder", (radius, length)),
                 _CAPSULE: ("capsule", (radius, length)),
+                _ELLIPSOID: ("ellipsoid", tuple(float(x) for x in size)),
             }
+            frame = _frame(model.geom_pos[g], model.geom_quat[g])
+            shown, color = int(model.geom_group[g]) < _HIDDEN, hex_color(" ".join(map(str, model.geom_rgba[g])))
             if type_ in sizes:
-                found.append(Solid(*sizes[type_], _frame(model.geom_pos[g], model.geom_quat[g])))
+                found.append(Solid(*sizes[type_], frame, shown, color))
+            elif type_ == _MESH and shown and (file := self.mesh_file(mesh := int(model.geom_dataid[g]))):
+                own = _frame(model.mesh_pos[mesh], model.mesh_quat[mesh])  # MuJoCo moves a mesh to its principal axes
+                scale = tuple(float(x) for x in model.mesh_scale[mesh])
+                found.append(Solid("mesh", scale, frame @ own.inverse(), True, color, file))
         return found
+
+    def mesh_file(self, mesh: int) -> str:
+        """Path of the file of a mesh; ``""`` if there is none."""
+        start = int(self.model.mesh_pathadr[mesh])
+        if start < 0 or self.parts is None:
+            return ""
+        name = self.model.paths[start:].split(b"\0")[0].decode("utf-8", "replace")
+        folder = Path(self.file).parent
+        found = [folder / name] + [folder / d / name for key in _MESH_FOLDERS for d in sorted(self.parts.folders[key])]
+        return next((str(path) for path in found if path.is_file()), "")
 
     def equality(self, e: int) -> None:
         """Add a constraint: a loop, or a coordinate that follows another."""
@@ -423,12 +443,12 @@ class _Reader:
             found = self.lines(tag, group)
             for place in found or [None] * total:
                 robot.leave_out(f"<{tag}>", place, effect, remark)
-        mesh = int(_mujoco().mjtGeom.mjGEOM_MESH)
-        meshes = int(np.sum(np.ravel(model.geom_type) == mesh)) if model.ngeom else 0
-        found = [place_of(e) for e in self.elements("geom") if e.attributes.get("type") == "mesh"]
-        places: list[Place | None] = [*(found if meshes else ())]
-        for place in places or [None] * meshes:
-            robot.leave_out("<geom> of a mesh", place, Effect.NONE, "its mass is counted")
+        meshes = [g for g in range(int(model.ngeom)) if int(model.geom_type[g]) == _MESH]
+        if any(not self.mesh_file(int(model.geom_dataid[g])) for g in meshes):
+            found = [place_of(e) for e in self.elements("geom") if e.attributes.get("type") == "mesh"]
+            places: list[Place | None] = [*found]
+            for place in places or [None] * len(meshes):
+                robot.leave_out("<geom> of a mesh", place, Effect.NONE, "its mass is counted")
         collides = np.any(model.geom_contype) and np.any(model.geom_conaffinity)
         if collides and not self.disabled("CONTACT", "CONSTRAINT"):
             geoms: list[Place | None] = [place_of(element) for element in self.elements("geom", "flexcomp")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Final, NamedTuple
 
@@ -17,6 +17,9 @@ from .placement import Array, Placement, Three, exact_sum
 WORLD = ""
 """The parent of links on the ground."""
 
+
+VISIBLE: Final = ("box", "cylinder", "capsule", "sphere", "ellipsoid", "mesh")
+"""Types of visuals that the model format has."""
 
 SINGLE: Final = ("revolute", "prismatic", "screw")
 """Types of joints with one coordinate."""
@@ -100,21 +103,30 @@ def turned_matrix(rotation: Array, matrix: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A primitive shape of a link, visual or for collisions.
+    """A primitive or a mesh of a link, visible or for collisions.
 
     Attributes
     ----------
     type : str
-        ``box``, ``cylinder``, ``capsule`` or ``sphere``, with its axis along z.
+        ``box``, ``cylinder``, ``capsule``, ``sphere`` or another primitive with its axis along z; ``mesh``.
     sizes : tuple of float
-        Size of a box along x, y, z; radius and length of a cylinder or capsule; radius of a sphere; m.
+        Edges of a box; radius and length; radius; semi-axes; m. Scale factors of a mesh.
     frame : Placement
-        Pose of its centre frame in the link.
+        Pose of its centre, or of the origin of a mesh, in the link.
+    shown : bool
+        Whether it is visible.
+    color : str
+        ``#rrggbb`` or ``#rrggbbaa``; ``""`` if there is none.
+    file : str
+        Path of the file of a mesh.
     """
 
     type: str
     sizes: tuple[float, ...]
     frame: Placement
+    shown: bool = False
+    color: str = ""
+    file: str = ""
 
 
 @dataclass(slots=True)
@@ -142,7 +154,7 @@ class Link:
         """Change to another frame, given in the present one."""
         back = frame.inverse()
         self.inertia = self.inertia.seen_from(back)
-        self.solids = [Solid(s.type, s.sizes, back @ s.frame) for s in self.solids]
+        self.solids = [replace(s, frame=back @ s.frame) for s in self.solids]
         self.origin = back @ self.origin
 
 

@@ -12,7 +12,7 @@ from .sdf_frames import PartReader
 from .sdf_scopes import Item, Scope
 from .solids import of_density
 from .xml_reading import Element
-from .xml_values import Sizes
+from .xml_values import RobotReader, Sizes
 
 _WATER: Final = 1000.0
 """SDF's default density, kg/m^3."""
@@ -23,9 +23,9 @@ class ShapeReader(PartReader):
 
     def solid(self, scope: Scope, item: Item, element: Element) -> Solid | None:
         """The primitive solid of an element in its link; other shapes are listed as left out."""
-        self.reader.leave_out_children(element, ("pose", "geometry", "density", "auto_inertia_params"))
+        self.reader.leave_out_children(element, ("pose", "geometry", "material", "density", "auto_inertia_params"))
         frame = self.frame(scope, item, self.reader.one(element, "pose"))
-        return self.reader.primitive(element, frame, _SIZES, "uri")
+        return self.reader.primitive(element, frame, _SIZES, "uri", _scale)
 
     def frame(self, scope: Scope, item: Item, pose: Element | None) -> Placement:
         """A pose in the frame of a link; only one with ``relative_to`` refers to another frame."""
@@ -70,6 +70,10 @@ class ShapeReader(PartReader):
             self.reader.wrong(found, f"the density is {value:g}; more than 0 kg/m^3 is needed")
             return otherwise
         return value
+
+
+def _scale(reader: RobotReader, element: Element) -> tuple[float, ...]:
+    return reader.content(element.first("scale"), 3, (1, 1, 1))
 
 
 def _texts(*tags: str) -> Sizes:

@@ -31,7 +31,7 @@ from .robot import (
     symmetric,
 )
 from .xml_reading import Element
-from .xml_values import RobotReader, Sizes, is_version, place_of, version_of
+from .xml_values import RobotReader, Sizes, hex_color, is_version, place_of, version_of
 
 TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
@@ -90,6 +90,10 @@ def _radius_and_length(reader: RobotReader, element: Element) -> tuple[float, ..
     return reader.number(element, "radius", None), reader.number(element, "length", None)
 
 
+def _scale(reader: RobotReader, element: Element) -> tuple[float, ...]:
+    return reader.attribute(element, "scale", 3, (1, 1, 1))
+
+
 _SIZES: Final[dict[str, Sizes]] = {
     "box": lambda reader, element: reader.attribute(element, "size", 3, (0, 0, 0)),
     "cylinder": _radius_and_length,
@@ -134,7 +138,7 @@ class _Reader(RobotReader):
                 name = self.new_name(element, joints, "joint")
                 if name is not None:
                     self.joint(element, name, DRAKE_TYPES if element.tag == _DRAKES else TYPES)
-            elif element.tag not in ("link", "constraint", "transmission"):
+            elif element.tag not in ("link", "constraint", "transmission", "material"):
                 self.leave_out(element)
         for element in self.root.all("constraint"):
             name = self.new_name(element, joints, "constraint")
@@ -238,8 +242,19 @@ class _Reader(RobotReader):
 
     def solid(self, element: Element) -> Solid | None:
         """A primitive solid of <visual> or <collision>; other shapes are listed as left out."""
-        self.leave_out_children(element, ("origin", "geometry"))
-        return self.primitive(element, self.origin(element), _SIZES, "filename")
+        self.leave_out_children(element, ("origin", "geometry", *(("material",) if element.tag == "visual" else ())))
+        return self.primitive(element, self.origin(element), _SIZES, "filename", _scale)
+
+    def color(self, shown: Element) -> str:
+        material = shown.first("material")
+        if material is None:
+            return ""
+        name = material.attributes.get("name", "")
+        shared = (e for e in self.root.all("material") if e.attributes.get("name") == name)
+        for found in (material, *shared):
+            if (color := found.first("color")) is not None:
+                return hex_color(color.attributes.get("rgba", ""))
+        return ""
 
     def joint(self, element: Element, name: str, types: Mapping[str, str] = TYPES) -> None:
         self.leave_out_rest(element, _JOINT | set(_MEANT))

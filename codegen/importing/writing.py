@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +14,7 @@ from .bodies import Bodies, ImportedBody
 from .naming import free_name, made_name
 from .parameters import Parameters
 from .placement import Placement, Three
-from .robot import WORLD, Closing, Robot, Solid
+from .robot import VISIBLE, WORLD, Closing, Robot, Solid
 from .solids import moments
 from .words import WIDTH, angle, axis_text, number, one_line, vector, wrapped
 
@@ -44,6 +47,8 @@ class ModelWriter:
         Lines of sections that are made elsewhere.
     motors : bool
         Whether every degree of freedom of a joint, except those of the base, has an input.
+    folder : str
+        Folder that names of mesh files start from.
     """
 
     def __init__(
@@ -56,6 +61,7 @@ class ModelWriter:
         head: Sequence[str] = (),
         sections: Mapping[str, Sequence[str]] | None = None,
         motors: bool = False,
+        folder: str = ".",
     ) -> None:
         self.robot = robot
         self.bodies = bodies
@@ -65,6 +71,7 @@ class ModelWriter:
         self.head = head
         self.sections = dict(sections or {})
         self.motors = motors
+        self.folder = folder
         self.mark_names: dict[str, str] = {}
 
     def text(self) -> str:
@@ -117,7 +124,36 @@ class ModelWriter:
         if joint.name and joint.name not in (name, body.link.name):
             lines[-1] += f"  # {one_line(joint.name)}"
         lines += [f"  # {part}" for comment in body.comments for part in wrapped(comment, WIDTH - 6)]
-        return lines + [f"  {line}" for line in self.mass(body, name)]
+        mass = self.mass(body, name)
+        return lines + [f"  {line}" for line in (*mass, *self.visuals(body, mass))]
+
+    def visuals(self, body: ImportedBody, mass: Sequence[str]) -> list[str]:
+        """The visuals of a body and of the links merged into it; none where its shape shows the same."""
+        every = [(Placement(), s) for s in body.link.solids] + [(f, s) for link, f in body.merged for s in link.solids]
+        shown = [
+            replace(s, frame=frame @ s.frame) for frame, s in every
+            if s.shown and s.type in VISIBLE and (s.type == "mesh" or min(s.sizes) >= 0)
+        ]  # fmt: skip
+        is_shape = bool(mass) and mass[0].startswith("shape:")
+        if not shown or (is_shape and len(shown) == 1 and shown[0].type in SHAPES and not shown[0].color):
+            return []
+        return ["visuals:", *(f"- {{{', '.join(self.visual(s))}}}" for s in shown)]
+
+    def visual(self, solid: Solid) -> list[str]:
+        """The keys of a visual."""
+        keys = [f"type: {solid.type}"]
+        if solid.type == "mesh":
+            keys.append(f"file: {json.dumps(os.path.relpath(solid.file, self.folder).replace(os.sep, '/'))}")
+            if any(x != 1 for x in solid.sizes):
+                same = len(set(solid.sizes)) == 1
+                keys.append(f"scale: {number(solid.sizes[0]) if same else vector(solid.sizes)}")
+        elif solid.type in ("box", "ellipsoid"):
+            keys.append(f"{'size' if solid.type == 'box' else 'radii'}: {vector(solid.sizes)}")
+        else:
+            keys.append(f"radius: {number(solid.sizes[0])}")
+            keys += [f"length: {number(x)}" for x in solid.sizes[1:]]
+        color = [f'color: "{solid.color}"'] if solid.color else []
+        return [*keys, *_place_keys(solid.frame), *color]
 
     def mass(self, body: ImportedBody, name: str) -> list[str]:
         """Mass, com and inertia of a body, or an equivalent shape."""

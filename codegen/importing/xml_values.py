@@ -14,7 +14,7 @@ from ..model.positions import shortened
 from ..model.sections.digits import cut_twelfths
 from .files import Files
 from .placement import Array, Placement, of_quaternion, pi_multiple
-from .robot import Effect, Place, Robot, Solid
+from .robot import VISIBLE, Effect, Place, Robot, Solid
 from .xml_reading import Element
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -195,8 +195,10 @@ class RobotReader(Values, ABC):
         self.wrong(element, f"{what} is {shortened(type_)}; {', '.join(known)} {are}{nearest(type_, known)}")
         return None
 
-    def primitive(self, shown: Element, frame: Placement, sizes: Mapping[str, Sizes], file: str) -> Solid | None:
-        """The solid in the <geometry> of a <visual> or <collision>; other shapes are listed as left out.
+    def primitive(
+        self, shown: Element, frame: Placement, sizes: Mapping[str, Sizes], file: str, scale: Sizes
+    ) -> Solid | None:
+        """The solid or mesh in the <geometry> of a <visual>, or the solid of a <collision>; other shapes are listed as left out.
 
         Parameters
         ----------
@@ -207,18 +209,29 @@ class RobotReader(Values, ABC):
             For each type of solid, the function that reads its sizes.
         file : str
             The attribute or child of <mesh> that names its file.
+        scale : callable
+            Reads the three scale factors of a <mesh>.
         """
         geometry, effect = self.one(shown, "geometry"), shown_effect(shown)
+        is_visual = shown.tag == "visual"
         for child in geometry.children if geometry is not None else ():
             if child.tag == "mesh":
                 uri = child.first(file)
-                missing = self.files.missing(uri.text.strip() if uri is not None else child.attributes.get(file, ""))
+                name = uri.text.strip() if uri is not None else child.attributes.get(file, "")
+                missing = self.files.missing(name)
+                if is_visual and missing is None:
+                    return Solid("mesh", scale(self, child), frame, True, self.color(shown), str(self.files.find(name)))
                 self.robot.leave_out("<mesh>" if missing is None else f"<mesh>, {missing}", place_of(child), effect)
                 continue
-            self.robot.leave_out(f"<{shown.tag}> of a {child.tag}", place_of(child), effect)
+            if not (is_visual and child.tag in VISIBLE):
+                self.robot.leave_out(f"<{shown.tag}> of a {child.tag}", place_of(child), effect)
             if child.tag in sizes:
-                return Solid(child.tag, sizes[child.tag](self, child), frame)
+                return Solid(child.tag, sizes[child.tag](self, child), frame, is_visual, self.color(shown))
         return None
+
+    def color(self, shown: Element) -> str:
+        """Colour of a <visual>, ``#rrggbbaa``; ``""`` if it has none."""
+        return ""
 
     def whole(self) -> Robot:
         """The robot of the file.
@@ -233,6 +246,18 @@ class RobotReader(Values, ABC):
             once = {str(problem): problem for problem in self.problems}
             raise ModelError(sorted(once.values(), key=lambda p: (p.line or 0, p.column or 0)))
         return self.robot
+
+
+def hex_color(text: str) -> str:
+    """Colour of three or four numbers from 0 to 1, as ``#rrggbb`` or ``#rrggbbaa``; ``""`` if the text has no such numbers."""
+    try:
+        numbers = [float(x) for x in text.split()]
+    except ValueError:
+        return ""
+    if len(numbers) not in (3, 4) or not all(0 <= x <= 1 for x in numbers):
+        return ""
+    shown = numbers[:3] if numbers[3:] == [1.0] else numbers
+    return "#" + "".join(f"{round(255 * x):02x}" for x in shown)
 
 
 Sizes = Callable[[RobotReader, Element], tuple[float, ...]]

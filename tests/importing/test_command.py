@@ -24,7 +24,6 @@ def test_a_model_file_is_written_and_what_is_left_out_listed(here, capsys):
     assert out.splitlines() == [
         "wrote model.yaml: 2 bodies, 2 speeds; now: generate model.yaml",
         "  left out: <limit> (line 40): of position, speed and force; acts at stops and contacts only",
-        "  left out: <visual> of a cylinder (line 14): no effect on the dynamics",
     ]
     assert sorted(p.name for p in here.iterdir()) == ["arm.urdf", "model.yaml"]
     assert main(["check", "model.yaml"]) == 0

@@ -217,15 +217,21 @@ def test_packages_are_found_where_they_may_be(tmp_path, monkeypatch):
         in imported(tmp_path, text, package_paths=[tmp_path / "ws"]).left_out
     )
     (folder / "meshes" / "arm.stl").write_text("solid")
+    mesh_file = "ws/arm_description/meshes/arm.stl"
+
+    def shown(found):
+        (visual,) = found.model.bodies[0].visuals
+        return visual.file
+
     for paths in ([tmp_path / "ws"], [folder]):
-        assert "<mesh> (line 3): no effect on the dynamics" in imported(tmp_path, text, package_paths=paths).left_out
+        assert shown(imported(tmp_path, text, package_paths=paths)) == mesh_file
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'x'}:{tmp_path / 'ws'}")
-    assert "<mesh> (line 3): no effect on the dynamics" in imported(tmp_path, text).left_out
+    assert shown(imported(tmp_path, text)) == mesh_file
     monkeypatch.delenv("ROS_PACKAGE_PATH")
     (folder / "urdf").mkdir()
     path = folder / "urdf" / "arm.urdf"
     path.write_text(text)
-    assert "<mesh> (line 3): no effect on the dynamics" in codegen.import_model(path).left_out
+    assert shown(codegen.import_model(path)) == "../meshes/arm.stl"
 
 
 # ---- loops and parameters --------------------------------------------------------------------------------------------

@@ -51,6 +51,6 @@ class Meshes:
         try:
             mesh = trimesh.load_mesh(path)
             return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, int)
-        except (ValueError, OSError, KeyError, IndexError, AttributeError, NotImplementedError) as error:
+        except (ImportError, ValueError, OSError, KeyError, IndexError, AttributeError, NotImplementedError) as error:
             warn(f"mesh {name} cannot be read ({error}); a cube of {INSTEAD:g} m is shown instead")
             return None
