@@ -11,12 +11,12 @@ from .display import display
 from .emit.c.functions import batch_arrays
 from .emit.c.libraries import FRAMES as FRAMES_LIBRARY
 from .emit.c.libraries import libraries, library_of
+from .jumps import switched
 from .mechanics.expansion import Program
 from .mechanics.outputs.outputs import pivoted_outputs
 from .mechanics.structure.system import System
 from .mechanics.sweeps import SWEEP, Sweep
 from .model.expressions import Expression
-from .model.kinks import nodes
 from .model.model import Model, closure_row_names
 from .program.counting import counted
 from .program.operations import Operations, count
@@ -176,7 +176,7 @@ def _branching_motion(model: Model) -> dict[str, Any]:
     found = [
         {"name": x.name, "names": sorted(x.value.names), "tree": x.value.tree}
         for x in model.prescribed
-        if any(not Expression(s).names.isdisjoint(moving) for _, s in nodes(x.value.tree))
+        if any(not Expression(s).names.isdisjoint(moving) for _, s in switched(x.value.tree))
     ]
     return {"branching_motion": found} if found else {}
 

@@ -118,6 +118,7 @@ def test_the_run_time_is_copied_as_it_is(written):
     for name in carried(written) - {"solver"}:  # which has its sections only
         file = next(x for x in (own / f"{name}.py", own.parents[1] / f"{name}.py") if x.is_file())
         text = file.read_text().replace("\nfrom ....elementary import", "\nfrom ..elementary import")
+        text = text.replace("\nfrom ....jumps import", "\nfrom ..jumps import")
         assert (written / "_runtime" / f"{name}.py").read_text() == text
     listed = json.loads((written / "model.json").read_text())["files"]
     texts = {f"_runtime/{n}.py" for n in carried(written)}
@@ -151,7 +152,8 @@ OPTIONAL = OF_LOOPS | {"state/reactions", "assembly/redundancy"}
 def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
     """And without rests of what stood there before."""
     everything = modules(Path(codegen.__file__).parent / "runtime" / "standalone")
-    assert everything - carried(written) == OF_LOOPS | {
+    of_views = {m for m in everything if m.startswith("display/")}
+    assert everything - carried(written) == of_views | OF_LOOPS | {
         "state/reactions",
         "assembly/redundancy",
         "state/frames",
@@ -172,7 +174,7 @@ def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
         (parse_model(TEXT), {}, set()), (parse_model(TEXT), {"reactions": True}, {reactions}),
     ):  # fmt: skip
         generate(model, folder, compile=False, **options)
-        assert carried(folder) & OPTIONAL == expected and carried(folder) <= everything | {"elementary"}
+        assert carried(folder) & OPTIONAL == expected and carried(folder) <= everything | {"elementary", "jumps"}
 
 
 def test_every_file_of_the_run_time_is_imported_by_what_carries_it(written):

@@ -19,7 +19,8 @@ FLOORS = {
     "deferred": set(),  # names that are imported when first asked for
     "records": set(),  # data classes
     "elementary": set(),  # the elementary functions
-    "model": {"elementary", "version"},
+    "jumps": {"elementary"},  # of functions of time
+    "model": {"elementary", "jumps", "version"},
     "importing": {"model", "version"},  # robots of other formats
     "program": {"elementary", "records", "version"},  # knows no mechanics
     "loops": {"model", "records", "version"},  # graph, assembly and partition, on floats
@@ -28,7 +29,7 @@ FLOORS = {
     "symbolic": {"deferred", "elementary", "loops", "mechanics", "model", "program", "reference", "version"},  # sympy
     "emit": {"elementary", "model", "program", "records", "version"},  # prints any program
     "display": {"model"},  # what views need to know of a model
-    "manifest": {"display", "emit", "loops", "mechanics", "model", "program"},  # what model.json says
+    "manifest": {"display", "emit", "jumps", "loops", "mechanics", "model", "program"},  # what model.json says
     "pipeline": {
         "emit",
         "loops",
@@ -38,7 +39,18 @@ FLOORS = {
         "program",
         "version",
     },  # the stages from model to files
-    "runtime": {"deferred", "elementary", "emit", "loops", "mechanics", "model", "pipeline", "program", "version"},
+    "runtime": {
+        "deferred",
+        "elementary",
+        "emit",
+        "jumps",
+        "loops",
+        "mechanics",
+        "model",
+        "pipeline",
+        "program",
+        "version",
+    },
     "design": {"runtime", "version"},  # on solvers; knows no models, and no package carries it
 }
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
@@ -118,7 +130,7 @@ def faults(source: str, path: Path) -> list[str]:
     for line, name in imports(source, path):
         parts = name.split(".")
         if path.is_relative_to(STANDALONE):
-            own = parts[:2] == ["codegen", "elementary"] or (
+            own = parts[:2] in (["codegen", "elementary"], ["codegen", "jumps"]) or (
                 parts[:3] == ["codegen", "runtime", "standalone"] and len(parts) > 3
             )
             module = path.relative_to(STANDALONE).with_suffix("").as_posix()
