@@ -1,6 +1,6 @@
 """Couplings in blocks: 6x6 blocks of two links, and contributions to partners. Section 4 of the theory page.
 
-Rows and columns of a coupling are components of moment (or angular acceleration), then force (linear acceleration), each along
+Rows and columns of a coupling are components of moment (or angular acceleration), then force (linear acceleration). Each is along
 the axes of its own link and about its origin. Partners are the links to which a unit is coupled (`elimination_order.Partners`).
 """
 
@@ -75,7 +75,7 @@ def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector
     return list(x.load(partner_store(kind, m, lanes), fields.explicit_acceleration))
 
 
-# -- motion of a far link against the base ----------------------------------------------------------------------------
+# -- motion of a far link relative to the base ------------------------------------------------------------------------
 
 
 def from_far(x: Scope, W: Matrix, v: Vector, tag: str, lanes: bool = False) -> Vector:

@@ -1,7 +1,7 @@
 """Sweeps over few links, each merged into one block: values that links pass to neighbours become local variables.
 
-If every link has a function of its own (`codegen.mechanics.statements.laid_out`), the blocks of a sweep run in a known order and
-each of their components has a known address. They are merged (`codegen.program.fusion`) if the result is short enough.
+If every link has a function of its own (`statements.laid_out`), the blocks of a sweep run in a known order, and each of their
+components has a known address. They are merged (`codegen.program.fusion`) if the result is short enough.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
             )
     slots, gravity = program.slots, program.system.gravity
     if gravity is None or not any(n in gravity.shape.varying for s in FALLING for n in slots.get(s, ())):
-        # otherwise these sweeps and their transposes share the ground's slot
-        # formulas access the ground's slot alike for a sweep and its transpose, so both keep the same fields
+        # a varying gravity puts its tangent into the ground's slot, whose fields then stay
+        # formulas use the ground's slot of a sweep and of its transpose alike, so both keep the same fields
         both = {s: [x for x in slots if _base(x) == _base(s) and x in program.blocks] for s in slots}
         slots = {
             s: [n for n in of if any(x not in found or (SLOT, n) in found[x].names for x in both[s])]

@@ -1,6 +1,6 @@
 """Reflected inertia of the rotors that drive joints, which acts along the joint's own speeds only.
 
-A rotor that spins n times as fast as its joint, with inertia J about its axis, has the kinetic energy ``a u^2 / 2`` with
+Let a rotor spin n times as fast as its joint, and let J be its inertia about its axis. Its kinetic energy is ``a u^2 / 2`` with
 ``a = n^2 J``. Its gyroscopic effect on the links that carry it is neglected. Except in the elimination of the speed, it acts as a
 joint force ``-a udot``: the joint transmits ``tau - a udot`` along itself.
 """

@@ -116,7 +116,7 @@ def _keep_needed(program: Program, made: list[str]) -> None:
     read: dict[tuple[str, int], int] = {}
     while before != len(needed):
         before = len(needed)
-        for s in reversed(made):  # most of what a sweep keeps is read by those after it
+        for s in reversed(made):  # later sweeps read most of the scalars that a sweep keeps
             for kind, block in program.blocks[s].items():
                 part = useful(block)
                 if read.get((s, kind)) != len(part.stores):

@@ -27,7 +27,7 @@ from .motions import Twist
 from .orthogonal import Factor
 
 HALF_TURN = 1e-14
-"""Squared cosine of half the angle below which rounding hides the direction back from half a turn."""
+"""Squared cosine of half the angle of a rotation; below it the angle is half a turn, and the axis is lost in rounding."""
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
@@ -133,7 +133,7 @@ def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:
 
 
 def link_step(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link from which ears start: rotation vector and displacement against the origin, along its axes."""
+    """Outward block of a link from which ears start: rotation vector and displacement relative to the origin, along its axes."""
     if kind.closed_on == "origin":
         _store_step(x, ME, ZERO, ZERO)
         return

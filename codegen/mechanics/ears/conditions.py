@@ -152,7 +152,7 @@ def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
 def components_along(
     ear: EarGeometry, rows: Sequence[Condition], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False
 ) -> Vector:
-    """Components of motions at the cuts along the conditions."""
+    """Components of motions at the cuts along the directions of the conditions."""
     result: Vector = []
     for row in rows:
         v = at_cuts[row.loop].angular if row.angular else at_cuts[row.loop].linear

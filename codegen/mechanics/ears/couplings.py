@@ -22,7 +22,7 @@ from .motions import Twist
 from .tangents import EarTangents
 
 
-def _seen(value: Value) -> Twist:
+def _as_twist(value: Value) -> Twist:
     return Twist([value, 0, 0], [0, 0, 0])
 
 
@@ -32,11 +32,11 @@ def coupling_residual(ear: EarGeometry, c: int) -> Twist:
     total: Value = -x.load(LOOP_CONSTANTS[c], fields.coupling_offset)
     for t, (k, j) in enumerate(ear.kind.closures[c].terms):
         total = total + ear.ratio(c, t) * ear.members[k].joint.coordinate(j)
-    return _seen(x.let("gap", total, "Eq. 32"))
+    return _as_twist(x.let("gap", total, "Eq. 32"))
 
 
 def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
-    """Change of that residual with parameters and coordinates, dependent ones only if the seeds are `complete`. d Eq. 30."""
+    """Change of a coupling's residual with parameters and coordinates, dependent ones only for `complete` seeds. d Eq. 30."""
     x, closure = ear.x, ear.kind.closures[c]
     total: Value = 0
     for j in range(closure.parameters):
@@ -48,7 +48,7 @@ def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
     for t, (k, freedom) in enumerate(closure.terms):
         if complete or freedom not in ear.kind.dependent[k]:
             total = total + ear.ratio(c, t) * ear.members[k].joint.along_freedom(freedom)
-    return _seen(x.let("cut", total, "d Eq. 30", lanes=True))
+    return _as_twist(x.let("cut", total, "d Eq. 30", lanes=True))
 
 
 @dataclass(slots=True)

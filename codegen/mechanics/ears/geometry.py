@@ -1,8 +1,8 @@
 """Ears along the axes of their region: attitudes, levers, and motions from its roots to the cuts of its loops.
 
 All vectors of a region's links have components along the axes of its base (except in `ears.balance`). Nothing is rotated from
-link to link: a joint of a link contributes its axis e, the column ``(e, e x lever)``, to a loop (section 4.1 of the theory
-page), and a velocity, an acceleration or a displacement is propagated by ``a + alpha x rho``.
+link to link. A joint with axis e contributes the column ``(e, e x lever)`` to a loop (section 4.1 of the theory page).
+Velocities, accelerations and displacements are propagated by ``a + alpha x rho``.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class EarGeometry:
     # -- geometry --------------------------------------------------------------------------------------------------
 
     def attitude(self, place: int) -> Matrix:
-        """Region components from link components, of a link or (negative) a root."""
+        """Rotation matrix of a link, or of a root at a negative position: region from link components."""
         if place >= 0:
             return self.members[place].W
         return self.roots[-1 - place].attitude()

@@ -104,9 +104,9 @@ class Member:
     ----------
     W : Matrix
         Region components from link components.
-    rho : Vector
+    Vector from the parent's origin to the link's, along region axes.
         Vector from the parent's origin to the link's.
-    r : Vector
+    Vector from the parent's origin to the link's, along the parent's axes.
         The same along the parent link's axes.
     freedoms : list of Freedom
     """

@@ -103,7 +103,7 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
     """
     system = region_system(x, kind)
     for j in reversed(kind.free):
-        # the pivot is compared with the source's own inertia before others were eliminated
+        # the pivot is compared with the source's own inertia before the elimination of other sources
         system.eliminate(j, Column(j), 0, x.load(REGION, fields.source_inertia(j, j)))
     Q, g = system.Q, system.p
     at = place_of_base(kind)

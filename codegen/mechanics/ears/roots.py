@@ -65,13 +65,13 @@ class Root(ABC):
 
     @abstractmethod
     def motion(self, total: bool) -> Motion:
-        """Motion relative to the ground: the part that does not depend on udot, or (`total`) all of it."""
+        """Motion relative to the ground: the part that does not depend on udot, or the `total` motion."""
 
     @abstractmethod
     def own_motion(self) -> tuple[Motion, Motion]:
         """The total motion relative to the ground, and its tangent, along its own axes."""
 
-    # -- against the base: a root that does not say otherwise is at rest ---------------------------------------------
+    # -- relative to the base; by default a root is at rest ----------------------------------------------------------
 
     def twist(self, source: int) -> Twist:
         """Motion per unit of a source."""

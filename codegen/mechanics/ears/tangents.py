@@ -1,7 +1,7 @@
 """Tangents of an ear's statements: vectors fixed in a link rotate with it, everything else follows by derivative primitives.
 
-A direction rotates a link by a rotation vector theta (along region axes), so ``dv = theta x v`` for every vector v fixed in the
-link, plus the change of its components with design parameters: three numbers, not nine for each rotation matrix.
+A direction rotates a link by a rotation vector theta (along region axes). A vector v fixed in the link changes by ``theta x v``,
+plus the change of its components with design parameters. This takes three numbers, not nine for each rotation matrix.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from ..structure.constants import written
 from ..structure.element_kinds import ElementKind, end_name
 
 SHORTEST = 1e-100
-"""Shortest line that has a direction, m: squares of quotients by its length remain finite."""
+"""Shortest length, m, at which a line has a direction; below it, squares of quotients by the length could overflow."""
 
 
 def shortest() -> float:

@@ -36,7 +36,7 @@ class Jointed(Protocol):
     ----------
     axis : int
         The coordinate axis of the link's frame that the joint turns about or slides along.
-    aligned : bool
+    The coordinate axis of the link's frame that the joint rotates about or slides along.
         The link's axes coincide with its parent's at q = 0.
     moves : tuple of bool
         For a prescribed coordinate: whether the coordinate, its rate and its acceleration can differ from zero.
@@ -112,7 +112,7 @@ class LinkJoint(ABC):
 
     @property
     def columns(self) -> Sequence[Column]:
-        """Partial velocities of the freedoms."""
+        """Partial velocities of the degrees of freedom."""
         return self._columns
 
     @cached_property
@@ -184,7 +184,7 @@ class LinkJoint(ABC):
         return v
 
     def inertia_to_parent(self, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
-        """The blocks of a generalised inertia in the parent's axes, about the same point."""
+        """The blocks of a generalised inertia along the parent's axes, about the same point."""
         J, H, M = self._inertia_before(J, H, M, tag)
         if self.fixed is not None:
             J, H, M = rotate_all(self.x, self.fixed, J, H, M, tag)

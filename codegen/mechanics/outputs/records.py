@@ -42,7 +42,7 @@ from ..structure.links import (
 from ..structure.system import System
 
 SHORTEST = 1e-100
-"""Shortest distance, m, that has a derivative: squares of quotients by it remain finite."""
+"""Shortest distance, m, that has a derivative; below it, squares of quotients by the distance could overflow."""
 
 
 @dataclass(slots=True)

@@ -31,7 +31,7 @@ MOTIONS = ("state_rates", "state_rate_sensitivities")
 """Functions that only motions call; a solver without them integrates no motions."""
 
 FOUR = (4,)
-"""An additional number of directions, for functions that integration calls: motions with two to four directions."""
+"""Additional number of directions for functions that integration calls; motions with two to four directions use it."""
 
 ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "switch_sensitivities")
 """Functions that also have a variant for `FOUR` directions."""

@@ -18,7 +18,7 @@ MOST_LINKS = 256
 """Larger trees compute a few columns at a time; otherwise columns would take most of a call's memory."""
 
 LEAST_COLUMNS = 12
-"""Room for at least this many columns, which is no larger than that for other functions over directions."""
+"""Smallest number of columns with memory; other functions over directions need as much anyway."""
 
 Entries = tuple[tuple[Array, int], ...]
 

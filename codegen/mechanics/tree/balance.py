@@ -67,7 +67,7 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
 
 
 def solve_inward(x: Scope, kind: LinkKind) -> None:
-    """The same recursion for a given right side: ``M x = b``, for several b at once."""
+    """The recursion of the bias force for given right sides: ``M x = b``, for several b at once."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(LME, fields.articulated_force)
     if joint.driven:
@@ -106,7 +106,7 @@ def moved_by(x: Scope, joint: LinkJoint, before: Vector, rates: Iterable[Value],
 
 
 def add_inertial_force(x: Scope, force: Vector, A: Vector) -> None:
-    """Add the force that the acceleration A of a link's inertia requires. Eq. 23."""
+    """Add the force that a link's own inertia requires for the acceleration A. Eq. 23."""
     for i, j, field, sign in constants_of_inertia():
         value = sign * x.load(CONSTANTS, field)
         force[i] = force[i] + value * A[j]

@@ -1,9 +1,8 @@
 """Triangularization, inward: articulated inertias and forces. Eqs. 42-47.
 
-The joint's own row and column of the propagated inertia are structural zeros, and the joint's entry of the force
-is the joint force itself (T_k annihilates P_k exactly): neither is ever computed. The rotor of a joint changes both,
-see `elimination`. A joint with several degrees of freedom is eliminated one unit column after the other: the LDL^T
-factorisation of its M_k.
+The joint's own row and column of the propagated inertia are structural zeros, and the joint's entry of the force is the joint
+force itself (T_k annihilates P_k exactly). Neither is ever computed. The rotor of a joint changes both, see `elimination`. A
+joint with several degrees of freedom is eliminated one unit column after the other: the LDL^T factorisation of its M_k.
 """
 
 from __future__ import annotations
@@ -101,7 +100,7 @@ def labels_of(kind: LinkKind) -> list[str]:
 
 
 def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
-    """The unknowns, of `count`, still needed after degree of freedom j; not the link's own after the last joint on the ground."""
+    """Unknowns needed after elimination of degree of freedom j. After the last, a link on the ground needs none of its own."""
     return range(0 if j > 0 or kind.has_parent else 6, count)
 
 
@@ -186,7 +185,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
 def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> None:
     """Terms of the force along a prescribed coordinate: ``s . (I^ A + p^) - tau``, A the explicit accelerations.
 
-    The share of its rotor is known, since no degree of freedom moves it.
+    The rotor's force is known, since no degree of freedom accelerates the rotor.
     """
     for i, row in enumerate(I):
         x.store(ME, fields.driving_gain(i), x.let("dG", s.along(row), "Eq. 53"))
