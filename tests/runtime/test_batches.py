@@ -291,7 +291,7 @@ def test_without_a_library_states_come_one_after_the_other(package, at_once, mon
     monkeypatch.setattr(batches, "build_apart", refuses)
     solver = load(folder)
     (q, u, *_), _ = draw(solver, model, 16)
-    with pytest.warns(RuntimeWarning, match="one after the other: no room"):
+    with pytest.warns(RuntimeWarning, match="one after another: no room"):
         found = solver.accelerations(q, u)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

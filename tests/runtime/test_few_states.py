@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.runtime.standalone.calls import batches
 from codegen.runtime.standalone.calls.single_calls import NoCalls
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -128,3 +129,40 @@ def test_bad_states_may_be_nan(solver, states):
     finally:
         solver.bad_states = "error"
     assert np.isnan(udot[2]).all() and np.isfinite(np.delete(udot, 2, axis=0)).all()
+
+
+@pytest.mark.parametrize("count", [97, 400])
+def test_larger_batches_without_lanes_are_called_directly_on_one_thread(solver, states, counted, monkeypatch, count):
+    rng = np.random.default_rng(count)
+    chosen = rng.integers(0, N, count)
+    q, u = (x[chosen] for x in states)
+    dq, dp = rng.normal(size=(2, count, solver.nq)), rng.normal(size=(2, solver.np))
+    calls = {
+        "energies": lambda: solver.energies(q, u),
+        "coordinate_rates": lambda: [solver.coordinate_rates(q, u)],
+        "mass_matrix": lambda: [solver.mass_matrix(q)],
+        "energy_sensitivities": lambda: solver.energy_sensitivities(q, u, dq=dq, dp=dp),
+        "coordinate_rate_sensitivities": lambda: solver.coordinate_rate_sensitivities(q, u, dq=dq, dp=dp),
+    }
+    for name, call in calls.items():
+        counted.clear()
+        found = call()
+        if name != "mass_matrix":  # with loops, other functions compose it
+            assert counted == [(name, True)]
+        counted.clear()
+        with monkeypatch.context() as patched:
+            patched.setattr(batches, "MOST_COPIED", 0)
+            expected = call()
+        assert name == "mass_matrix" or counted == [(name, False)]
+        for x, y in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+def test_batches_that_have_several_threads_take_the_general_path(solver, states, counted):
+    q, u = (np.tile(x, (30, 1)) for x in states)
+    try:
+        solver.batch_threads = 3
+        solver.coordinate_rates(q, u)
+    finally:
+        solver.batch_threads = None
+    assert counted == [("coordinate_rates", False)]

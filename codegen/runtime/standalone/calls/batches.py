@@ -51,6 +51,9 @@ slower than one after another."""
 MOST_IN_LANES = 8_000_000
 """Doubles of workspace for several states at once; with more, they are no faster than one after another."""
 
+MOST_COPIED = 4096
+"""Most states, times one more than the directions, of a batch whose arguments are copied for one state after another."""
+
 MOST_KEPT = 1_000_000
 """Largest workspace, in numbers, that is kept between batches."""
 
@@ -150,9 +153,7 @@ class Batches:
 
     def takes(self, f: Function, count: int, k: int = 0) -> bool:
         """Whether to compute several states at once; compiles the code once enough states have been computed."""
-        if f.name not in self._over_states.get("functions", ()) or count < EVEN:
-            return False
-        if self._swept_far(f):
+        if not self._in_lanes(f) or count < EVEN:
             return False
         self._seen += count * (1 + k)
         return ("states" in self._libraries or self._seen >= WORTH_COMPILING) and self._opened() is not False
@@ -161,22 +162,29 @@ class Batches:
         self, f: Function
     ) -> tuple[Callable[[int, int], tuple[int, int, int] | None] | None, Sequence[str], int]:
         """How ``direct_call.c`` computes a large batch of a function: a function that returns the number of threads and addresses
-        of C functions; the names of the arrays; and the size of the workspace. None: it does not."""
-        over = self._over_states
-        if f.name not in over.get("functions", ()) or self._swept_far(f) or self._quaternions:
+        of C functions, zeros for one state after another, or None for the general path; the names of the arrays; and the size of
+        the workspace."""
+        over, in_lanes = self._over_states, self._in_lanes(f)
+        if in_lanes and self._quaternions:
             return None, (), 0
         this, symbol = weakref.proxy(self), self._symbol(f)
 
         def way(count: int, k: int) -> tuple[int, int, int] | None:
+            threads = this.threads(f, count, k, in_lanes)
+            if not in_lanes:
+                return (1, 0, 0) if threads == 1 and count * (k + 1) <= MOST_COPIED else None
             call = this._several.get(symbol)
             if call is None:
                 return None
-            threads = this.threads(f, count, k, True)
             shared = this._shared() if threads > 1 else False
             address = this._address
             return (threads, address(call), address(shared)) if shared else (1, address(call), 0)
 
-        return way, over["arrays"], over["workspace"]
+        return way, over.get("arrays", ()), over.get("workspace", 0)
+
+    def _in_lanes(self, f: Function) -> bool:
+        """Whether several states of a function may be computed at once."""
+        return f.name in self._over_states.get("functions", ()) and not self._swept_far(f)
 
     def _address(self, function: Any) -> int:
         return int(self._ffi.cast("intptr_t", function))

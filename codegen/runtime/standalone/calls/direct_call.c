@@ -214,7 +214,12 @@ static PyObject *called(PyObject *self, PyObject *const *arguments, size_t nargs
     if (!PyTuple_CheckExact(given) || PyTuple_GET_SIZE(given) != c->ntaken) Py_RETURN_NONE;
     if (c->nseeds ? !PyTuple_CheckExact(seeds) || PyTuple_GET_SIZE(seeds) != c->nseeds : seeds != Py_None) Py_RETURN_NONE;
     if (!count(c, given, seeds, &states, &k)) Py_RETURN_NONE;
-    if (!c->large && states > (c->nseeds ? c->few_along : c->few)) Py_RETURN_NONE;
+    way w = {0};
+    if (states > (c->nseeds ? c->few_along : c->few)) {
+        const int known = ask_way(c, states, k, &w);
+        if (known < 0) return NULL;
+        if (!known) Py_RETURN_NONE;
+    }
     PyObject *wanted = NULL, *arrays = NULL;
     if (out != Py_None) {
         if (!(wanted = places(c, out, states, k))) goto none;
@@ -222,10 +227,8 @@ static PyObject *called(PyObject *self, PyObject *const *arguments, size_t nargs
     }
     if (!arrays && !(arrays = new_arrays(c, states, k))) goto none;
     int status = 1;
-    if (states > (c->nseeds ? c->few_along : c->few)) {
-        const int done = compute_states(c, given, seeds, arrays, states, k);
-        if (done < 0) goto failed;
-        status = !done;
+    if (w.run) {
+        status = !compute_states(c, &w, given, seeds, arrays, states, k);
         goto finished;
     }
     const size_t size = bytes_of(c, states, k);
@@ -256,10 +259,6 @@ none:
     Py_XDECREF(arrays);
     Py_XDECREF(wanted);
     Py_RETURN_NONE;
-failed:
-    Py_DECREF(arrays);
-    Py_XDECREF(wanted);
-    return NULL;
 }
 
 /* ---- how a call is made ------------------------------------------------------------------------------------------------- */

@@ -28,10 +28,11 @@ typedef struct {
     int threads;
 } way;
 
-/* Asks the run time for it; 0 where states are not worked on together, -1 with an exception. */
+/* Asks the run time for it; run is NULL for one state after another. Returns 0 for the general path, -1 with an exception. */
 static int ask_way(const Call *c, long states, long k, way *w)
 {
     unsigned long long run, share;
+    if (!c->large) return 0;
     PyObject *const found = PyObject_CallFunction(c->large, "ll", states, k);
     if (!found) return -1;
     const int known = found == Py_None ? 0 : PyArg_ParseTuple(found, "iKK", &w->threads, &run, &share) ? 1 : -1;
@@ -93,22 +94,19 @@ static int lay_all(const Call *c, PyObject *given, PyObject *seeds, PyObject *ar
     return 1;
 }
 
-/* Computes a batch into arrays; 0 where it cannot, or where a number is not finite or a state singular, -1 with an exception. */
-static int compute_states(const Call *c, PyObject *given, PyObject *seeds, PyObject *arrays, long states, long k)
+/* Computes a batch into arrays; 0 where it cannot, or where a number is not finite or a state singular. */
+static int compute_states(const Call *c, const way *w, PyObject *given, PyObject *seeds, PyObject *arrays, long states, long k)
 {
-    way w;
     double t = 0.0;
     batch b;
     memset(&b, 0, sizeof b);
     if (!lay_all(c, given, seeds, arrays, states, k, (char *)&t, &b)) return 0;
-    const int known = ask_way(c, states, k, &w);
-    if (known <= 0) return known;
-    block *const memory = take_block(c->memory, w.threads*c->work_of_states*c->item);
+    block *const memory = take_block(c->memory, w->threads*c->work_of_states*c->item);
     if (!memory) return 0;
     *(void **)(b.arrays + c->narrays) = (char *)memory + 64;
     int code;
     Py_BEGIN_ALLOW_THREADS
-    code = w.threads > 1 ? w.share(w.run, &b, w.threads) : w.run(&b);
+    code = w->threads > 1 ? w->share(w->run, &b, w->threads) : w->run(&b);
     Py_END_ALLOW_THREADS
     give_block(c, memory);
     return !code && !b.infinite;
