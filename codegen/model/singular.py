@@ -1,8 +1,8 @@
-"""Where the expressions of a model may have no value, or no derivative, though no branch of theirs changes.
+"""Singular functions: zeros at which an expression may have no value or derivative, although no branch of it changes.
 
-A quotient where its denominator is zero, a root or a power where its base is, `atan2` where both arguments are: there the value
-may be finite on the way of a motion, and yet jump, have a kink, or change without bounds beside it. The *singular function* of
-such an expression is zero at these places: the denominator, the base, `x**2 + y**2`.
+Examples are a quotient at a zero of its denominator, a root or power at a zero of its base, and `atan2` with both arguments zero.
+Along a motion the value may be finite there, and yet jump, have a kink, or change without bounds nearby. The *singular
+function* of such an expression is zero at these places: the denominator, the base, `x**2 + y**2`.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from .trees import parts
 def singular_functions(
     tree: Tree, varies: Callable[[str], bool], known: Callable[[Tree, Tree], bool] = lambda part, of: False
 ) -> list[Tree]:
-    """The singular functions of a bound expression in which a varying name is, each once.
+    """The singular functions of a bound expression that contain a varying name, each once.
 
     Parameters
     ----------
     tree : tuple
-        Of a bound expression.
+        Tree of the bound expression.
     varies : callable (str) -> bool
         Whether a name changes during a motion.
     known : callable (tuple, tuple) -> bool, optional
-        Whether a part of the expression, and what is zero where it is singular, are left out.
+        Whether a part of the expression is left out, given the part and its singular function.
 
     Returns
     -------
     list of tuple
-        Those that are not seen to be above zero.
+        Singular functions that are not known to be positive.
     """
     found: dict[Tree, None] = {}
     seen: set[Tree] = set()
@@ -58,7 +58,7 @@ def singular_functions(
 
 
 def singular_in(tree: Tree) -> Iterator[Tree]:
-    """What is zero where the outermost operation of a tree is singular."""
+    """Functions whose zeros are singular points of the outermost operation of a tree."""
     match tree:
         case ("/", _, below):
             yield below

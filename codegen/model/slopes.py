@@ -1,11 +1,11 @@
 """Values and derivatives of expressions that are finite where plain rules give 0/0 or 0 times infinity.
 
-A product is taken apart into powers of bases, and powers of one base are put together before anything is computed: the
-derivative of ``x*x**n`` has ``x**n``, not ``x*x**(n - 1)``. Two factors have bounds, or grow slower than any power, so that a
-product with them is zero where the rest of it is (`VANISHING`): a logarithm, and a component of a vector divided by the
-vector's length. That makes
-``x*log(x)``, ``k*d**n`` by n, and ``c*sqrt(v.v)*v`` with their derivatives exact where x, d or v is zero. Branches that are not
-taken do not contribute (`CHOICE`). Where nothing of that helps, the result is infinite or no number, as the derivative is.
+A product is written as powers of bases, and powers of the same base are combined before anything is computed: the derivative of
+``x*x**n`` contains ``x**n``, not ``x*x**(n - 1)``. Two kinds of factors are bounded, or grow more slowly than any power: a
+logarithm, and a component of a vector divided by the vector's length. A product with them is zero if its other factors are
+(`VANISHING`). So ``x*log(x)``, ``k*d**n`` differentiated by n, and ``c*sqrt(v.v)*v`` are exact with their derivatives where x, d
+or v is zero. Branches that are not taken do not contribute (`CHOICE`). Otherwise the result is infinite or nan, as is the
+derivative itself.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from .trees import LEAVES, mapped, parts
 
 
 def slope(tree: Tree, by: Tree) -> Tree:
-    """The derivative of a tree by one of its leaves.
+    """The derivative of a tree with respect to one of its leaves.
 
-    At a kink of ``min`` and ``max`` it is that of the first argument, of ``abs`` zero. Where ``sign``, comparisons and ``mod``
-    jump it is that beside the jump.
+    At a kink of ``min`` and ``max`` it is the derivative of the first argument; at the kink of ``abs`` it is zero. Where
+    ``sign``, comparisons and ``mod`` jump, it is the derivative beside the jump.
 
     Raises
     ------
     ExpressionError
-        A number of the derivative is not finite.
+        If a number in the derivative is not finite.
     """
     return _slope(tree, by)
 
@@ -89,7 +89,7 @@ def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
             return combine("-", dx, combine("*", whole, d[1]))
     e, value = TABLE[function.removeprefix(HELD)], ("call", function, *of)
     total = ZERO
-    for slope_, d_of in zip(e.slopes, d, strict=False):  # a mode has none
+    for slope_, d_of in zip(e.slopes, d, strict=False):  # a mode has no derivative
         if d_of != ZERO:
             total = combine(
                 "+", total, product((tree_of(slope_, (value, *of[: e.arity]), ROOTS_APART), ONE), (d_of, ONE))
@@ -98,7 +98,7 @@ def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
 
 
 def _with_roots_apart(kind: str, *trees: Tree) -> Tree:
-    """An operation or a function, where the root of a product is a product of roots; see `codegen.elementary`."""
+    """An operation or function in which the root of a product becomes a product of roots; see `codegen.elementary`."""
     if kind == "sqrt" and trees[0][0] == "*":
         return product((trees[0][1], HALF), (trees[0][2], HALF))
     return combine(kind, *trees)
@@ -146,7 +146,7 @@ def _of_power(key: Tree, exponent: Tree, by: Tree) -> Iterator[Factors]:
 
 
 def _finished(term: Product, others: Product, by: Tree) -> Tree:
-    """The tree of a term of a derivative: zero where another factor of the product, that does not depend on `by`, is."""
+    """The tree of a term of a derivative; it is zero where another factor of the product that does not depend on `by` is zero."""
     if not term.may_be_infinite:
         return term.tree()
     apart = Product()
@@ -159,9 +159,9 @@ def _finished(term: Product, others: Product, by: Tree) -> Tree:
 
 
 def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -> Tree:
-    """The derivative of a power of a product that may not be taken apart, as its factors may be negative, times others.
+    """The derivative of a power of a product, times other factors; the product is not split, as its factors may be negative.
 
-    Divided by the factor that varies, where that is not zero, it is zero where another factor is; else the power is one less.
+    It is divided by the varying factor where that is not zero, and zero where another factor is; else the exponent is one less.
     """
     total = ZERO
     inside = Product().times(key)
@@ -175,7 +175,7 @@ def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -
         n = here.powers.get(factor, ZERO)
         less = plus(exponent, MINUS_ONE)
         at_zero = here.copy()
-        if e == ONE and n[0] == "number" and n[1] > 0:  # times the factor: the product divided by what else is in it
+        if e == ONE and n[0] == "number" and n[1] > 0:  # times the factor: the product divided by its other factors
             at_zero = here.without(factor).with_all([(rest.copy().tree(), combine("neg", n))])
             less = plus(less, n)
         at_zero.with_all([(key, less), (rest.tree(), ONE)])
@@ -188,11 +188,11 @@ def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -
     return total
 
 
-# --- where a value or a derivative may be infinite ---------------------------------------------------------------------
+# --- infinite values and derivatives ------------------------------------------------------------------------------------
 
 
 def is_singular(tree: Tree) -> bool:
-    """Whether a derivative of a tree may be infinite, or have terms that are: a root, a power below one, a branch, ..."""
+    """Whether a derivative of a tree, or a term of it, may be infinite: a root, a power below one, a branch, ..."""
     kind, found = tree[0], False
     if kind == "call":
         domain = TABLE[tree[1]].domain if tree[1] in TABLE else None
@@ -207,7 +207,7 @@ def is_singular(tree: Tree) -> bool:
 
 
 def has_quotient(tree: Tree, of: frozenset[Tree]) -> bool:
-    """Whether something is divided by what some leaves are in."""
+    """Whether some denominator contains one of the given leaves."""
     kind = tree[0]
     below = tree[2] if kind == "/" else tree[1] if kind == "**" and tree[2][0] == "number" and tree[2][1] < 0 else ONE
     return (not is_positive(below) and not of.isdisjoint(leaves(below))) or any(
@@ -216,16 +216,16 @@ def has_quotient(tree: Tree, of: frozenset[Tree]) -> bool:
 
 
 def leaves(tree: Tree) -> list[Tree]:
-    """The names of a tree, each once, in the order in which they stand."""
+    """The names of a tree, each once, in the order in which they occur."""
     if tree[0] in ("name", "parameter"):
         return [tree]
     return list(dict.fromkeys(leaf for part in parts(tree) for leaf in leaves(part)))
 
 
 def regular(tree: Tree) -> Tree:
-    """The same expression, with products whose limits are finite written so that they are.
+    """The same expression, with products written so that finite limits are computed.
 
-    ``x*log(x)`` is 0 at 0, ``v*abs(v)**(n - 1)`` too, and ``x/x`` is 1. All other trees stay as they are.
+    ``x*log(x)`` is 0 at 0, as is ``v*abs(v)**(n - 1)``, and ``x/x`` is 1. All other trees are unchanged.
     """
     tree = mapped(tree, regular)
     if tree[0] in ("*", "/") and _may_be_better(tree):
@@ -236,7 +236,7 @@ def regular(tree: Tree) -> Tree:
 
 
 def _may_be_better(tree: Tree) -> bool:
-    """Whether a factor of a product is a quotient, a power, a logarithm or the like."""
+    """Whether a factor of a product is a quotient, a power, a logarithm or similar."""
     kind = tree[0]
     if kind == "*":
         return _may_be_better(tree[1]) or _may_be_better(tree[2])

@@ -1,4 +1,4 @@
-"""Lines between points that keep one direction: those of bodies that only slide, all along one direction of the ground."""
+"""Lines between points with a constant direction: both bodies only slide, and all along one direction of the ground."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from .members import Body
 from .places import GROUND, Face, Point
 
 _ROUNDING: Final = 2.0**-50
-"""Relative to two places, m, by how much they may differ and be the same, such as 0.1 + 0.2 and 0.3."""
+"""Relative difference in m up to which two positions count as equal, such as 0.1 + 0.2 and 0.3."""
 
 
 def signed_length(
     bodies: Sequence[Body], prescribed: Collection[str], element: ForceElement
 ) -> tuple[Tree, tuple[Number, Number, Number]] | None:
-    """The length of the line between the ends of a force element, with a sign, and its direction, if that is always the same.
+    """Signed length and direction of the line between the ends of a force element, if the direction is constant; otherwise None.
 
-    Where the length is zero, the ends coincide, and the line turns over. The direction is an axis of the ground frame, or one
-    given by three numbers, of any length.
+    The length is zero when the ends coincide, and changes its sign when they pass each other. The direction is an axis of the
+    ground frame, or three numbers, not normalised.
 
     Parameters
     ----------
     bodies : sequence of Body
-        Of a model without loops.
+        Bodies of a model without loops.
     prescribed : collection of str
-        Coordinates that are prescribed.
+        Names of prescribed coordinates.
     element : ForceElement
     """
     ends = [end for end in element.ends if isinstance(end, Point) and not isinstance(end, Face)]
@@ -61,7 +61,7 @@ def signed_length(
 def _place(
     bodies: Sequence[Body], prescribed: Collection[str], point: Point
 ) -> tuple[list[Expression], dict[str, Vector]] | None:
-    """Where a point is at coordinates of zero, and the slides that carry it; None where something may turn."""
+    """Position of a point at zero coordinates, and the axes of the prismatic joints that carry it; None if a joint may rotate."""
     found: list[Expression] = [*point.at]
     slides: dict[str, Vector] = {}
     k = point.body
@@ -78,7 +78,7 @@ def _place(
 
 
 def _direction(axis: Vector) -> tuple[Number, Number, Number] | None:
-    """The components of an axis of numbers, as they are written; one along the ground's axes is a base vector."""
+    """The numerical components of an axis, as they are written; an axis along one of the ground's becomes a base vector."""
     if not all(a.is_number for a in axis):
         return None
     base = coordinate_axis(axis)
@@ -87,7 +87,7 @@ def _direction(axis: Vector) -> tuple[Number, Number, Number] | None:
 
 
 def _are_parallel(vector: Sequence[Expression], unit: Sequence[float], size: float) -> bool:
-    """Whether a vector is along a direction, but for rounding of numbers of some size."""
+    """Whether a vector is parallel to a direction, up to rounding of numbers of a given size."""
     if all(x.is_number for x in vector):
         values = [float(x.value) for x in vector]
         along = sum(x * e for x, e in zip(values, unit, strict=True))
@@ -97,7 +97,7 @@ def _are_parallel(vector: Sequence[Expression], unit: Sequence[float], size: flo
 
 
 def _is_same(a: Expression, b: Expression) -> bool:
-    """Whether two coordinates are equal, but for rounding."""
+    """Whether two coordinates are equal up to rounding."""
     if not (a.is_number and b.is_number):
         return b - a is ZERO
     return bool(abs(b.value - a.value) <= _ROUNDING * max(abs(a.value), abs(b.value)))

@@ -1,7 +1,7 @@
-"""Functions of the place of a point whose zeros are surfaces: themselves and their derivatives, as expressions.
+"""Functions of a point's position whose zeros are surfaces, with their derivatives, as expressions.
 
-They are in the grammar of model files, of parameters and of the point's three coordinates, which have names of their own here:
-what a file calls x may be anything else in another file of the same model.
+They are expressions of parameters and of the point's three coordinates, which have names of their own here: the names x, y and z
+may have other meanings in another file of the same model.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from .rates import rate
 from .trees import mapped, nodes, parts
 
 COORDINATES: Final = ("<x>", "<y>", "<z>")
-"""Names of a point's coordinates in an equation; no name of a file is written so."""
+"""Names of a point's coordinates in an equation; no name in a file has this form."""
 
 AS_WRITTEN: Final = dict(zip("xyz", COORDINATES, strict=True))
-"""Those names, by how a file writes them."""
+"""These names by those in a file."""
 
 PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Coordinates by which a second derivative is, in the order xx, yy, zz, xy, xz, yz."""
+"""Pairs of coordinates of the second derivatives, in the order xx, yy, zz, xy, xz, yz."""
 
 KINKED: Final = ("abs", "sign", "min", "max", "mod", AT_LEAST)
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceFunction:
-    """A function whose zeros are a surface.
+    """A function whose zeros form a surface.
 
     Attributes
     ----------
@@ -46,12 +46,12 @@ class SurfaceFunction:
 
 @lru_cache(maxsize=4096)
 def surface_function(equation: Expression) -> SurfaceFunction:
-    """A function with its derivatives, by exact rules.
+    """A function with its exact derivatives.
 
     Raises
     ------
     ExpressionError
-        A number of a derivative is not finite.
+        If a number in a derivative is not finite.
     """
     x, y, z = (rate(equation, name) for name in COORDINATES)
     first = (x, y, z)
@@ -59,20 +59,20 @@ def surface_function(equation: Expression) -> SurfaceFunction:
 
 
 def sphere(radius: Expression) -> Expression:
-    """The equation of a sphere about the origin, ``(x^2 + y^2 + z^2 - r^2)/2``, whose gradient is the place itself."""
+    """The equation of a sphere about the origin, ``(x^2 + y^2 + z^2 - r^2)/2``; its gradient is the position vector."""
     x, y, z = (Expression(("name", name)) for name in COORDINATES)
     return (x**2 + y**2 + z**2 - radius**2) / 2
 
 
 def with_coordinates(tree: Tree) -> Tree:
-    """A parsed tree with the names of the coordinates for x, y and z."""
+    """A parsed tree with the names of the coordinates in place of x, y and z."""
     return (
         ("name", AS_WRITTEN[tree[1]]) if tree[0] == "name" and tree[1] in AS_WRITTEN else mapped(tree, with_coordinates)
     )
 
 
 def as_written(tree: Tree) -> str:
-    """The text of an expression with x, y and z as a file writes them."""
+    """The text of an expression with x, y and z as in a file."""
     text = str(Expression(tree))
     for written, name in AS_WRITTEN.items():
         text = text.replace(name, written)
@@ -80,9 +80,9 @@ def as_written(tree: Tree) -> str:
 
 
 def kink(tree: Tree, linear_tables: frozenset[str] = frozenset()) -> str:
-    """What in a parsed equation has a kink, or a jump, where the point moves; empty where nothing has.
+    """Part of a parsed equation with a kink or a jump where the point moves; empty if there is none.
 
-    A smooth ``step``, which is written out as of ``min`` and ``max``, has none, nor has a cubic table.
+    A smooth ``step``, although written with ``min`` and ``max``, has no kink, nor has a cubic table.
     """
     inner = _of_step(tree)
     if inner is not None:
@@ -95,12 +95,12 @@ def kink(tree: Tree, linear_tables: frozenset[str] = frozenset()) -> str:
 
 
 def depends(tree: Tree) -> bool:
-    """Whether a coordinate is in a tree, parsed or bound."""
+    """Whether a parsed or bound tree contains a coordinate."""
     return any(node[0] == "name" and node[1] in COORDINATES for node in nodes(tree))
 
 
 def _of_step(tree: Tree) -> Tree | None:
-    """Of a written out ``step``, that in its place between 0 and 1 which has no kink; None for anything else."""
+    """The argument of a ``step`` that has been written with ``min`` and ``max``; None for any other tree."""
     if tree[0] != "*" or tree[1][0] != "**" or tree[1][2] != ("number", 3):
         return None
     s = tree[1][1]

@@ -1,11 +1,11 @@
-"""Where the expressions of a model change their branch: switching functions.
+"""Switching functions: zeros at which expressions of a model change their branch.
 
-A comparison, a sign, an absolute value, the larger or smaller of two numbers, `atan2` at half a turn: each is smooth but
-where a *switching function* of coordinates, speeds, parameters, inputs and time is zero. The sign of that function is the
-*mode* of the switch. An expression whose modes are held is smooth everywhere, which is what a step of an integrator needs;
-between steps modes change.
+Examples are a comparison, a sign, an absolute value, the larger or smaller of two numbers, and `atan2` at half a turn. Each is
+smooth except where a *switching function* of coordinates, speeds, parameters, inputs and time is zero. The sign of that function
+is the *mode* of the switch. An expression with held modes is smooth everywhere, as a step of an integrator requires; modes
+change between steps.
 
-A function of the grammar that has branches needs its switching function in `codegen.elementary`, and its held form in
+A function of the grammar with branches needs its switching function in `codegen.elementary`, and its held form in
 `codegen.program.functions`.
 """
 
@@ -25,46 +25,46 @@ from .singular import singular_functions, singular_in
 from .trees import nodes, parts
 
 MODE: Final = "mode."
-"""Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
+"""Prefix of the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
 
 KINDS: Final = ("sign", "power", "root", "turn", "point")
-"""What the mode of a switch is.
+"""Meaning of the mode of a switch.
 
 - ``sign``: the sign of the switching function.
-- ``power``: the same, of the base of a power such as ``max(0, x)**1.5``, whose higher derivatives are unbounded at zero.
-- ``root``: the same, where the first derivative may be unbounded, as that of ``sqrt(max(0, x))``.
+- ``power``: the same, for the base of a power such as ``max(0, x)**1.5``, whose higher derivatives are unbounded at zero.
+- ``root``: the same, if the first derivative may be unbounded, as for ``sqrt(max(0, x))``.
 - ``turn``: the angle near which the function, itself an angle, is measured.
-- ``point``: nothing, of a singular function, which is zero where an expression, or the direction of a force, may have no value.
+- ``point``: no mode. A singular function is zero where an expression, or the direction of a force, may have no value.
 """
 
 BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
-"""Functions that have branches."""
+"""Functions with branches."""
 
 PARTLY_DEFINED: Final = named("name", lambda e: e.domain is not None)
-"""Functions whose argument has bounds. Switches in it are held if it is within them where its branch changes; else the branch
-that is held has no value there or an infinite slope, as in ``sqrt(max(0, x))``, and they are only located."""
+"""Functions with a bounded domain. Switches in their argument are held if the argument is inside the domain where its branch
+changes. Otherwise the held branch has no value or an infinite slope there, as in ``sqrt(max(0, x))``; they are only located."""
 
 
 def switching(function: str, arguments: Sequence[Tree]) -> Tree | None:
-    """What is zero where a function of some arguments may not be smooth; None for one that is smooth."""
+    """The switching function of a function of some arguments; None for a smooth one."""
     like = TABLE.get({AT_LEAST: "max", WRAPPED: "mod"}.get(function, function))
     return tree_of(like.switching, arguments, COMBINED) if like is not None and like.switching is not None else None
 
 
 def branching(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
-    """Calls in a tree of functions that have branches, with a switching function that a varying name is in.
+    """Calls in a tree of functions with branches whose switching functions contain a varying name.
 
     Parameters
     ----------
     tree : tuple
-        Of a bound expression.
+        Tree of the bound expression.
     varies : callable (str) -> bool
         Whether a name changes during a motion.
 
     Returns
     -------
     list of tuple
-        Inner calls before those that they are in, each once.
+        Inner calls before the calls that contain them, each once.
     """
     found: dict[Tree, None] = {}
     for part in _inner_first(tree):
@@ -74,8 +74,8 @@ def branching(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
 
 
 def _has_branches(tree: Tree, varies: Callable[[str], bool]) -> bool:
-    """Whether a tree is a call of a function that changes its branch; `atan2` does where its first argument may pass zero with a
-    second one that is not positive."""
+    """Whether a tree calls a function that changes its branch. `atan2` does if its first argument may pass zero while the
+    second is not positive."""
     if tree[0] != "call" or tree[1] not in BRANCHES:
         return False
     if tree[1] == "atan2":
@@ -90,13 +90,13 @@ def _inner_first(tree: Tree) -> Iterator[Tree]:
 
 
 def varies_in_motion(inputs: Collection[str]) -> Callable[[str], bool]:
-    """Whether a name changes during a motion of a model with these inputs."""
+    """The test whether a name changes during a motion of a model with these inputs."""
     known = frozenset((*inputs, "t"))
     return lambda name: name in known or name.startswith(("q.", "u.", "position.", "velocity."))
 
 
 def has_modes(expression: Expression) -> bool:
-    """Whether branches are held in an expression."""
+    """Whether an expression contains held branches."""
     return any(n.startswith(MODE) for n in expression.names)
 
 
@@ -107,30 +107,30 @@ class Switch:
     Attributes
     ----------
     number : int
-        Among all of the model.
+        Index among all switches of the model.
     call : tuple
-        The tree of the first function that it is of.
+        The tree of the first function with this switching function.
     value : tuple
-        The tree of the switching function, in which the modes of other switches are held; of an angle of bodies none.
+        The tree of the switching function with the modes of other switches held; empty for an angle between bodies.
     kind : str
-        A name of `KINDS`: what its mode is.
+        A name of `KINDS`.
     element : str
-        The force element whose angle jumps at half a turn, or whose ends pass each other; nothing for others.
+        The force element whose angle jumps at half a turn, or whose ends pass each other; otherwise empty.
     places : list of str
         Paths in the model file.
     drives : bool
-        It is in a force, or in prescribed motion.
+        Whether it is in a force, or in prescribed motion.
     moves : bool
-        It is in prescribed motion.
+        Whether it is in prescribed motion.
     outputs : set of int
-        Outputs that it is in.
+        Indices of the outputs that contain it.
     direction : tuple of float
-        Of the line of a force element whose ends pass each other, of any length.
+        Direction of the line of a force element whose ends pass each other, not normalised.
     ends : tuple of Point or Face
-        Of a singular function of a force element or of a distance, which has no tree: two points that may meet, or two faces that
-        may be half a turn apart.
+        For a singular function of a force element or of a distance, which has no tree: two points that may coincide, or two
+        faces that may be half a turn apart.
     axis : tuple of Expression, optional
-        Of the faces: half a turn across it is singular, instead of any half turn.
+        An axis of the faces: only half a turn about a line across it is singular. Without it any half turn is.
     """
 
     number: int
@@ -148,7 +148,7 @@ class Switch:
 
     @property
     def words(self) -> str:
-        """What changes its branch, for messages: ``sign(u.slope)``, ``q.band > s``."""
+        """The changing condition, for messages: ``sign(u.slope)``, ``q.band > s``."""
         if self.ends:
             turned = f"half a turn{' across the axis' if self.axis is not None else ''}"
             return turned if isinstance(self.ends[1], Face) else "ends that coincide"
@@ -174,7 +174,7 @@ class Switches:
     Attributes
     ----------
     found : list of Switch
-        Those whose modes are held within a step, and singular functions.
+        The switches whose modes are held within a step, and the singular functions.
     """
 
     def __init__(self, inputs: Collection[str]):
@@ -187,7 +187,7 @@ class Switches:
         self._located: dict[Tree, list[int]] = {}
 
     def add(self, tree: Tree, place: str, output: int | None = None, moves: bool = False) -> None:
-        """Find the switches of an expression of prescribed motion, which `moves`, of a force, or of an output."""
+        """Find the switches in an expression: of prescribed motion if it `moves`, of a force, or of an output."""
         held = self.hold(tree, moves)
         singular = [] if moves else [self._point(of).number for of in self._singular(tree)]
         located = {n for part in _inner_first(tree) for n in self._located.get(part, ())} if self._located else set()
@@ -203,15 +203,15 @@ class Switches:
 
     @property
     def have_modes(self) -> bool:
-        """Whether any of them holds a branch; singular functions do not."""
+        """Whether any switch holds a branch; singular functions do not."""
         return any(s.kind != "point" for s in self.found)
 
     def add_turn(self, element: str) -> None:
-        """The angle between two bodies, which jumps at half a turn."""
+        """Add the angle between two bodies, which jumps at half a turn."""
         self.found.append(Switch(len(self.found), (), (), "turn", element, [f"forces.{element}"], drives=True))
 
     def add_line(self, element: str, length: Tree, direction: tuple[Number, ...]) -> None:
-        """The line between two points that move along it, which turns over where they pass each other."""
+        """Add the line between two points that move along it; its direction reverses when they pass each other."""
         self.found.append(
             Switch(
                 len(self.found), (), length, "sign", element, [f"forces.{element}"], drives=True, direction=direction
@@ -221,7 +221,7 @@ class Switches:
     def add_ends(
         self, ends: tuple[Point | Face, ...], axis: Vector | None, place: str, output: int | None = None
     ) -> None:
-        """Two ends of a force element, or of an output that is a distance, where it may have no direction."""
+        """Add the ends of a force element, or of a distance in an output, at which it may have no direction."""
         key = tuple((end.body, *(e.tree for e in end.at)) for end in ends)
         of_points = not any(isinstance(end, Face) for end in ends)
         switch = self._by_ends.get(key) if of_points else None
@@ -237,19 +237,19 @@ class Switches:
             switch.outputs.add(output)
 
     def direction_of(self, element: str) -> tuple[Number, ...]:
-        """The direction, of any length, of the line between the ends of a force element, if it is always the same."""
+        """The direction, not normalised, of the line between the ends of a force element, if it is constant."""
         return next((s.direction for s in self.found if s.element == element), ())
 
     def mode_of(self, element: str) -> tuple[Tree, ...]:
-        """The mode of the angle or the line of a force element, if it has one; then the direction of the line."""
+        """The mode of the angle or of the line of a force element, if it has one; then the direction of the line."""
         found = (s for s in self.found if s.element == element)
         return next(((("name", f"{MODE}{s.number}"), *(("number", v) for v in s.direction)) for s in found), ())
 
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
-        """The tree with held functions in the place of those that have branches.
+        """The tree with held functions in place of those with branches.
 
-        Of prescribed motion, which `moves`, the second derivative acts: steps and cubic tables, which are smooth in a force, are
-        held there.
+        The second derivative of prescribed motion (`moves`) enters the equations. So steps and cubic tables, which are smooth
+        enough in a force, are held in it.
         """
         if tree[0] in ("number", "name"):
             return tree
@@ -273,7 +273,7 @@ class Switches:
         return (kind, HELD + tree[1], *arguments, ("name", f"{MODE}{self._switch(tree, arguments).number}"))
 
     def _switch(self, call: Tree, arguments: tuple[Tree, ...]) -> Switch:
-        """The switch of a function of some arguments, which is made if it is the first."""
+        """The switch of a function of some arguments; made at the first call."""
         value = switching(call[1], arguments)
         assert value is not None
         switch = self._by_value.get(value)
@@ -283,13 +283,13 @@ class Switches:
         return switch
 
     def _singular(self, tree: Tree) -> list[Tree]:
-        """Singular functions, but for bases of roots and powers at whose zeros a switch is."""
+        """Singular functions, except bases of roots and powers with a switch at their zeros."""
         return singular_functions(
             tree, self._varies, lambda part, of: part in self._located and self._without_factors(of)[0] == "call"
         )
 
     def _without_factors(self, tree: Tree) -> Tree:
-        """A part of a product that is zero where the product is, if other factors do not vary."""
+        """A part of a product that is zero where the product is, if the other factors do not vary."""
         while True:
             tree = _may_be_absolute(tree)
             if tree[0] == "neg" or (tree[0] in ("*", "/") and not self._has_varying(tree[2])):
@@ -311,7 +311,7 @@ class Switches:
         return switch
 
     def _locate(self, tree: Tree, inner: Tree) -> bool:
-        """Find switches in the argument of a function with a domain; whether there are any at its bounds."""
+        """Find switches in the argument of a function with a bounded domain; whether there are any at its bounds."""
         inner = _may_be_absolute(inner)
         if tree not in self._located:
             if not _changes_at_bounds(tree, inner, self._varies):
@@ -326,7 +326,7 @@ class Switches:
         return True
 
     def _numbers(self, tree: Tree) -> frozenset[int]:
-        """The switches in a held tree."""
+        """Indices of the switches in a held tree."""
         if tree not in self._within:
             names = Expression(tree).names
             self._within[tree] = frozenset(int(n.removeprefix(MODE)) for n in names if n.startswith(MODE))
@@ -334,7 +334,7 @@ class Switches:
 
 
 def _changes_at_bounds(tree: Tree, inner: Tree, varies: Callable[[str], bool]) -> bool:
-    """Whether an argument is, or may be, at the bounds of its function where a branch of it changes: at a few such places."""
+    """Whether a branch of an argument changes, or may change, at a bound of the function's domain; tested at a few places."""
     bounds = [Expression(of) for of in singular_in(tree)]
     for call in branching(inner, varies):
         value = switching(call[1], call[2:])
@@ -354,7 +354,7 @@ def _changes_at_bounds(tree: Tree, inner: Tree, varies: Callable[[str], bool]) -
 
 
 def _solve(e: Expression, values: dict[str, float]) -> bool:
-    """Change the value of one name so that an expression is zero; whether that is found, by bisection between -4 and 4."""
+    """Change one name's value so that an expression is zero, by bisection between -4 and 4; whether it succeeds."""
     for name in sorted(e.names):
         first = values[name]
         ends: list[tuple[float, float]] = []
@@ -379,17 +379,17 @@ def _solve(e: Expression, values: dict[str, float]) -> bool:
 
 
 def _may_be_absolute(tree: Tree) -> Tree:
-    """An argument as the absolute value of another, if it is an even power, such as ``x**2``."""
+    """The argument as the absolute value of another expression, if it is an even power such as ``x**2``."""
     return ("call", "abs", tree[1]) if tree[0] == "**" and _is_whole(tree[2]) and tree[2][1] % 2 == 0 else tree
 
 
 def _is_whole(tree: Tree) -> bool:
-    """Whether an exponent is a whole number: then a negative base has a power."""
+    """Whether an exponent is an integer, so that a negative base has a power."""
     return bool(tree[0] == "number") and float(tree[1]).is_integer()
 
 
 def _is_smooth_step(tree: Tree) -> bool:
-    """Whether a tree is a part of a cubic table, or of the function ``step``, whose second derivatives are continuous.
+    """Whether a tree is part of a cubic table or of the function ``step``, whose second derivatives are continuous.
 
     Both are polynomials of ``s = min(max(..), ..)``: ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)``.
     """

@@ -1,4 +1,4 @@
-"""Which name of a model a symbol of sympy has: parameters, inputs, time, coordinates and speeds."""
+"""Names in a model of sympy symbols: parameters, inputs, time, coordinates and speeds."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ _QUALIFIED: Final = ("q.", "u.", *(f"{what}." for what in MEASURED))
 _NAMING: Final = ("joint", "driving_force", "independent", "follows")
 """Keys whose value is the name of a coordinate."""
 _MOST: Final = 12
-"""Names that a message lists."""
+"""Number of names that a message lists."""
 
 
 class SympyNames:
-    """The names that symbols of sympy have in a model.
+    """Finds the names that sympy symbols have in a model.
 
-    A `Symbol` has its own name. A function of time, as `dynamicsymbols` makes them, is the coordinate of the body of its name
-    where that is on a joint of one coordinate; or the input of its name; or what it is called: ``q.NAME``, ``u.NAME``. The
-    time derivative of a coordinate is its speed.
+    A `Symbol` has its own name. A function of time, such as those of `dynamicsymbols`, is the coordinate of the body of its name
+    if that is on a joint with one coordinate. It may also be the input of its name, or have the name of a quantity: ``q.NAME``,
+    ``u.NAME``. The time derivative of a coordinate is its speed.
 
     Parameters
     ----------
     root : dict
         The sections of the model, as plain data.
     given : mapping of sympy.Basic to str
-        Names that the caller has chosen.
+        Names given by the caller.
     """
 
     def __init__(self, root: Mapping[str, Any], given: Mapping[Any, str]) -> None:
@@ -48,12 +48,12 @@ class SympyNames:
             self.joints[name] = JOINTS.get(kind) if isinstance(kind, str) else None
 
     def __call__(self, e: Any) -> Tree:
-        """The tree of a symbol, of a function or of a derivative by time.
+        """The tree of a symbol, of a function of time or of a time derivative.
 
         Raises
         ------
         ExpressionError
-            If it is none of the model.
+            If the model has no such name.
         """
         import sympy
 
@@ -74,7 +74,7 @@ class SympyNames:
         return ("name", self.function(name))
 
     def function(self, name: str) -> str:
-        """The name of a function of time."""
+        """The name in the model of a function of time."""
         if name.startswith(_QUALIFIED):
             return name
         if name in self.inputs and name in self.joints:
@@ -94,36 +94,36 @@ class SympyNames:
             raise ExpressionError(f"{name}(t): {has}; {_GIVE}")
         known = [*self.inputs, *(n for n, j in self.joints.items() if j is None or len(j.coordinates) == 1)]
         raise ExpressionError(
-            f"{name}(t) is no coordinate, speed or input of this model; functions of time here are {_listed(known)}"
+            f"{name}(t) is not a coordinate, speed or input of this model; functions of time here are {_listed(known)}"
             f"{nearest(name, known)}; {_GIVE}"
         )
 
     def rate(self, e: Any) -> str:
-        """The name of a derivative by time."""
+        """The name in the model of a time derivative."""
         if any(v != time() for v in e.variables):
-            raise ExpressionError(f"{e}: derivatives of coordinates by time are allowed, others are not")
+            raise ExpressionError(f"{e}: only time derivatives of coordinates are allowed")
         if not (e.expr.is_Symbol or e.expr.func.__class__.__name__ == "UndefinedFunction"):
             raise ExpressionError(f"{e}: sympy finds no closed form of this derivative; write the result")
         tree = self(e.expr)
         name = tree[1]
         if tree[0] != "name":
-            raise ExpressionError(f"{e}: the derivative of table {name!r}; those of coordinates are allowed")
+            raise ExpressionError(f"{e} is the derivative of table {name!r}; only those of coordinates are allowed")
         if len(e.variables) > 1:
-            raise ExpressionError(f"{e}: an acceleration; coordinates and speeds are allowed in expressions")
+            raise ExpressionError(f"{e} is an acceleration; only coordinates and speeds are allowed in expressions")
         what, _, rest = str(name).partition(".")
         if what == "position":
             return f"velocity.{rest}"
         joint = self.joints.get(rest.partition(".")[0])
         if what == "q" and joint is not None and joint.quaternions:
             speeds = [f"u.{rest.partition('.')[0]}.{s}" for s in joint.speeds]
-            raise ExpressionError(f"{e}: rates of this joint's coordinates are no speeds; these are {_listed(speeds)}")
+            raise ExpressionError(f"{e}: rates of this joint's coordinates are not speeds; use {_listed(speeds)}")
         if what == "q":
             return f"u.{rest}"
         what_it_is = "speed" if what == "u" else "input" if name in self.inputs else "quantity"
-        raise ExpressionError(f"{e}: the derivative of {what_it_is} {name!r}; those of coordinates are allowed")
+        raise ExpressionError(f"{e} is the derivative of {what_it_is} {name!r}; only those of coordinates are allowed")
 
     def key(self, e: Any) -> str:
-        """The name of a coordinate or speed as keys of a model have it, without ``q.`` or ``u.``."""
+        """The name of a coordinate or speed as a key of the model, without ``q.`` or ``u.``."""
         tree = self(e)
         if tree[0] != "name":
             raise ExpressionError(f"{e}: the name of a coordinate or a speed is needed")
@@ -140,12 +140,12 @@ def time() -> Any:
 
 
 def checked_names(names: Mapping[Any, Any]) -> dict[Any, str]:
-    """Names that a caller gives to symbols of sympy.
+    """Names that a caller gives to sympy symbols, checked.
 
     Raises
     ------
     TypeError
-        A key that is nothing of sympy's, or a name that is no text.
+        If a key is not a sympy object, or a name is not a text.
     """
     for symbol, name in names.items():
         if not is_sympy(symbol) or not isinstance(name, str):
@@ -156,7 +156,7 @@ def checked_names(names: Mapping[Any, Any]) -> dict[Any, str]:
 
 
 def resolved(value: Any, names: SympyNames, path: tuple[str, ...], problems: list[Problem]) -> Any:
-    """Plain data without objects of sympy: expressions, lists and names in their place.
+    """Plain data in which sympy objects are replaced by expressions, lists and names.
 
     Parameters
     ----------
@@ -164,14 +164,14 @@ def resolved(value: Any, names: SympyNames, path: tuple[str, ...], problems: lis
         Mappings, lists and scalars.
     names : SympyNames
     path : tuple of str
-        Where the value stands.
+        Path of the value in the model.
     problems : list of Problem
-        Gets what is wrong with keys.
+        Receives the errors in keys.
 
     Returns
     -------
     Any
-        A value that is wrong is a `Misread`.
+        The data; a value with an error becomes a `Misread`.
     """
     if isinstance(value, dict):
         found: dict[str, Any] = {}
@@ -200,15 +200,15 @@ def resolved(value: Any, names: SympyNames, path: tuple[str, ...], problems: lis
 
 
 def _entries(matrix: Any, key: str) -> Any:
-    """A vector as a list, and the inertia matrix as the mapping of a model file."""
+    """A vector as a list, or the inertia matrix as the mapping of a model file."""
     rows, columns = matrix.shape
     if 1 in (rows, columns):
         return list(matrix)
     if key != "inertia" or (rows, columns) != (3, 3):
         allowed = "a row or a column" + (", or 3 by 3" if key == "inertia" else "")
-        raise ExpressionError(f"a matrix of shape {matrix.shape}; {allowed} is allowed")
+        raise ExpressionError(f"a matrix has the shape {matrix.shape}; {allowed} is allowed")
     if (matrix - matrix.T).expand() != 0 * matrix:
-        raise ExpressionError("the inertia matrix is not symmetric")
+        raise ExpressionError("the inertia matrix is not symmetric; it must be")
     return {"xyz"[i] + "xyz"[j]: matrix[i, j] for i in range(3) for j in range(i, 3) if matrix[i, j] != 0}
 
 

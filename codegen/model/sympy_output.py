@@ -1,4 +1,4 @@
-"""Expressions of a model as expressions of sympy."""
+"""Model expressions as sympy expressions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .parsing import parse
 from .tree_text import print_tree
 
 Symbols = Mapping[str, Any] | Callable[[str], Any]
-"""Symbols of sympy by names of the model: a mapping, or a function."""
+"""sympy symbols by names in the model: a mapping, or a function."""
 
 
 def to_sympy(
@@ -22,8 +22,8 @@ def to_sympy(
 ) -> Any:
     """Return the expression of sympy that equals an expression of a model.
 
-    Whole numbers and their quotients are exact, and the double nearest to pi is pi. A product that the model takes as
-    zero where one factor vanishes, even if the other has no value there, is a plain product. ``mod`` is written with a floor.
+    Integers and their quotients are exact, and the double nearest to pi is pi. The model takes some products as zero if one
+    factor is, even if the other has no value; sympy gets a plain product. ``mod`` is written with a floor.
 
     Parameters
     ----------
@@ -57,20 +57,20 @@ def to_sympy(
         return sympy.sympify(expression)
     try:
         return _Output(symbols or {}, number or _number).value(expression.tree)
-    except RecursionError:  # sympy's own, of powers of products of conditions
+    except RecursionError:  # sympy's own, for powers of products of conditions
         with sympy.evaluate(False):
             return _Output(symbols or {}, number or _number).value(expression.tree)
 
 
 class _Output:
-    """Makes sympy's expressions of trees, each part once."""
+    """Makes sympy expressions from trees, each part once."""
 
     def __init__(self, symbols: Symbols, number: Callable[[Any], Any]) -> None:
         self.symbols, self.number = symbols, number
         self.known: dict[Tree, Any] = {}
 
     def value(self, tree: Tree) -> Any:
-        """The value of a tree."""
+        """The sympy value of a tree."""
         found = self.known.get(tree)
         if found is None:
             found = self.known[tree] = self.made(tree)
@@ -84,7 +84,7 @@ class _Output:
         return sympy.Symbol(name, real=True) if given is None else given
 
     def made(self, tree: Tree) -> Any:
-        """The value of a tree that is met for the first time."""
+        """The sympy value of a tree that has not occurred before."""
         import sympy
 
         kind = tree[0]
@@ -99,11 +99,11 @@ class _Output:
         if kind == "indexed" and not tree[3]:
             return sympy.Function(tree[1])(*map(self.value, tree[2]))
         if kind not in _OPERATIONS:
-            raise ValueError(f"{print_tree(tree, 0)} is settled when a model is loaded; take expressions of the model")
+            raise ValueError(f"{print_tree(tree, 0)} is not resolved; take the expression from a loaded model")
         return _OPERATIONS[kind](*map(self.value, tree[1:]))
 
     def call(self, name: str, arguments: tuple[Tree, ...]) -> Any:
-        """The value of a function."""
+        """The sympy value of a function."""
         import sympy
 
         if name == CHOICE:
@@ -121,7 +121,7 @@ class _Output:
         return function(*values, evaluate=False) if name in ("max", "min") else function(*values)
 
     def condition(self, tree: Tree) -> Any:
-        """The condition that a tree of comparisons, 1 where it holds and else 0, stands for."""
+        """The condition for a tree of comparisons that is 1 if it holds and 0 otherwise."""
         import sympy
 
         match tree:
@@ -138,13 +138,13 @@ class _Output:
         return sympy.Ne(self.value(tree), 0)
 
     def compared(self, relation: Callable[..., Any], a: Tree, b: Tree) -> Any:
-        """A comparison; of numbers, whether it holds."""
+        """A comparison; for numbers, whether it holds."""
         one, other = self.value(a), self.value(b)
         return relation(one, other, evaluate=bool(one.is_number and other.is_number))
 
 
 def _number(value: Any) -> Any:
-    """A number of sympy, pi for the double nearest to it."""
+    """A number of sympy; the double nearest to pi becomes pi."""
     import sympy
 
     return sympy.pi if value == math.pi else sympy.sympify(value)

@@ -1,6 +1,6 @@
-"""Expressions of sympy as expressions of a model.
+"""sympy expressions as model expressions.
 
-sympy is imported by whoever made the expression; `is_sympy` recognises one without importing it.
+sympy is not imported here: `is_sympy` recognises its objects, whose existence implies that it is imported.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .expressions import Expression, canonical
 from .grammar import AT_LEAST, CHOICE, MAX_DEPTH, ONE, ZERO, ExpressionError, Tree, functions
 
 MAX_SIZE: Final = 100_000
-"""Operations of one expression; sympy shares what repeats, a tree does not."""
+"""Largest number of operations of an expression; sympy shares repeated parts, but a tree does not."""
 _CHAIN: Final = 16
 """Sums and products with more terms are written as a sum of sums, which limits the depth of the tree."""
 _NAME_PARTS: Final = "name parts of it with ModelBuilder.expression"
@@ -27,11 +27,11 @@ _TOO_DEEP: Final = f"operations nested too deeply; {_NAME_PARTS}"
 Named = Callable[[Any], Tree]
 """The tree of a symbol, of a function of time or of a derivative; raises `ExpressionError` for an unknown one."""
 Condition = tuple[Tree, Tree]
-"""Two trees, of which one is 1 and the other 0: the first where the condition holds."""
+"""Two trees, 1 and 0 if the condition holds, otherwise 0 and 1."""
 
 
 def is_sympy(value: object) -> bool:
-    """Whether a value is an expression or a matrix of sympy; never imports sympy."""
+    """Whether a value is a sympy expression or matrix; never imports sympy."""
     sympy: Any = sys.modules.get("sympy")
     return (
         hasattr(sympy, "Basic") and hasattr(sympy, "MatrixBase") and isinstance(value, (sympy.Basic, sympy.MatrixBase))
@@ -39,9 +39,9 @@ def is_sympy(value: object) -> bool:
 
 
 def from_sympy_expression(value: Any, named: Named) -> Expression:
-    """The expression of a model that equals an expression of sympy.
+    """The model expression that equals a sympy expression.
 
-    Integers and rationals stay exact, pi is the grammar's; a `Float` is rounded to a double.
+    Integers and rationals stay exact, and pi becomes that of the grammar; a `Float` is rounded to a double.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def from_sympy_expression(value: Any, named: Named) -> Expression:
     Raises
     ------
     ExpressionError
-        For functions that the grammar does not have, constants that are not real, and whatever is no number.
+        For functions that the grammar lacks, constants that are not real, and objects that are not numbers.
     """
     import sympy
 
@@ -71,7 +71,7 @@ def from_sympy_expression(value: Any, named: Named) -> Expression:
 
 
 def _size(e: Any, known: dict[Any, int]) -> int:
-    """The number of nodes of an expression as a tree, though sympy shares those that repeat."""
+    """Number of nodes of an expression as a tree, in which repeated parts are not shared."""
     found = known.get(e)
     if found is None:
         found = known[e] = 1 + sum(_size(a, known) for a in e.args)
@@ -79,7 +79,7 @@ def _size(e: Any, known: dict[Any, int]) -> int:
 
 
 def _real(value: Any) -> Any:
-    """The expression with real parts, imaginary parts and conjugates of real quantities taken."""
+    """The expression after evaluating real parts, imaginary parts and conjugates of real quantities."""
     import sympy
 
     if not value.has(sympy.re, sympy.im, sympy.conjugate):
@@ -92,7 +92,7 @@ def _real(value: Any) -> Any:
 
 @cache
 def _functions() -> dict[Any, str]:
-    """Names in the grammar by sympy's functions."""
+    """Names in the grammar of sympy functions."""
     import sympy
 
     return {getattr(sympy, e.spelled("sympy")): e.name for e in TABLE.values()}
@@ -100,7 +100,7 @@ def _functions() -> dict[Any, str]:
 
 @cache
 def _formulas() -> dict[Any, Callable[..., Any]]:
-    """Functions that the grammar does not have, by formulas of those that it has."""
+    """Formulas for functions that the grammar lacks."""
     import sympy as s
 
     return {
@@ -126,12 +126,12 @@ def _formulas() -> dict[Any, Callable[..., Any]]:
 
 
 class _Trees:
-    """Makes trees of the parts of one expression, each part once."""
+    """Makes trees of the parts of an expression, each part once."""
 
     def __init__(self, named: Named) -> None:
         self.named = named
         self.known: dict[Any, Tree] = {}
-        self.extents: dict[int, tuple[int, int]] = {}  # by the identity of trees that `known` keeps
+        self.extents: dict[int, tuple[int, int]] = {}  # by the identity of trees, which `known` keeps alive
 
     def tree(self, e: Any) -> Tree:
         """The tree of a part."""
@@ -146,7 +146,7 @@ class _Trees:
         return found
 
     def extent(self, tree: Tree) -> tuple[int, int]:
-        """Depth of a tree and the number of its nodes."""
+        """Depth of a tree, and its number of nodes."""
         found = self.extents.get(id(tree))
         if found is not None:
             return found
@@ -154,7 +154,7 @@ class _Trees:
         return 1 + max((d for d, _ in inner), default=0), 1 + sum(n for _, n in inner)
 
     def made(self, e: Any) -> Tree:
-        """The tree of a part that is met for the first time."""
+        """The tree of a part that has not occurred before."""
         import sympy
 
         if getattr(e, "is_commutative", True) is False:
@@ -178,13 +178,13 @@ class _Trees:
         return self.function(e)
 
     def leaf(self, e: Any) -> Tree:
-        """A name, or the derivative of something that is no name."""
+        """A name, or the derivative of an object that is not a name."""
         if e.is_Derivative and (done := e.doit()) != e:
             return self.tree(_real(done))
         return self.named(e)
 
     def evaluated(self, e: Any) -> Tree:
-        """What sympy leaves unevaluated until it is asked to evaluate it."""
+        """The tree of an object after sympy has evaluated it."""
         done = _real(e.doit())
         if done.func == e.func:
             raise ExpressionError(f"{_shown(e)}: sympy finds no closed form; write the result")
@@ -203,7 +203,7 @@ class _Trees:
         return total
 
     def product(self, e: Any) -> Tree:
-        """A product of powers: numerator by denominator."""
+        """A product of powers, as numerator and denominator."""
         number, rest = e.as_coeff_Mul()
         above, below = ([], []) if number in (1, -1) else _fraction(abs(number))
         for factor in rest.args if rest.is_Mul else (rest,):
@@ -218,7 +218,7 @@ class _Trees:
         return ("/", numerator, _joined("*", below)) if below else numerator
 
     def power(self, base: Any, exponent: Any) -> Tree:
-        """A power; halves are roots, negative ones are below a line."""
+        """A power; the exponent 1/2 becomes a root, and negative exponents a denominator."""
         import sympy
 
         if exponent.is_Rational and exponent.is_negative:
@@ -232,14 +232,14 @@ class _Trees:
         return ("**", self.tree(base), self.tree(exponent))
 
     def function(self, e: Any) -> Tree:
-        """A function of the grammar, or one that formulas of these give."""
+        """A function of the grammar, or the formula for another one."""
         import sympy
 
         name = _functions().get(e.func)
         if name is not None and TABLE[name].many:
             ordered = [
                 self.tree(a) for a in sorted(e.args, key=sympy.default_sort_key)
-            ]  # their own order is that of hashes
+            ]  # sympy's own order depends on hashes
             return reduce(lambda a, b: ("call", name, a, b), ordered)
         if name is not None:
             return ("call", name, *[self.tree(a) for a in e.args])
@@ -248,14 +248,14 @@ class _Trees:
         if isinstance(e, (sympy.Subs, sympy.Integral, sympy.Sum, sympy.Product, sympy.Limit)):
             return self.evaluated(e)
         what = f"{_shown(e)}: " if e.args else ""
-        raise ExpressionError(f"{what}{type(e).__name__} is no function of a model; {functions(type(e).__name__)}")
+        raise ExpressionError(f"{what}{type(e).__name__} is not a function of a model; {functions(type(e).__name__)}")
 
     def piecewise(self, e: Any) -> Tree:
-        """Branches from the last to the first, each under its condition."""
+        """Branches from the last to the first, each with its condition."""
         import sympy
 
         if e.args[-1][1] != sympy.true:
-            message = "has no value where none of its conditions hold; let it end with (value, True)"
+            message = "has no value if none of its conditions holds; let it end with (value, True)"
             raise ExpressionError(f"{_shown(e)} {message}")
         result = self.tree(e.args[-1][0])
         for value, condition in reversed(e.args[:-1]):
@@ -292,22 +292,22 @@ class _Trees:
             no, yes = _either((fails, holds), one[::-1]), _either((holds, fails), other[::-1])
             return _either(yes[::-1], no[::-1])
         raise ExpressionError(
-            f"the condition {_shown(e)}: comparisons <, <=, >, >=, ==, != with And, Or and Not are allowed"
+            f"the condition {_shown(e)} is not allowed; use comparisons <, <=, >, >=, ==, != with And, Or and Not"
         )
 
     def compared(self, a: Any, b: Any) -> Condition:
-        """Whether a is at least b."""
+        """The condition that a is at least b."""
         holds: Tree = ("call", AT_LEAST, self.tree(a), self.tree(b))
         return holds, ("-", ONE, holds)
 
 
 def _either(one: Condition, other: Condition) -> Condition:
-    """The condition that one of two holds, as the parser makes it of ``or``."""
+    """The condition that one of two holds, in the form that the parser gives ``or``."""
     return ("call", "max", one[0], other[0]), ("*", one[1], other[1])
 
 
 def _joined(kind: str, trees: Sequence[Tree]) -> Tree:
-    """Operations of one kind in a row, or of two halves where there are many."""
+    """A chain of equal operations, split into halves if it is long."""
     if len(trees) > _CHAIN:
         middle = len(trees) // 2
         return (kind, _joined(kind, trees[:middle]), _joined(kind, trees[middle:]))
@@ -315,7 +315,7 @@ def _joined(kind: str, trees: Sequence[Tree]) -> Tree:
 
 
 def _fraction(number: Any) -> tuple[list[Tree], list[Tree]]:
-    """The factors of a positive number above and below the line."""
+    """The factors in the numerator and in the denominator of a positive number."""
     if not number.is_Rational or not _is_exact(number):
         return [_number(number)], []
     above = [] if number.p == 1 else [("number", canonical(number.p))]
@@ -323,7 +323,7 @@ def _fraction(number: Any) -> tuple[list[Tree], list[Tree]]:
 
 
 def _is_exact(number: Any) -> bool:
-    """Whether numerator and denominator of a rational are whole numbers that a double holds."""
+    """Whether numerator and denominator of a rational are integers that a double represents exactly."""
     return abs(int(number.p)) < 2**53 and int(number.q) < 2**53
 
 
@@ -338,7 +338,7 @@ def _number(e: Any) -> Tree:
     if e.is_Rational and not e.is_Integer and _is_exact(e):
         return ("/", ("number", canonical(int(e.p))), ("number", canonical(int(e.q))))
     if e.is_finite is False or e in (sympy.nan, sympy.zoo):
-        raise ExpressionError(f"{e} is no finite number; only finite numbers are allowed")
+        raise ExpressionError(f"{e} is not a finite number; only finite numbers are allowed")
     if e.is_extended_real is False:
         raise ExpressionError(f"the constant {e} is not real; constants of a model are real numbers")
     try:
@@ -349,6 +349,6 @@ def _number(e: Any) -> Tree:
 
 
 def _shown(e: Any) -> str:
-    """An expression in a message."""
+    """An expression in a message, shortened."""
     text = str(e)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -1,12 +1,12 @@
 """Tables of a model file as expressions: linear between their points, or a cubic spline through them.
 
-On a segment of length h that begins at x_i, ``s_i = min(max(0, x - x_i), h)`` is how far x has come in it. With polynomials
-p_i that begin at zero, ``y_0 + sum p_i(s_i)`` is the table: what lies behind is passed altogether, what lies ahead not yet. That
-is an expression of the grammar, so every engine knows it, and its derivatives. Of equal arguments the derivative is that of the
-first, so exactly on a point it is the slope on its left.
+On a segment of length h from x_i, ``s_i = min(max(0, x - x_i), h)`` is the part of it below x. With polynomials p_i that are
+zero at zero, the table is ``y_0 + sum p_i(s_i)``: segments below x count in full, those above x not at all. This is an
+expression of the grammar, so every engine can evaluate and differentiate it. For equal arguments, ``min`` and ``max`` have the
+derivative of the first one. So exactly at a point, the slope is that on its left.
 
-A periodic table begins anew after its last point: x is what is left of it after whole periods, above 0 and up to a period, so
-that the slope at the seam is that on its left, too. A cubic one is as smooth at the seam as elsewhere.
+A periodic table is repeated after its last point. x is reduced by whole periods to a value above 0 and up to one period, so that
+at the seam, too, the slope is that on its left. A cubic one is as smooth at the seam as elsewhere.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .expressions import Expression, made
 from .grammar import WRAPPED, Tree
 
 MAX_POINTS: Final = 200
-"""More would make expressions of thousands of operations."""
+"""More points would make expressions of thousands of operations."""
 
 KINDS: Final = ("linear", "cubic")
 OUTSIDE: Final = ("constant", "linear", "periodic")
@@ -30,19 +30,19 @@ OUTSIDE: Final = ("constant", "linear", "periodic")
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Points and what lies between and beyond them.
+    """Points of a table, with its interpolation and extrapolation.
 
     Attributes
     ----------
     x : tuple of float
-        Growing.
+        Arguments of the points, increasing.
     y : tuple of Expression
-        Of parameters where it is linear, else numbers.
+        Values: expressions of parameters in a linear table, otherwise numbers.
     kind : str
-        ``linear``, or ``cubic``: the natural spline, whose second derivative is continuous, and zero at both ends; or the
+        ``linear``, or ``cubic``: the natural spline, with a continuous second derivative that is zero at both ends; or the
         periodic one.
     outside : str
-        ``constant`` or ``linear``: beyond the first and last point; or ``periodic``: the last point is the first one again.
+        ``constant`` or ``linear`` beyond the first and last point; or ``periodic``: the last point is the first one again.
     """
 
     x: tuple[float, ...]
@@ -71,12 +71,12 @@ class Table:
         return result.tree
 
     def _within(self, argument: Expression) -> Expression:
-        """How far the argument has come in its period. Of a cubic table nothing jumps where the next period begins."""
+        """Position of the argument within its period. In a cubic table nothing jumps where the next period begins."""
         period = self.x[-1] - self.x[0]
         return period - made("mod" if self.kind == "linear" else WRAPPED, -(argument - self.x[0]), period)
 
     def _slopes(self) -> tuple[Expression, Expression]:
-        """At the first and last point."""
+        """Slopes at the first and at the last point."""
         x, y, n = self.x, self.y, len(self.x) - 1
         if self.kind == "linear":
             first, last = ((y[i + 1] - y[i]) / (x[i + 1] - x[i]) for i in (0, n - 1))
@@ -95,14 +95,14 @@ class Table:
         return spline(self.x, self._values)
 
     def _cubic(self, i: int, h: float) -> tuple[float, float, float]:
-        """Coefficients of s, s^2 and s^3 on a segment."""
+        """Coefficients of s, s^2 and s^3 on segment i."""
         y, bend = self._values, self._bends
         slope = (y[i + 1] - y[i]) / h
         return slope - h * (2 * bend[i] + bend[i + 1]) / 6, bend[i] / 2, (bend[i + 1] - bend[i]) / (6 * h)
 
 
 def natural_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
-    """Second derivatives, at its points, of the cubic spline that has none at the ends.
+    """Second derivatives at the points of the cubic spline whose second derivative is zero at both ends.
 
     [C. de Boor, A Practical Guide to Splines, 1978, chapter IV.]
     """
@@ -122,7 +122,7 @@ def natural_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
 
 
 def periodic_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
-    """Second derivatives, at its points, of the cubic spline whose last point is the first one again."""
+    """Second derivatives at the points of the cubic spline whose last point is the first one again."""
     n = len(x) - 1
     h = [x[i + 1] - x[i] for i in range(n)]
     rise = [(y[i + 1] - y[i]) / h[i] for i in range(n)]

@@ -8,7 +8,7 @@ PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "neg": 3, "**": 4}
 
 
 def print_tree(tree: Tree, around: int) -> str:
-    """Text of a tree, in parentheses if its operator binds weaker than `around`."""
+    """Text of a tree, in parentheses if its operator binds more weakly than `around`."""
     kind = tree[0]
     if kind == "number":
         text = repr(tree[1])
@@ -43,7 +43,7 @@ def print_tree(tree: Tree, around: int) -> str:
 
 
 def _condition(tree: Tree) -> str:
-    """Text of a condition: a tree of comparisons that is 1 where it holds, else 0."""
+    """Text of a condition, which is a tree of comparisons with the value 1 if it holds and 0 otherwise."""
     match tree:
         case ("call", "at_least", a, b):
             return f"{print_tree(a, 0)} >= {print_tree(b, 0)}"

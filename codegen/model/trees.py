@@ -24,7 +24,7 @@ def parts(tree: Tree) -> tuple[Tree, ...]:
 
 
 def nodes(tree: Tree) -> Iterator[Tree]:
-    """A tree and all that is below it."""
+    """A tree and all trees below it."""
     stack = [tree]
     while stack:
         tree = stack.pop()
@@ -33,7 +33,7 @@ def nodes(tree: Tree) -> Iterator[Tree]:
 
 
 def mapped(tree: Tree, change: Callable[[Tree], Tree]) -> Tree:
-    """A node with its parts changed; the same object where none changes."""
+    """A node with changed parts; the same object if no part changes."""
     if tree[0] in LEAVES:
         return tree
     before = parts(tree)

@@ -1,7 +1,7 @@
-"""Units that numbers of a model file may carry: ``30 mm``, ``200 N/m``, ``15 deg``.
+"""Units of numbers in a model file: ``30 mm``, ``200 N/m``, ``15 deg``.
 
-A number with a unit is its value in SI, exact to rounding, and has a dimension, by which it is checked where it stands.
-Plain numbers are SI and fit everywhere.
+A number with a unit stands for its value in SI, exact to rounding. Its dimension is compared with the one wanted at its place.
+Plain numbers are in SI units and fit everywhere.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ PI: Final = Fraction("3.14159265358979323846264338327950288419716939937510582097
 
 
 class Dimension(NamedTuple):
-    """Exponents of metre, kilogram and second. Angles have none."""
+    """Exponents of metre, kilogram and second; all zero for angles."""
 
     length: Fraction | int = 0
     mass: Fraction | int = 0
     time: Fraction | int = 0
 
     def times(self, other: Dimension, power: Fraction | int = 1) -> Dimension:
-        """That of a product with a power of something else."""
+        """Dimension of the product with a power of another quantity."""
         return Dimension(*(a + power * b for a, b in zip(self, other, strict=True)))
 
 
@@ -46,13 +46,13 @@ _SIZES: Final[dict[Dimension, dict[str, str | int | Fraction]]] = {
 UNITS: Final[dict[str, tuple[Fraction, Dimension]]] = {
     name: (Fraction(size), dimension) for dimension, names in _SIZES.items() for name, size in names.items()
 }
-"""Size in SI and dimension of every unit."""
+"""SI value and dimension of every unit."""
 
 _FACTOR = r"[A-Za-z]+(?:(?:\*\*|\^)-?[0-9]+)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:[*/]{_FACTOR})*")
 _PART = re.compile(r"([*/]?)([A-Za-z]+)(?:(?:\*\*|\^)(-?[0-9]+))?")
 _NAMES: Final = {
-    NONE: ("no unit, or an angle", "rad"),
+    NONE: ("a plain number or an angle", "rad"),
     Dimension(1): ("a length", "m"),
     Dimension(2): ("an area", "m**2"),
     Dimension(0, 1): ("a mass", "kg"),
@@ -62,29 +62,29 @@ _NAMES: Final = {
     Dimension(1, 0, -2): ("an acceleration", "m/s**2"),
     Dimension(2, 1): ("a moment of inertia", "kg*m**2"),
     Dimension(-3, 1): ("a density", "kg/m**3"),
-    Dimension(-1, 1): ("a mass by length", "kg/m"),
+    Dimension(-1, 1): ("a mass per length", "kg/m"),
     _FORCE: ("a force", "N"),
     _ENERGY: ("a torque or an energy", "N*m"),
     _POWER: ("a power", "W"),
     Dimension(0, 1, -2): ("a stiffness", "N/m"),
     Dimension(0, 1, -1): ("a damping", "N*s/m"),
-    Dimension(2, 1, -1): ("a damping of turns", "N*m*s/rad"),
+    Dimension(2, 1, -1): ("a rotational damping", "N*m*s/rad"),
 }
 
 
 class UnitError(ValueError):
-    """A text that is no unit."""
+    """Raised for a text that is not a unit."""
 
 
 def unit_at(text: str, start: int) -> tuple[Fraction, Dimension, int]:
-    """The unit that begins at a place of a text: its size, dimension and where it ends.
+    """The unit that begins at a place in a text: its SI value, its dimension, and its end.
 
-    It reaches as far as known units follow without a space, joined by ``*`` or ``/``.
+    It extends over all known units that follow without a space, joined by ``*`` or ``/``.
 
     Raises
     ------
     UnitError
-        If no known unit is there.
+        If there is no known unit.
     """
     match = _UNIT.match(text, start)
     size, dimension, end = Fraction(1), NONE, start
@@ -94,17 +94,17 @@ def unit_at(text: str, start: int) -> tuple[Fraction, Dimension, int]:
             break
         exponent = int(power or 1) * (-1 if sign == "/" else 1)
         if abs(exponent) > 9:
-            raise UnitError(f"{name}**{power}; powers of units go up to 9")
+            raise UnitError(f"{name}**{power} is not allowed; powers of units go up to 9")
         own, of = UNITS[name]
         size, dimension, end = size * own**exponent, dimension.times(of, exponent), start + part.end()
     if end == start:
         name = re.compile(r"\w*").match(text, start).group()  # type: ignore[union-attr]
-        raise UnitError(f"{name!r} is no unit; units are {', '.join(UNITS)}{nearest(name, UNITS)}")
+        raise UnitError(f"{name!r} is not a unit; units are {', '.join(UNITS)}{nearest(name, UNITS)}")
     return size, dimension, end
 
 
 def unit_of(text: str) -> tuple[Fraction, Dimension] | None:
-    """The unit that a text is, or None where it is a text for people alone."""
+    """The unit that a text denotes; None if the text is only a description."""
     try:
         size, dimension, end = unit_at(text, 0)
     except UnitError:
@@ -113,15 +113,15 @@ def unit_of(text: str) -> tuple[Fraction, Dimension] | None:
 
 
 def in_words(dimension: Dimension) -> str:
-    """``a length (m)``."""
+    """Description of a dimension, such as ``a length (m)``."""
     if dimension in _NAMES:
         what, unit = _NAMES[dimension]
         return f"{what} ({unit})"
-    return f"something in {in_units(dimension)}"
+    return f"a quantity in {in_units(dimension)}"
 
 
 def in_units(dimension: Dimension) -> str:
-    """The SI unit of a dimension, ``kg*m**2/s``."""
+    """The SI unit of a dimension, such as ``kg*m**2/s``."""
     if dimension in _NAMES:
         return "" if dimension == NONE else _NAMES[dimension][1]
     exponents = [("kg", dimension.mass), ("m", dimension.length), ("s", dimension.time)]
@@ -131,28 +131,28 @@ def in_units(dimension: Dimension) -> str:
 
 
 class DimensionError(ValueError):
-    """Dimensions that do not fit each other."""
+    """Raised for dimensions that do not fit each other."""
 
 
 _PURE: Final = frozenset(named("name", lambda e: e.pure))
 _PLAIN: Final = "plain"
-"""What a number without a unit is: nothing in a product, and anything in a sum."""
+"""Dimension of a number without unit: it has no effect in a product, and fits any dimension in a sum."""
 
 
 def dimension_of(tree: Any, known: Any) -> Dimension | None:
-    """The dimension of an expression; None where it is not known, since something in it has none.
+    """The dimension of an expression; None if it contains a name of unknown dimension.
 
     Parameters
     ----------
     tree : tuple
-        Of an `Expression` as parsed.
+        Tree of a parsed `Expression`.
     known : mapping of str to Dimension
-        Of names.
+        Dimensions of names.
 
     Raises
     ------
     DimensionError
-        Where dimensions are added, or calculated with, that do not fit.
+        If dimensions in a sum, a function or a comparison do not fit.
     """
     found = _dimension(tree, known)
     return None if found == _PLAIN else found
@@ -180,7 +180,7 @@ def _dimension(tree: Any, known: Any) -> Any:
         return _alike(a, b, "added to" if kind == "+" else "subtracted from")
     if kind == "**":
         if b not in (_PLAIN, None) and b != NONE:
-            raise DimensionError(f"an exponent that is {in_words(b)}; exponents have no unit")
+            raise DimensionError(f"an exponent is {in_words(b)}; exponents have no unit")
         if a in (_PLAIN, None):
             return a
         exponent = _whole(tree[2])
@@ -193,7 +193,7 @@ def _dimension(tree: Any, known: Any) -> Any:
 
 
 def _whole(tree: Any) -> Fraction | None:
-    """The exponent that a tree is, if it is a number."""
+    """The exponent, if a tree is a number."""
     if tree[0] == "neg":
         inner = _whole(tree[1])
         return None if inner is None else -inner
@@ -201,7 +201,7 @@ def _whole(tree: Any) -> Fraction | None:
 
 
 def _alike(a: Any, b: Any, what: str) -> Any:
-    """What a sum is: that of either which is known."""
+    """The dimension of a sum: that of either term, if it is known."""
     for one, other in ((a, b), (b, a)):
         if one is None or one == _PLAIN:
             return other if one == _PLAIN or other != _PLAIN else one

@@ -1,4 +1,4 @@
-"""What is wrong with names in expressions that are not known, or may not stand where they do."""
+"""Messages about names in expressions that are unknown or not allowed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ ALLOWED: Final = {
     "inputs": "numbers, constants, parameters, inputs and t",
     "motion": "numbers, constants, parameters, inputs, t, q.NAME and u.NAME",
 }
-"""What may stand in expressions of a scope, in words."""
+"""Names allowed in expressions of each scope, in words."""
 
 
 class Known(Protocol):
-    """What is known of names; see `reading.Reader`."""
+    """Known names; see `reading.Reader`."""
 
     allowed: dict[str, dict[str, None]]
     inputs: list[str]
@@ -31,7 +31,7 @@ class Known(Protocol):
     points: list[Mapping[str, Any]]
 
     def loop_hint(self, name: str) -> str:
-        """What to say where a loop is taken for a joint."""
+        """A hint if a loop is taken for a joint."""
 
 
 def is_measured(name: str) -> bool:
@@ -40,10 +40,10 @@ def is_measured(name: str) -> bool:
 
 
 def unknown_name(reader: Known, name: str, scope: str, at: Instance) -> str:
-    """What is wrong with a name that may not stand in an expression of a scope."""
+    """Message about a name that is not allowed in an expression of a scope."""
     everything = reader.allowed["motion"]
     if name.lower() in ("nan", "inf", "infinity"):
-        return f"{name} is no finite number; only finite numbers are allowed"
+        return f"{name} is not a finite number; only finite numbers are allowed"
     if is_measured(name):
         return _not_measured(reader, name, scope)
     if name in everything or name == "t" or (name[:2] in ("q.", "u.") and scope not in ("motion", "measured")):
@@ -59,7 +59,7 @@ def unknown_name(reader: Known, name: str, scope: str, at: Instance) -> str:
         names = [n for n in everything if n[:2] == name[:2]]
         joint = [n for n in names if n.startswith(name + ".")]
         if joint:
-            return f"{name} has several freedoms; write one of {', '.join(sorted(joint))}"
+            return f"{name} has several degrees of freedom; write one of {', '.join(sorted(joint))}"
         hint = reader.loop_hint(name[2:]) or nearest(name, names)
         return f"unknown {what} {name!r}; the joints of this model have {some(names)}{hint}"
     those = reader.allowed["motion" if scope == "measured" else scope]
@@ -72,7 +72,7 @@ def unknown_name(reader: Known, name: str, scope: str, at: Instance) -> str:
 
 
 def _not_measured(reader: Known, name: str, scope: str) -> str:
-    """What is wrong with the position or velocity of a point."""
+    """Message about the position or velocity of a point."""
     if scope != "measured":
         return (
             f"{name!r}, which changes with the motion, is not allowed here; only {ALLOWED[scope]} are; positions and "
@@ -83,7 +83,7 @@ def _not_measured(reader: Known, name: str, scope: str) -> str:
 
 
 def column_of(at: Instance, sub: Path_, name: str) -> int | None:
-    """Where a name begins in the text at a path, counted from 1."""
+    """Column at which a name begins in the text at a path, counted from 1."""
     value: Any = at.container
     for part in existing_path(value, (at.key, *sub)):
         value = value[part]
@@ -91,7 +91,7 @@ def column_of(at: Instance, sub: Path_, name: str) -> int | None:
         return None
     name = at.part.written(name)
     start = value.find(name)
-    while start >= 0:  # no regular expression: compiling one for each of many names takes longest
+    while start >= 0:  # without a regular expression, because compiling one for each name takes longest
         end = start + len(name)
         around = value[max(start - 1, 0) : start] + value[end : end + 1]
         if not any(c.isalnum() or c in "_." for c in around):
@@ -101,7 +101,7 @@ def column_of(at: Instance, sub: Path_, name: str) -> int | None:
 
 
 def some(names: Iterable[str]) -> str:
-    """The first names of many."""
+    """The first names of a list, with their number if it is long."""
     listed = list(names)
     text = ", ".join(listed[:12])
     return (f"{text}, ... ({len(listed)} in all)" if len(listed) > 12 else text) or "(none)"

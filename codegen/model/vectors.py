@@ -1,4 +1,4 @@
-"""Vectors, rotations and quaternions over the last axes of arrays of floats; all other axes broadcast."""
+"""Vectors, rotations and quaternions over the last axes of float arrays; all other axes broadcast."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ U = np.eye(3)
 
 
 def cross(a: Array, b: Array) -> Array:
-    """a x b over the last axis; the others broadcast."""
+    """Cross product a x b over the last axis; all other axes broadcast."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
     x = ay * bz - az * by
@@ -22,25 +22,25 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def turn(R: Array, v: Array) -> Array:
-    """R v over the last axes: ``(..., 3, 3)`` and ``(..., 3)``."""
+    """Product R v over the last axes: ``(..., 3, 3)`` and ``(..., 3)``."""
     return (R @ v[..., None])[..., 0]
 
 
 def skew(a: Array) -> Array:
-    """The matrix of a x, ``(..., 3, 3)``."""
+    """Matrix of the cross product with a, ``(..., 3, 3)``."""
     K = np.zeros((*a.shape, 3))
     K[..., 2, 1], K[..., 0, 2], K[..., 1, 0] = a[..., 0], a[..., 1], a[..., 2]
     return K - np.swapaxes(K, -1, -2)
 
 
 def axis_rotation(K: Array, KK: Array, angle: Array) -> Array:
-    """Rotation about unit axes by angles ``(...)``: U + sin K + (1 - cos) K K, K the matrices of the axes."""
+    """Rotation about unit axes by angles ``(...)``: U + sin K + (1 - cos) K K, with the cross-product matrices K of the axes."""
     angle = angle[..., None, None]
     return U + np.sin(angle) * K + (1 - np.cos(angle)) * KK
 
 
 def quaternion_rotation(e: Array) -> Array:
-    """Rotation of e/abs(e), e = (w, v) over the last axis, ``(..., 3, 3)``."""
+    """Rotation matrix ``(..., 3, 3)`` of the quaternion e/abs(e), with e = (w, v) over the last axis."""
     K = skew(e[..., 1:])
     two = 2 / np.sum(e * e, axis=-1)
     return U + two[..., None, None] * (e[..., 0, None, None] * K + K @ K)
@@ -51,7 +51,7 @@ def unit(a: Array) -> Array:
 
 
 def turned_quaternion(e: Array, rotation: Array) -> Array:
-    """e times the quaternion of a rotation vector, both over the last axis, of unit length."""
+    """Unit quaternion of e times the quaternion of a rotation vector, both over the last axis."""
     half = np.linalg.norm(rotation, axis=-1, keepdims=True) / 2
     v = rotation / 2 * np.sinc(half / np.pi)
     w = np.cos(half)

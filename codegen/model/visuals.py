@@ -17,7 +17,7 @@ SIZES: Final = {
     "box": ("size",), "sphere": ("radius",), "ellipsoid": ("radii",), "cylinder": ("radius", "length"),
     "capsule": ("radius", "length"), "rod": ("length",), "mesh": ("scale",),
 }  # fmt: skip
-"""The keys with the sizes of each type, in the order of `Visual.sizes`. A rod is a type of shapes only."""
+"""Keys of the sizes of each type, in the order of `Visual.sizes`. A rod is a type of shapes only."""
 
 _COLOR: Final = re.compile("#(?:[0-9a-fA-F]{6}|[0-9a-fA-F]{8})")
 
@@ -75,7 +75,7 @@ _THREE: Final = TypeAdapter(tuple[Expr, Expr, Expr])
 
 
 class VisualEntry(PlacedEntry):
-    """What every visual has: its place in the body, and a colour."""
+    """Keys of every visual: its place in the body, and a colour."""
 
     color: Annotated[str, PlainValidator(_color)] = ""
 

@@ -1,4 +1,4 @@
-"""Which unit the number at a place of a model file has: the dimension that it is checked by where it is written with one."""
+"""Dimensions wanted at the places of a model file, with which numbers with units are compared."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ IN_JOINTS: Final[dict[str, Mapping[str, tuple[str, str]]]] = {
         if issubclass(entry, InJointEntry)
     },
 }
-"""Units of the numbers of forces that act in joints, by type and key: in one that turns, and in one that slides."""
+"""Units of the numbers of forces in joints, by type and key: in a revolute joint, and in a prismatic one."""
 
 
 def unit_wanted(section: str, path: Path_, entry: Any) -> Dimension | None:
-    """The dimension of the number at a path of an entry; None where any, or none that is known, may stand."""
+    """The dimension of the number at a path of an entry; None if any dimension is allowed."""
     keys = [k for k in path if isinstance(k, str)]
-    if keys[:1] == ["with"]:  # what a submodel is given has the names of its own numbers
+    if keys[:1] == ["with"]:  # numbers given to a submodel have the names of its own numbers
         return None
     key = keys[-1] if keys else section
     type_ = entry.get("type") if isinstance(entry, dict) else None
@@ -50,7 +50,7 @@ def unit_wanted(section: str, path: Path_, entry: Any) -> Dimension | None:
 
 
 def _unit_of_armature(path: Path_, entry: Any) -> str | None:
-    """Of the reflected inertia of a rotor at a joint that turns, or slides."""
+    """Unit of a rotor's reflected inertia on a revolute or prismatic joint."""
     joint = entry.get("joint") if isinstance(entry, dict) else None
     kind = JOINTS.get(str(joint.get("type"))) if isinstance(joint, dict) else None
     units = kind.armature_units() if kind is not None else ()
@@ -59,6 +59,6 @@ def _unit_of_armature(path: Path_, entry: Any) -> str | None:
 
 
 def dimension_of_unit(text: str) -> Dimension | None:
-    """Of a unit as the program's own texts write it: ``N s/m``, ``N/m^3``."""
+    """Dimension of a unit as it is written in the source code: ``N s/m``, ``N/m^3``."""
     found = unit_of(text.replace(" ", "*"))
     return None if found is None else found[1]

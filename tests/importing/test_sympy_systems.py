@@ -324,7 +324,7 @@ def test_what_a_model_cannot_say_is_refused_by_name() -> None:
     gamma = simple(coordinates=q, speeds=u)
     gamma.add_loads(Torque(gamma.bodies[1], s.gamma(q) * gamma.z), Force(gamma.bodies[1], u.diff() * gamma.x))
     text = message(gamma)
-    assert "gamma(q(t)): gamma is no function of a model; functions are sin" in text
+    assert "gamma(q(t)): gamma is not a function of a model; functions are sin" in text
     assert "Derivative(u(t), t): time derivatives of the joints' coordinates are allowed" in text
     assert "values[k]: is not a symbol of this system; symbols are" in message(simple(), values={"k": 1})
     assert "'A b' cannot name a model" in message(simple(), name="A b")

@@ -62,7 +62,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("2*L", "2*t", "m.yaml:10:13: bodies.arm.mass: 't', which changes with the motion, is not allowed here*"),
         ("2*L", "2*motor", "m.yaml:10:13: bodies.arm.mass: input 'motor' is not allowed here*"),
         ("u.arm", "u.amr", "m.yaml:18:55: forces.drive.value: unknown speed 'u.amr'; * did you mean 'u.arm'?"),
-        ("u.arm", "q.hand", "m.yaml:18:55: forces.drive.value: q.hand has several freedoms; write one of q.hand.qw*"),
+        ("u.arm", "q.hand", "m.yaml:18:55: forces.drive.value: q.hand has several degrees of freedom; write one of q.hand.qw*"),
         ("parent: arm", "parent: amr", "m.yaml:13:13: bodies.hand.parent: unknown body 'amr'; * did you mean 'arm'?"),
         ("parent: ground", "parent: hand", "m.yaml:8:13: bodies.arm.parent: the parents form a circle, arm -> hand -> arm*"),
         ("parent: ground", "parent: arm", "m.yaml:8:13: bodies.arm.parent: body 'arm' is its own parent*"),

@@ -197,7 +197,7 @@ bodies:
     model = load_model(written(tmp_path, two=two, rod=rod) / "two.yaml")
     assert model.bodies[-1].mass.evaluate(model.defaults) == 1.0
     wrong = two.replace("2 kg/m", "2 kg/m**3")
-    with pytest.raises(ModelError, match=r"a mass by length \(kg/m\) is needed"):
+    with pytest.raises(ModelError, match=r"a mass per length \(kg/m\) is needed"):
         load_model(written(tmp_path, two=wrong, rod=rod) / "two.yaml")
 
 

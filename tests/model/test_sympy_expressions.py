@@ -100,17 +100,17 @@ def test_functions_that_the_grammar_lacks_have_their_values(formula: s.Expr) -> 
 
 
 @pytest.mark.parametrize(("formula", "part"), [
-    (s.gamma(X), "gamma(x): gamma is no function of a model; functions are sin, cos"),
+    (s.gamma(X), "gamma(x): gamma is not a function of a model; functions are sin, cos"),
     (s.I * X, "the constant I is not real"),
     (s.acos(2) * X, "the constant acos(2) is not real"),
-    (s.oo, "oo is no finite number"),
-    (s.zoo * X, "is no finite number"),
-    (s.nan, "nan is no finite number"),
+    (s.oo, "oo is not a finite number"),
+    (s.zoo * X, "is not a finite number"),
+    (s.nan, "nan is not a finite number"),
     (s.Integer(10) ** 400, "is too large"),
     (s.Piecewise((X, X > 0)), "let it end with (value, True)"),
     (s.true, "True is a BooleanTrue; an expression"),
     (s.Symbol("A", commutative=False) * X, "does not commute"),
-    (s.DiracDelta(X), "DiracDelta is no function of a model"),
+    (s.DiracDelta(X), "DiracDelta is not a function of a model"),
 ])  # fmt: skip
 def test_what_no_model_can_say_is_refused(formula: s.Expr, part: str) -> None:
     with pytest.raises(ExpressionError, match=part.replace("(", r"\(").replace(")", r"\)")):
@@ -201,13 +201,13 @@ def test_symbols_of_the_model_alone_are_known() -> None:
     said = message(b)
     for part in (
         "outputs.a.value: unknown name 'LL'; known here: L, m, pull, t; did you mean 'L'?",
-        "outputs.b.value: uper(t) is no coordinate, speed or input of this model; functions of time here are pull, upper; did",
+        "outputs.b.value: uper(t) is not a coordinate, speed or input of this model; functions of time here are pull, upper; did",
         "outputs.c.value: hand(t): the joint of 'hand' has the coordinates q.hand.1, q.hand.2; ModelBuilder.symbols(",
-        "outputs.d.value: Derivative(upper(t), (t, 2)): an acceleration; coordinates and speeds are allowed",
-        "outputs.e.value: Derivative(pull(t), t): the derivative of input 'pull'; those of coordinates are allowed",
+        "outputs.d.value: Derivative(upper(t), (t, 2)) is an acceleration; only coordinates and speeds are allowed",
+        "outputs.e.value: Derivative(pull(t), t) is the derivative of input 'pull'; only those of coordinates are allowed",
         "outputs.f.value: f(L): unknown function 'f' of L",
         "outputs.g.value: the dummy symbol _L has no name of its own",
-        "outputs.h.axis: a matrix of shape (2, 2); a row or a column is allowed",
+        "outputs.h.axis: a matrix has the shape (2, 2); a row or a column is allowed",
     ):
         assert part in said, said
 
@@ -222,7 +222,7 @@ def test_quaternion_rates_are_no_speeds() -> None:
     b = ModelBuilder("ball")
     b.body("ball", joint="spherical", mass=1, inertia=s.eye(3))
     b.output("rate", value=s.Function("q.ball.qw")(s.Symbol("t")).diff())
-    assert "no speeds; these are u.ball.wx, u.ball.wy, u.ball.wz" in message(b)
+    assert "not speeds; use u.ball.wx, u.ball.wy, u.ball.wz" in message(b)
 
 
 def test_wrong_matrices_and_names() -> None:
