@@ -1,4 +1,4 @@
-"""Bounds of functionals as the constraints that SciPy's optimisers take."""
+"""Bounds of functionals as constraints for SciPy's optimisers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..runtime.standalone.arrays import Array
 from .evaluated_points import Point
 
 At = Callable[[ArrayLike], Point]
-"""Gives what is known at an x."""
+"""Returns the evaluated point at an x."""
 
 
 def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
@@ -34,7 +34,7 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
 
 
 def nonlinear(point: At, at: slice, low: Array, high: Array) -> Any:
-    """low <= functionals that stand there <= high, a `scipy.optimize.NonlinearConstraint`."""
+    """low <= selected functionals <= high, a `scipy.optimize.NonlinearConstraint`."""
     from scipy.optimize import NonlinearConstraint
 
     return NonlinearConstraint(
@@ -43,7 +43,7 @@ def nonlinear(point: At, at: slice, low: Array, high: Array) -> Any:
 
 
 def dictionaries(point: At, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
-    """The same as dictionaries of SLSQP's: equations, and inequalities that are to be positive."""
+    """The same constraint as dictionaries for SLSQP: equations, and inequalities whose function must be positive."""
     places = np.arange(at.start, at.stop)
     found = []
     for kind, chosen, sign, level in (

@@ -1,4 +1,4 @@
-"""What is known of motions that were run for an optimiser."""
+"""Results of motions that were run for an optimiser."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..runtime.standalone.arrays import Array
 
 Combine = Callable[[Array], tuple[float, ArrayLike]]
-"""From values of functionals (m,) to a number and its derivatives by them (m,)."""
+"""From values of functionals (m,) to a number and its derivatives with respect to them (m,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ class Evaluation:
 
 @dataclass(slots=True, eq=False)
 class Point:
-    """What is known at an x: value, gradient by x (n,), functionals (m,) and their gradients by x (m, n); or an error."""
+    """Results at an x: value, gradient by x (n,), functionals (m,) and their gradients by x (m, n); or an error."""
 
     value: float
     gradient: Array

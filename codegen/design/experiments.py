@@ -1,4 +1,4 @@
-"""Experiments of an identification: samples of motions, and which variables each of them has a part in."""
+"""Experiments of an identification: samples of motions, and the variables on which each depends."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class Space:
 
 @dataclass(slots=True, eq=False)
 class Experiment:
-    """A motion and what was measured of it.
+    """A motion and its samples.
 
     Attributes
     ----------
     name : str
     variables : Variables
     places : array of int
-        Where these stand among the variables of all experiments.
+        Places of these among the variables of all experiments.
     times : array (nt,)
     start : float
     samples, sigma : dict of str to array (nt,)
@@ -68,7 +68,7 @@ class Experiment:
 
     @property
     def count(self) -> int:
-        """How many samples there are."""
+        """Number of samples."""
         return sum(int(np.isfinite(s).sum()) for s in self.samples.values())
 
     def simulate(self, x: Array) -> Trajectory:
@@ -88,7 +88,7 @@ class Experiment:
         return found
 
     def residuals(self, trajectory: Trajectory, n: int) -> tuple[Array, Array]:
-        """What samples are missed by, in their standard deviations, (m,), and its Jacobian by x, (m, n)."""
+        """Residuals in standard deviations, (m,), and their Jacobian by x, (m, n)."""
         first = int(self.start < self.times[0])
         rows = slice(first, first + len(self.times))
         errors, jacobians = [], []
@@ -103,7 +103,7 @@ class Experiment:
         return np.concatenate(errors), np.concatenate(jacobians)
 
     def by_name(self, residuals: Array) -> dict[str, Array]:
-        """Residuals (count,) of this experiment as (nt,) by name, in units of the samples, NaN where there is none."""
+        """Residuals (count,) of this experiment as (nt,) by name, in units of the samples; NaN where there is no sample."""
         found, first = {}, 0
         for name, samples in self.samples.items():
             known = np.isfinite(samples)
@@ -117,19 +117,21 @@ class Experiment:
 def take_experiments(
     solver: Any, common: Mapping[str, Any], wanted: Wanted, given: Sequence[Mapping[str, Any]] | None, simulation: dict[str, Any]
 ) -> tuple[Space, list[Experiment]]:  # fmt: skip
-    """Experiments as a caller gives them, checked, and the variables of all.
+    """Check the experiments given by a caller; return them with the variables of all.
 
     Raises
     ------
     ValueError
     """
     if given is not None and (common["times"] is not None or common["samples"] is not None):
-        raise ValueError("fit: both experiments and times, samples are given; these belong into the experiments")
+        raise ValueError("fit: times or samples are given beside experiments; put them into the experiments")
     if isinstance(given, Mapping) or not all(isinstance(e, Mapping) for e in given or ()):
-        raise ValueError("fit: experiments are a list of mappings, such as [{'times': t, 'samples': {'tip_x': x}}]")
+        raise ValueError("fit: experiments must be a list of mappings, such as [{'times': t, 'samples': {'tip_x': x}}]")
     several = [dict(e) for e in given] if given is not None else [{}]
     if not several:
-        raise ValueError("fit: experiments are empty; give one at least, such as {'times': t, 'samples': {'tip_x': x}}")
+        raise ValueError(
+            "fit: the list of experiments is empty; give at least one, such as {'times': t, 'samples': {'tip_x': x}}"
+        )
     names: list[str] = []
     units: list[str] = []
     numbers: list[tuple[float, ...]] = []
@@ -138,14 +140,14 @@ def take_experiments(
         unknown = [k for k in one if k not in KEYS]
         label = str(one.get("name", f"experiment {i + 1}"))
         if unknown:
-            raise ValueError(f"fit: {label} has {unknown[0]!r}; allowed are {', '.join(KEYS)}")
+            raise ValueError(f"fit: {label} has the unknown entry {unknown[0]!r}; allowed are {', '.join(KEYS)}")
         own = one.pop("variables", ())
         own_names = [own] if isinstance(own, str) else list(own)
         one = {**common, **one}
         both = {**_mapping(wanted), **_mapping(own)}
         twice = [n for n in own_names if n in _mapping(wanted)]
         if twice:
-            raise ValueError(f"fit: {twice[0]} is a variable of all experiments and of {label}; name it once")
+            raise ValueError(f"fit: {twice[0]} is a variable of all experiments and also of {label}; give it only once")
         last = np.max(one["times"]) if one["times"] is not None and np.size(one["times"]) else one["start"] + 1.0
         interval = (float(one["start"]), float(last))
         v = Variables(solver, both, one["q"], one["u"], one["p"], one["inputs"], interval)
@@ -158,17 +160,17 @@ def take_experiments(
                 units.append(v.unit(k))
                 numbers.append((v.start[k], v.lower[k], v.upper[k], v.origin[k], v.scale[k]))
             at = names.index(told)
-            v.origin[k], v.scale[k] = numbers[at][3:]  # shared ones are scaled alike
+            v.origin[k], v.scale[k] = numbers[at][3:]  # shared variables have the same scale
             places.append(at)
         found.append(_experiment(label, v, np.array(places), one, simulation))
     labels = [e.name for e in found]
     if len(set(labels)) < len(labels):
         twice_named = next(n for i, n in enumerate(labels) if n in labels[:i])
-        raise ValueError(f"fit: two experiments are called {twice_named}; give each a name of its own")
+        raise ValueError(f"fit: two experiments have the name {twice_named}; give them different names")
     known = [e.sigma_given for e in found]
     if any(known) and not all(known):
         lacks = found[known.index(False)].name
-        raise ValueError(f"fit: {lacks} has no sigma, and others have; give it to all experiments, or to none")
+        raise ValueError(f"fit: {lacks} has no sigma, but others have; give it for all experiments, or for none")
     start, lower, upper, origin, scale = np.array(numbers).T
     x = [(a - origin) / scale for a in (start, lower, upper)]
     return Space(tuple(names), tuple(units), x[0], (x[1], x[2]), origin, scale), found
@@ -187,10 +189,12 @@ def _experiment(
         raise ValueError(f"fit: {label} has no times or no samples; both are needed")
     times = np.asarray(one["times"], float)
     if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-        raise ValueError(f"fit: times of {label} must be (nt,), finite, and rise")
+        raise ValueError(f"fit: times of {label} must be an increasing array (nt,) of finite numbers")
     start = float(one["start"])
     if start > times[0]:
-        raise ValueError(f"fit: {label} begins at {start:g} s, after its first sample at {times[0]:g} s; give start")
+        raise ValueError(
+            f"fit: {label} starts at {start:g} s, after its first sample at {times[0]:g} s; give an earlier start"
+        )
     if not isinstance(one["samples"], Mapping) or not one["samples"]:
         raise ValueError(f"fit: samples of {label} must be a mapping of names to (nt,), such as {{'tip_x': x}}")
     solver, sigma = v.solver, one["sigma"]
@@ -203,17 +207,17 @@ def _experiment(
     if isinstance(sigma, Mapping):
         if unknown := [n for n in sigma if n not in known]:
             raise ValueError(
-                f"fit: {label} has sigma of {unknown[0]!r}, which the model has not; allowed are {some(known)}"
+                f"fit: {label} has sigma of {unknown[0]!r}, which the model does not have; allowed are {some(known)}"
             )
         lacking = [n for n in one["samples"] if n not in sigma]
         if lacking:
             raise ValueError(
-                f"fit: sigma of {label} has none for {lacking[0]}; give one for each series, or none at all"
+                f"fit: sigma of {label} has no entry for {lacking[0]}; give one for each series, or leave out sigma"
             )
     for name, values in one["samples"].items():
         if name not in known:
             raise ValueError(
-                f"fit: {label} has samples of {name!r}, which the model has not; allowed are {some(known)}"
+                f"fit: {label} has samples of {name!r}, which the model does not have; allowed are {some(known)}"
             )
         array = np.asarray(values, float)
         if array.shape != times.shape:

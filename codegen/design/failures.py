@@ -1,10 +1,10 @@
-"""What a motion may fail by where another one would do, so that a search or a batch goes on."""
+"""Errors that a motion may raise while another motion succeeds; a search or a batch continues after them."""
 
 from __future__ import annotations
 
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError
 
 FAILURES = (SimulationError, AssemblyError, SingularJointError)
-"""Anything else is an error of the caller's."""
+"""Any other error is the caller's."""
 
 __all__ = ["FAILURES"]

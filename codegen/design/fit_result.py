@@ -1,4 +1,4 @@
-"""What an identification found: values, how sure they are, and which of them the samples do not determine."""
+"""Result of an identification: values, uncertainties, and directions that the samples do not determine."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from .experiments import Experiment, Space
 from .outcome import at_bound
 
 PART = 1e-3
-"""A variable has part in a direction that is not determined where its entry is more than this part of the largest."""
+"""A variable belongs to an undetermined direction if its entry exceeds this fraction of the largest."""
 
 SURE = 100.0
-"""Squares of residuals per freedom, in those of sigma, beyond which deviations that follow from sigma are no measure."""
+"""Largest sum of squares per degree of freedom, in units of sigma, for which standard deviations that follow from sigma are
+reported without a warning."""
 
 NO_PROGRESS, FEW_MOTIONS = 0.99, 20
-"""A search that has run more motions and leaves more than this part of the first squares went nowhere."""
+"""A search has made no progress if it leaves more than this fraction of the initial cost after more than this number of
+motions."""
 
 STRONG = 0.95
-"""Stronger correlations are listed."""
+"""Correlations above this value are listed."""
 
 
 @dataclass(slots=True, eq=False)
@@ -257,7 +259,7 @@ class Fit:
 
     def _place(self, name: str) -> int:
         if name not in self.names:
-            raise KeyError(f"{name!r} is no variable of the fit; there are {', '.join(self.names[:12])}")
+            raise KeyError(f"{name!r} is not a variable of the fit; its variables are {', '.join(self.names[:12])}")
         return self.names.index(name)
 
     def lines(self) -> list[str]:
@@ -283,14 +285,12 @@ class Fit:
         lines = [f"{n} variables from {m} samples, {self.motions} motions{failed}; {self.freedom} degrees of freedom"]
         if self.sigma_given:
             lines.append(
-                f"  squares of residuals over sigma^2: {self.sum_of_squares:.6g}, that is {self.variance:.4g} per freedom"
+                f"  sum of (residual/sigma)^2: {self.sum_of_squares:.6g}, or {self.variance:.4g} per degree of freedom"
             )
         elif self.freedom > 0:
             lines.append(f"  standard deviation of the residuals: {math.sqrt(self.variance):.4g}")
         else:
-            lines.append(
-                "  no more samples than variables: give sigma, or more samples, to know how sure these values are"
-            )
+            lines.append("  not more samples than variables: give sigma, or more samples, to get standard deviations")
         width = max(map(len, self.names))
         for name, unit, x, d in zip(self.names, self.units, self.values, self.deviations, strict=True):
             if name in self.at_bounds:
@@ -301,9 +301,9 @@ class Fit:
                 sure = "" if math.isnan(d) else f"+- {d:.2g}" + (f" ({100 * d / abs(x):.2g}%)" if x else "")
             lines.append(f"  {name:{width}s}  {x:14.8g}{' ' + unit if unit else ''}  {sure}")
         for direction in self.undetermined:
-            told = ", ".join(f"{name} by {change:.4g}" for name, change in direction.items())
+            changes = ", ".join(f"{name} by {change:.4g}" for name, change in direction.items())
             lines.append(
-                f"  the samples do not distinguish {told} from no change; hold one of these fixed, or measure more"
+                f"  no sample changes with a joint change of {changes}; hold one of these fixed, or measure more"
             )
         strong = [
             f"{self.names[i]} and {self.names[j]} {self.correlations[i, j]:.3f}"
@@ -315,14 +315,14 @@ class Fit:
             lines.append(f"  strongly correlated: {', '.join(strong[:8])}")
         if self.sigma_given and self.variance > SURE:
             lines.append(
-                f"  residuals are {math.sqrt(self.variance):.2g} times as large as sigma says: the model or sigma is wrong, and "
-                f"the deviations above, which follow from sigma, say nothing"
+                f"  residuals are {math.sqrt(self.variance):.2g} times as large as sigma. The model or sigma is wrong, so "
+                f"the standard deviations above, which follow from sigma, are meaningless"
             )
         if self.first_cost > 0.0 and self.cost > NO_PROGRESS * self.first_cost and self.motions > FEW_MOTIONS:
             lines.append(
-                f"  the search went nowhere: after {self.motions} motions the squares of residuals are "
-                f"{self.cost / self.first_cost:.6g} of what they were; begin elsewhere, fit a shorter part of the motion "
-                f"first, or hold some variables"
+                f"  the search made no progress: after {self.motions} motions the sum of squares is "
+                f"{self.cost / self.first_cost:.6g} of its initial value. Start from other values, first fit a shorter part "
+                f"of the motion, or hold some variables fixed"
             )
         if not self.success:
             lines.append(f"  not finished: {self.message}")

@@ -17,13 +17,13 @@ from .fit_result import Fit
 from .variables import Wanted
 
 UNDETERMINED = 1e-9
-"""A direction of variables whose singular value is less than this part of the largest is not determined by the samples."""
+"""A direction of variables whose singular value is below this fraction of the largest is not determined by the samples."""
 
 METHODS = ("trf", "dogbox")
 
 
 class _Problem:
-    """Residuals and their Jacobian at an x; the last one is remembered."""
+    """Residuals and their Jacobian at an x; the last result is kept."""
 
     def __init__(self, experiments: Sequence[Experiment], x0: Array):
         self.experiments, self.motions = experiments, 0
@@ -128,9 +128,11 @@ def fit(
     from scipy.optimize import least_squares
 
     if taken := [word for word in ("on_failure", "sensitivities", "dq0", "du0") if word in options]:
-        raise ValueError(f"fit takes no {taken[0]}: it sets that itself")
+        raise ValueError(f"fit does not take {taken[0]}, because it sets it itself; leave it out")
     if not 0.0 <= undetermined < 1.0:
-        raise ValueError(f"undetermined is {undetermined!r}, expected a part of the largest singular value, below 1")
+        raise ValueError(
+            f"undetermined is {undetermined!r}, expected a number between 0 and 1, relative to the largest singular value"
+        )
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
     common = {
@@ -145,7 +147,7 @@ def fit(
     first_cost = 0.5 * float(residuals @ residuals)
     if len(residuals) < len(space.names):
         raise ValueError(
-            f"fit: {len(residuals)} samples cannot determine {len(space.names)} variables; give more, or vary fewer"
+            f"fit: {len(residuals)} samples cannot determine {len(space.names)} variables; give more samples or fewer variables"
         )
     found = least_squares(
         lambda x: problem.at(x)[0], space.x0, jac=lambda x: problem.at(x)[1], bounds=space.x_bounds, method=method, loss=loss,
@@ -153,7 +155,7 @@ def fit(
     )  # fmt: skip
     residuals, jacobian = problem.at(found.x)
     given = parts[0].sigma_given
-    # found.jac is the Jacobian as the loss weighs it
+    # found.jac is the Jacobian with the weights of the loss
     return Fit.of(
         space, found.x, residuals, found.jac if loss != "linear" else jacobian, tuple(parts), tuple(problem.trajectories),
         sigma_given=given, undetermined=undetermined, success=bool(found.success), message=str(found.message),

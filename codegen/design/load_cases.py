@@ -55,10 +55,12 @@ class LoadCases(OfVariables):
 
     def __init__(self, objectives: Sequence[Objective], *, weights: ArrayLike | None = None, threads: int = 1):
         if isinstance(objectives, Objective):
-            raise ValueError("load_cases: objectives are a list, such as [ordernm.objective(...), ...]")
+            raise ValueError("load_cases: objectives must be a list, such as [ordernm.objective(...), ...]")
         self.cases = tuple(objectives)
         if not self.cases:
-            raise ValueError("load_cases: no objective is given, such as ordernm.objective(...)")
+            raise ValueError(
+                "load_cases: the list of objectives is empty; give at least one, such as ordernm.objective(...)"
+            )
         for i, case in enumerate(self.cases):
             if not isinstance(case, Objective):
                 raise ValueError(f"load_cases: case {i} is {case!r}, expected what ordernm.objective returns")
@@ -66,11 +68,11 @@ class LoadCases(OfVariables):
         for i, case in enumerate(self.cases):
             if difference := _difference(self.variables, case.variables):
                 raise ValueError(
-                    f"load_cases: {difference} of the variables of case {i} are not those of case 0; give all cases the same "
-                    f"variables, with the same bounds, or a Variable with start and scale"
+                    f"load_cases: the variables of case {i} have other {difference} than those of case 0; give all cases the "
+                    f"same variables, with the same bounds, or a Variable with start and scale"
                 )
         if len(set(map(id, self.cases))) < len(self.cases):
-            raise ValueError("load_cases: an objective is given twice; give it a weight instead")
+            raise ValueError("load_cases: an objective is given twice; give it once, with a weight")
         self.weights = np.ones(len(self.cases)) if weights is None else np.asarray(weights, float)
         if self.weights.shape != (len(self.cases),) or not np.isfinite(self.weights).all():
             raise ValueError(
@@ -180,16 +182,16 @@ class LoadCases(OfVariables):
         )  # fmt: skip
 
     def __repr__(self) -> str:
-        told = "\n".join(f"  {w:g} times: {case!r}" for w, case in zip(self.weights, self.cases, strict=True))
-        return f"{len(self.cases)} load cases\n{told}"
+        cases = "\n".join(f"  {w:g} times: {case!r}" for w, case in zip(self.weights, self.cases, strict=True))
+        return f"{len(self.cases)} load cases\n{cases}"
 
 
 load_cases = LoadCases
-"""What makes it."""
+"""The function that makes load cases is the class itself."""
 
 
 def _difference(a: Variables, b: Variables) -> str:
-    """What of two sets of variables is not the same; empty where all is."""
+    """The first difference between two sets of variables, in words; empty if there is none."""
     if a.names != b.names:
         return "names"
     for what, called in {

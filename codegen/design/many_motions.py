@@ -1,4 +1,4 @@
-"""Many motions at once, over threads: the integrators are compiled code, which lets other threads run meanwhile."""
+"""Many motions on several threads: the integrators are compiled code, so threads run in parallel."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Motions(Sequence[Trajectory | None]):
         return iter(self.trajectories)
 
     def __getitem__(self, key: Any) -> Any:
-        """The i-th trajectory; several of them for a slice; for a name its series in all motions, see `series`."""
+        """The i-th trajectory; for a slice, several of them; for a name, its series in all motions, see `series`."""
         return self.series(key) if isinstance(key, str) else self.trajectories[key]
 
     @property
@@ -192,7 +192,8 @@ def _check(options: Mapping[str, Any], threads: Any, progress: Any) -> None:
     for word in ("on_failure", "dq0", "du0"):
         if word in options:
             raise ValueError(
-                f"simulate_many takes no {word}: " + ("failures are recorded" if word[0] == "o" else "simulate does")
+                f"simulate_many does not take {word}: "
+                + ("failures are recorded" if word[0] == "o" else "simulate does")
             )
     if threads is not None and (not isinstance(threads, (int, np.integer)) or threads < 1):
         raise ValueError(f"threads is {threads!r}, expected a number of threads")
@@ -203,13 +204,15 @@ def _check(options: Mapping[str, Any], threads: Any, progress: Any) -> None:
 def _in_threads(
     run: Callable[[int], None], n: int, threads: int, progress: Callable[[int, int], None], stop: threading.Event
 ) -> None:
-    """Run numbers 0 to n - 1; an error, and Ctrl-C without one, sets `stop` and leaves out what has not begun."""
+    """Run numbers 0 to n - 1. Errors, and Ctrl-C as normal end, set `stop` and leave out the numbers that have not begun."""
     left: set[Future[None]] = set()
     with ThreadPoolExecutor(threads) as pool:
         try:
             for done in range(1, n + 1):
                 if done == 1:
-                    run(0)  # what is wrong for all is an error here, and the library is compiled once
+                    run(
+                        0
+                    )  # invalid arguments of all motions raise an error here, and the library is compiled only once
                     left = {pool.submit(run, i) for i in range(1, n)}
                 else:
                     ended = next(iter(wait(left, return_when=FIRST_COMPLETED).done))
@@ -232,7 +235,9 @@ def _rows(solver: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any) -> list[
         if isinstance(value, Mapping):
             shapes = {np.shape(x) for x in value.values()} - {()}
             if len(shapes) > 1 or any(len(s) > 1 for s in shapes):
-                raise ValueError(f"{name} holds numbers of shapes {sorted(shapes)}, expected numbers and (n,)")
+                raise ValueError(
+                    f"{name} has values of shapes {sorted(shapes)}, expected numbers or arrays (n,) of one length"
+                )
             given[name] = value
             if shapes:
                 (counts[name],) = shapes.pop()
@@ -247,11 +252,11 @@ def _rows(solver: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any) -> list[
         counts["inputs"] = len(inputs)
     if not counts:
         raise ValueError(
-            "simulate_many: nothing has rows; give p (n, np), q (n, nq), u (n, nu), inputs as a list, or p={name: (n,)}"
+            "simulate_many: no argument has rows; give p (n, np), q (n, nq), u (n, nu), inputs as a list, or p={name: (n,)}"
         )
     if len(set(counts.values())) > 1:
-        told = ", ".join(f"{name} {n}" for name, n in counts.items())
-        raise ValueError(f"simulate_many: numbers of motions differ: {told}")
+        rows = ", ".join(f"{name} {n}" for name, n in counts.items())
+        raise ValueError(f"simulate_many: arguments have different numbers of motions: {rows}")
     n = next(iter(counts.values()))
 
     def row(name: str, i: int) -> Any:

@@ -1,7 +1,7 @@
-"""A digest of what a function computes with: its code, and what it refers to outside of itself.
+"""A digest of everything on which the result of a function depends: its code, and what the code refers to.
 
-The code is what runs, not the text in the file, which may have been edited since it was imported. Comments and docstrings do
-not count. Python's version does, since its compiler differs from one to the next.
+It uses the compiled code, since the text in the file may have been edited after the import. Comments and docstrings do not count.
+Python's version does, because the compiled code depends on it.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ import numpy as np
 MUTATORS = frozenset(
     "append extend insert add update setdefault pop popitem clear remove discard sort reverse appendleft popleft put".split()
 )
-"""Methods that change what they belong to."""
+"""Methods that change their object."""
 
 STORES = frozenset({"STORE_SUBSCR", "DELETE_SUBSCR", "STORE_ATTR", "DELETE_ATTR"})
 INSTALLED = ("site-packages", "dist-packages")
 DEPTH = 20
-"""Containers and objects are followed to this depth."""
+"""Depth to which containers and objects are followed."""
 
 
 def measure_digest(measure: Callable[..., Any]) -> str:
-    """SHA-256, 16 digits, of a function and of what it refers to.
+    """SHA-256, 16 digits, of a function and of everything it refers to.
 
-    Covered are its code and defaults; variables that it closes over; functions, classes, objects and values of its own module
-    and of others that are not installed, with what they refer to in turn; models and solvers by their contents.
+    It covers code and defaults; variables of the closure; functions, classes, objects and values of the user's own modules,
+    recursively; and the contents of models and solvers.
 
-    Not covered are the standard library and installed packages, C code, files and the environment, variables that it changes
-    itself (a counter), and objects of other kinds, of which only the class counts.
+    It does not cover the standard library and installed packages, C code, files, the environment, and variables that the function
+    itself changes, such as a counter. For other objects, only the class counts.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def measure_digest(measure: Callable[..., Any]) -> str:
         A function, a method, a `functools.partial` or an object that can be called.
     """
     seen: dict[int, int] = {}
-    kept: list[Any] = []  # so that no id is used twice
+    kept: list[Any] = []  # keeps objects alive, so that no id is used twice
     whole = hashlib.sha256(f"{sys.version_info.major}.{sys.version_info.minor}".encode())
     for word in _described(measure, seen, kept, 0):
         whole.update(word.encode("utf-8", "surrogatepass") + b"\0")
@@ -84,7 +84,7 @@ def _described(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Ite
 
 
 def _of_object(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Iterator[str]:
-    """The same of functions, classes and objects."""
+    """Words that identify functions, classes and objects."""
     parts: list[Any] = []
     if isinstance(x, functools.partial):
         parts = ["partial", x.func, x.args, x.keywords]
@@ -112,7 +112,7 @@ def _of_object(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Ite
 
 
 def package_digest(folder: Path) -> str:
-    """SHA-256, 16 digits, of what a generated package computes with."""
+    """SHA-256, 16 digits, of the files with which a generated package computes."""
     whole = hashlib.sha256()
     for path in sorted(Path(folder).rglob("*")):
         if path.suffix in (".c", ".h", ".py", ".json") and "__pycache__" not in path.parts:
@@ -121,7 +121,7 @@ def package_digest(folder: Path) -> str:
 
 
 def _is_own(module: str | None) -> bool:
-    """Whether a module is the user's: neither of the standard library, nor installed, nor ordernm's."""
+    """Whether a module is the user's: not in the standard library, not installed, and not part of ordernm."""
     name = (module or "").partition(".")[0]
     if name in sys.stdlib_module_names and name != "__main__":
         return False
@@ -132,7 +132,7 @@ def _is_own(module: str | None) -> bool:
 
 
 def _code(code: types.CodeType, docstring: str | None) -> list[Any]:
-    """What a code object does, without where it stands and what is written about it."""
+    """The content of a code object without line numbers and documentation."""
     constants: list[Any] = []
     for i, constant in enumerate(code.co_consts):
         if isinstance(constant, types.CodeType):
@@ -159,7 +159,7 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
 
 
 def _referred(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
-    """Names of globals and of variables closed over with their values, but for those that the function changes."""
+    """Names and values of globals and closure variables, except those that the function changes."""
     code = function.__code__
     changed = _changed(code)
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):

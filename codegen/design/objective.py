@@ -1,4 +1,4 @@
-"""The value of a motion as a function that SciPy's optimisers take, with its exact gradient."""
+"""Functionals of a motion as a function with exact gradient, for SciPy's optimisers."""
 # long: a docstring with an example for each of seventeen functions
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .outcome import Outcome
 from .variables import Variables, Wanted
 
 KEPT = 16
-"""Points that are kept with their values and gradients."""
+"""Number of points whose values and gradients are kept."""
 
 
 class OfVariables(ABC):
@@ -146,7 +146,7 @@ class Objective(OfVariables):
         self.start, self.end = span
         own = check_functionals(functionals, solver.output_names, self.start, self.end)
         if weights is not None and combine is not None:
-            raise ValueError("objective: both weights and combine are given; give one of them")
+            raise ValueError("objective: weights and combine are both given; give only one of them")
         by = np.ones(len(own)) if weights is None else np.asarray(weights, float)
         if by.shape != (len(own),):
             raise ValueError(f"weights have shape {by.shape}, expected ({len(own)},): one for each functional")
@@ -249,7 +249,7 @@ class Objective(OfVariables):
     def _constrained(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike, upper: ArrayLike
     ) -> tuple[slice, Array, Array]:
-        """Functionals evaluated along with the objective: their places among all, and their bounds (m,)."""
+        """Functionals evaluated with the objective: their places among all functionals, and their bounds (m,)."""
         wanted = check_functionals(functionals, self.solver.output_names, self.start, self.end)
         low, high = bounds_of(len(wanted), lower, upper)
         first = len(self._functionals)
@@ -260,7 +260,7 @@ class Objective(OfVariables):
     # -- motions -------------------------------------------------------------------------------------------------------
 
     def _at(self, x: ArrayLike) -> Point:
-        """What is known at x, found by a motion if it is not known yet."""
+        """The evaluated point at x; runs a motion if it is not known yet."""
         x = np.array(x, float)
         key = x.tobytes()
         if key in self._known:
@@ -285,7 +285,7 @@ class Objective(OfVariables):
         return point
 
     def _safe(self, x: ArrayLike) -> Point:
-        """The same for constraints, of which there must be values: where a motion fails, those of the last that did not."""
+        """The evaluated point for constraints; if the motion fails, with the functionals of the last motion that did not fail."""
         point = self._at(x)
         if point.error is None:
             return point
@@ -300,7 +300,7 @@ class Objective(OfVariables):
                 (self.start, self.end), self._functionals, **v.motion(x), wrt=v.names, **self._options
             )
             if not np.isfinite(judged.values).all():
-                raise SimulationError(f"functionals are {judged.values}, which is not finite", None)
+                raise SimulationError(f"the functionals are not finite: {judged.values}", None)
         except FAILURES as error:
             m, n = len(self._functionals), len(v)
             return Point(math.inf, np.full(n, np.nan), np.full(m, np.nan), np.full((m, n), np.nan), error)
@@ -507,7 +507,7 @@ def objective(
 
 
 def _span(t: Any) -> tuple[float, float]:
-    """Both ends of a motion, s."""
+    """Start and end of a motion, s."""
     try:
         start, end = np.asarray(t, float).reshape(-1) if np.size(t) > 1 else (0.0, float(np.asarray(t, float).item()))
     except (TypeError, ValueError):

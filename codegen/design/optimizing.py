@@ -1,4 +1,4 @@
-"""SciPy's optimisers on an objective, with what its motions need: a start that moves, and steps back from failures."""
+"""SciPy's optimisers on an objective, with a start inside the bounds and steps back from failing motions."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from .load_cases import LoadCases
 from .objective import Objective
 
 METHODS = ("L-BFGS-B", "SLSQP", "trust-constr")
-"""Methods of `scipy.optimize.minimize` that take gradients and bounds; of these the first takes no constraints."""
+"""Methods of `scipy.optimize.minimize` that take gradients and bounds; the first does not take constraints."""
 
 INSIDE = 1e-6
-"""How far within the bounds trust-constr begins at least, in an optimiser's x."""
+"""Least distance of the start of trust-constr from the bounds, in an optimiser's x."""
 
 ROUNDING = 1e-9
-"""A start that is farther outside the bounds, in an optimiser's x, is refused."""
+"""A start farther than this outside the bounds, in an optimiser's x, is refused."""
 
 STUCK = ("ABNORMAL", "Positive directional derivative")
-"""In messages of SciPy's methods: a line search that finds no lower value."""
+"""Parts of SciPy's messages for a line search that finds no lower value."""
 
 STEP_BACK = 10.0
-"""A motion that fails counts as this multiple of the largest change of the objective so far."""
+"""The value of a failing motion is this multiple of the largest change of the objective so far."""
 
 
 def optimize(
@@ -76,7 +76,9 @@ def optimize(
     from scipy.optimize import minimize
 
     if not isinstance(objective, (Objective, LoadCases)):
-        raise ValueError(f"optimize: {objective!r} is no objective; give what ordernm.objective or load_cases returns")
+        raise ValueError(
+            f"optimize: {objective!r} is not an objective; give the result of ordernm.objective or load_cases"
+        )
     if isinstance(constraints, Sequence):
         constraints = [c for several in constraints for c in (several if isinstance(several, list) else [several])]
     else:
@@ -85,9 +87,7 @@ def optimize(
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
     if method == "L-BFGS-B" and constraints:
-        raise ValueError(
-            "method 'L-BFGS-B' takes bounds and no constraints; allowed with them are 'SLSQP', 'trust-constr'"
-        )
+        raise ValueError("method 'L-BFGS-B' does not take constraints; use 'SLSQP' or 'trust-constr'")
     start = _start(objective, method, x0)
     judged = _SteppingBack(objective, start)
     result = minimize(
@@ -103,7 +103,7 @@ def optimize(
 
 
 def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) -> Array:
-    """Where a search begins, within the bounds."""
+    """Start of a search, within the bounds."""
     v = objective.variables
     start = v.x0 if x0 is None else np.asarray(x0, float)
     values, (lower, upper) = v.values(start), v.x_bounds
@@ -111,17 +111,17 @@ def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) 
         raise ValueError(
             f"optimize: x0 has {v.names[i]} = {values[i]:g}, outside of its bounds {v.lower[i]:g} and {v.upper[i]:g}"
         )
-    inside = INSIDE if method == "trust-constr" else 0.0  # it must not begin at a bound
+    inside = INSIDE if method == "trust-constr" else 0.0  # it must not start at a bound
     return np.clip(start, lower + inside, upper - inside)
 
 
 class _SteppingBack:
-    """An objective for line searches: where a motion fails, a large finite value with the gradient zero.
+    """An objective for line searches: if a motion fails, the value is large and finite, and the gradient is zero.
 
     Raises
     ------
     SimulationError, AssemblyError, SingularJointError
-        The motion fails at the start.
+        If the motion fails at the start.
     """
 
     def __init__(self, objective: Objective | LoadCases, start: Array):
@@ -141,15 +141,15 @@ class _SteppingBack:
 
 
 def _why_stuck(objective: Objective | LoadCases, result: Any, size: float) -> str:
-    """What a line search that finds no lower value means."""
+    """The explanation for a line search that finds no lower value."""
     lower, upper = objective.variables.x_bounds
     x, gradient = np.asarray(result.x), objective.value_and_gradient(result.x)[1]
     free = np.clip(x - gradient, lower, upper) - x
     slope = float(np.abs(free).max(initial=0.0))
     return (
-        f"the line search finds no lower value along a gradient of {slope:.1e} (by variables of order one; objective of the size "
-        f"{size:.1e}). Near an optimum the errors of motions do that: take these values, or make rtol and atol of the objective "
-        f"smaller and begin here (x0=result.x)"
+        f"the line search finds no lower value along a gradient of {slope:.1e} (with respect to variables of order one; the "
+        f"objective has the size {size:.1e}). Close to an optimum, integration errors have this effect: use these values, or "
+        f"make rtol and atol of the objective smaller and start here (x0=result.x)"
     )
 
 

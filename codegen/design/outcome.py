@@ -1,4 +1,4 @@
-"""What an optimisation found, by name: values of variables, the objective, what it depends on most."""
+"""Result of an optimisation by name: values of variables, the objective, and its derivatives."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.motion.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
 
 ROWS = 40
-"""Variables that are shown, at most."""
+"""Largest number of variables in the summary."""
 
 AT_BOUND = 1e-6
-"""A value is at its bound where it is nearer than this part of its range, or of its size."""
+"""A value closer than this fraction of its range, or of its size, is at its bound."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,7 @@ class Outcome:
 
     def __getitem__(self, name: str) -> float:
         if name not in self.names:
-            raise KeyError(f"{name!r} is no variable; there are {', '.join(self.names[:12])}")
+            raise KeyError(f"{name!r} is not a variable; the variables are {', '.join(self.names[:12])}")
         return float(self.values[self.names.index(name)])
 
     def as_dict(self) -> dict[str, float]:
@@ -91,7 +91,7 @@ class Outcome:
 
 
 def at_bound(x: float, lower: float, upper: float) -> str:
-    """Which bound a value lies at, "lower" or "upper"; empty if none."""
+    """The bound at which a value lies, "lower" or "upper"; empty if none."""
     size = upper - lower if np.isfinite(upper - lower) else max(abs(x), 1.0)
     if x - lower <= AT_BOUND * size:
         return "lower"

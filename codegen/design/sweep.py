@@ -1,4 +1,4 @@
-"""Many designs over any number of workers: threads, processes, clusters; what was computed is kept, whatever dies on the way."""
+"""Sweeps: many designs on any number of workers, such as threads, processes or clusters; results survive interruptions."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from .sweep_result import Sweep
 from .sweep_tasks import Bearer, run
 
 TASKS, LARGEST = 200, 50
-"""Tasks in which the cases are sent, about, and cases in one task, at most."""
+"""Approximate number of tasks into which the cases are divided, and largest number of cases in a task."""
 
 AHEAD = 64
-"""Tasks that wait at an executor or are computed there; the others wait here."""
+"""Number of tasks that are submitted to an executor at a time."""
 
 FEWER = 8
-"""After an executor breaks, tasks are tried together in groups smaller by this factor, until the one that breaks it is alone."""
+"""After an executor breaks, its tasks are repeated in smaller groups, by this factor, until the faulty task is alone."""
 
-NO_EXECUTOR = "executor is {!r}, expected one of concurrent.futures, or a callable that makes one"
+NO_EXECUTOR = "executor is {!r}, expected one of concurrent.futures, or a callable that returns one"
 
 LOST = ("KilledWorker",)
-"""Errors of Dask's, which goes on without the worker."""
+"""Errors of Dask for a lost worker, after which Dask continues."""
 
 IN_VAIN = 3
-"""Executors in a row that die of one case each, without a result, before cases are no longer blamed."""
+"""After this number of executors in a row that end with one case each and without a result, cases are no longer blamed."""
 
 SAME_ERROR = 8
-"""Cases that fail by errors in the measure, while none is measured, before a sweep is given up."""
+"""A sweep is given up after this number of cases that all fail by errors in the measure."""
 
 
 def sweep(
@@ -141,7 +141,7 @@ def sweep(
 
 
 def _lost_by_dask(why: BaseException) -> bool:
-    """Whether Dask lost a task with its worker; while it learns of that it may fail to unpack the error."""
+    """Whether Dask lost a task with its worker; Dask may also fail to unpack the error."""
     tb = why.__traceback__
     while tb is not None and tb.tb_next is not None:
         tb = tb.tb_next
@@ -150,7 +150,7 @@ def _lost_by_dask(why: BaseException) -> bool:
 
 
 class _Crew:
-    """Cases on their way to workers, and rows on their way back into `known`."""
+    """Sends cases to workers and collects their rows in `known`."""
 
     def __init__(
         self, solver: Any, measure: Any, cases: dict[str, Case], known: dict[str, Row], book: Journal | None,
@@ -166,7 +166,7 @@ class _Crew:
         self.wrong: dict[str, Row] | None = None if any(row.failure is None for row in known.values()) else {}
 
     def work(self, executor: Any, chunk: int | None) -> None:
-        """Go on until every case is known, or the executor is dead."""
+        """Continue until every case is known or the executor has ended."""
         size = chunk or max(1, min(LARGEST, -(-len(self.cases) // TASKS)))
         todo = list(self.cases)
         self.waiting.extend(todo[i : i + size] for i in range(0, len(todo), size))
@@ -177,7 +177,7 @@ class _Crew:
             pool = executor if given else make()
             if not hasattr(pool, "submit"):
                 raise TypeError(
-                    f"executor is {pool!r}, expected one of concurrent.futures, or a callable that makes one"
+                    f"executor is {pool!r}, expected one of concurrent.futures, or a callable that returns one"
                 )
             try:
                 died = self._serve(pool)
@@ -187,18 +187,19 @@ class _Crew:
             if died is not None and self.waiting and (given or self.in_vain >= IN_VAIN):
                 why = f"{type(died).__name__}: {died}" if str(died) else type(died).__name__
                 warn(
-                    f"the sweep ended early, its executor died ({why}); {len(self.known)} of {self.n} cases are there, the "
-                    f"others in `left`: with a journal they can be computed later; an executor that is a callable is made anew"
+                    f"the sweep ended early because its executor died ({why}). It has results for {len(self.known)} of {self.n} "
+                    f"cases; `left` lists the others. Use a journal to compute them later, or pass the executor as a callable, "
+                    f"which replaces it when it dies"
                 )
                 return
 
     def cancel(self) -> None:
-        """Let nothing begin any more."""
+        """Cancel all tasks that have not begun."""
         for future in self.flying:
             future.cancel()
 
     def _serve(self, pool: Executor) -> BaseException | None:
-        """Send what waits and take what comes, until nothing is left, or the executor is dead: then what it died of."""
+        """Send tasks and collect results until nothing is left or the executor ends; return the error that ended it."""
         died: BaseException | None = None
         lost: list[list[str]] = []
         while self.flying or (self.waiting and died is None):
@@ -206,7 +207,7 @@ class _Crew:
                 part = self.waiting.popleft()
                 try:
                     future = pool.submit(run, self.bearer, self.measure, [self.cases[k] for k in part])
-                except RuntimeError as error:  # BrokenExecutor is one; so is that it was shut down
+                except RuntimeError as error:  # BrokenExecutor, or an executor that was shut down
                     self.waiting.appendleft(part)
                     died = error
                 else:
@@ -223,16 +224,16 @@ class _Crew:
                     self._lost_alone(part)
                 else:
                     raise TypeError(
-                        f"cases could not be sent to the executor's workers, or what was measured back: "
-                        f"{type(why).__name__}: {why}; for processes "
-                        f"measure has to be a function of a module that the workers can import"
+                        f"cases could not be sent to the executor's workers, or results could not be sent back: "
+                        f"{type(why).__name__}: {why}. For processes, "
+                        f"measure must be a function of a module that the workers can import"
                     ) from why
         if lost:
             self._fewer(lost)
         return died
 
     def _take(self, came: Mapping[str, tuple[Row, bool]]) -> None:
-        """Keep what a task brought; but errors in the measure only when not all cases end in them."""
+        """Keep the rows of a task, but keep errors in the measure only if some case does not end in one."""
         rows = {k: row for k, (row, _) in came.items()}
         if self.wrong is not None:
             self.wrong |= rows
@@ -243,7 +244,7 @@ class _Crew:
             else:
                 first = next(iter(self.wrong.values()))
                 raise RuntimeError(
-                    f"the measure fails in every case, so far {len(self.wrong)}: {first.failure}; the first was {first.case}"
+                    f"the measure failed in all {len(self.wrong)} cases so far. The first was {first.case}: {first.failure}"
                 )
         self._keep(rows)
 
@@ -258,7 +259,7 @@ class _Crew:
         self._tell()
 
     def _fewer(self, lost: list[list[str]]) -> None:
-        """After an executor died: the cases that it had are tried anew, fewer together; one that was alone is guilty."""
+        """After an executor ended: repeat its cases in smaller groups; a case that ran alone is blamed."""
         if len(lost) == 1 and len(lost[0]) == 1:
             self._lost_alone(lost[0])
             self.in_vain += 1
@@ -269,7 +270,7 @@ class _Crew:
         self.ahead = max(1, self.ahead // FEWER)
 
     def _lost_alone(self, part: list[str]) -> None:
-        """A task ended its worker, and the executor lives on, or had nothing else."""
+        """A task ended its worker, and the executor continues or had no other task."""
         if len(part) > 1:
             self.waiting.extendleft([k] for k in reversed(part))
             return

@@ -1,4 +1,4 @@
-"""Cases of a sweep, and what is measured of them: names with plain values, which files and other machines understand."""
+"""Cases of a sweep and their results: names with plain values, which can be written to files and sent to other machines."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ Case = dict[str, Any]
 
 
 def listed(cases: Any) -> list[Case]:
-    """Cases one by one.
+    """A list of cases.
 
     Parameters
     ----------
     cases : iterable of mappings, mapping of names to values or (n,), or pandas.DataFrame
-        What has one value in a mapping of columns is the same for all.
+        In a mapping of columns, a single value applies to all cases.
 
     Raises
     ------
     TypeError, ValueError
-        Something else; columns of different lengths; cases with different names.
+        If cases have another type or different names, or columns have different lengths.
     """
-    if hasattr(cases, "to_dict") and hasattr(cases, "columns"):  # pandas's, or polars's
+    if hasattr(cases, "to_dict") and hasattr(cases, "columns"):  # of pandas or polars
         cases = {str(name): np.asarray(cases[name]) for name in cases.columns}
     if isinstance(cases, Mapping):
         cases = _rows(cases)
@@ -38,29 +38,31 @@ def listed(cases: Any) -> list[Case]:
         found.append({_name(name, i): _plain(x, f"case {i}: {name}") for name, x in case.items()})
         if found[i].keys() != found[0].keys():
             odd = sorted(found[i].keys() ^ found[0].keys())
-            raise ValueError(f"case {i} differs from case 0 in names: {', '.join(odd)}; all cases have the same names")
+            raise ValueError(
+                f"case {i} differs from case 0 in the names {', '.join(odd)}; all cases must have the same names"
+            )
     return found
 
 
 def key(case: Case) -> str:
-    """The same for the same case, whatever the order of its names."""
+    """A key for a case, independent of the order of its names."""
     return json.dumps(case, sort_keys=True)
 
 
 def flattened(measured: Any) -> Case:
-    """What a measure returned, as one row: an array (n,) of name x becomes x[0], ..., x[n-1].
+    """The result of a measure as one row: an array (n,) of name x becomes x[0], ..., x[n-1].
 
     Raises
     ------
     TypeError
-        It is no mapping of names to numbers, words, truth values and arrays of them.
+        If it is not a mapping of names to numbers, words, truth values and arrays of them.
     """
     if not isinstance(measured, Mapping):
         raise TypeError(f"measure returned {type(measured).__name__}, expected a mapping such as {{'time': 1.2}}")
     row: Case = {}
     for name, value in measured.items():
         if not isinstance(name, str):
-            raise TypeError(f"measure returned a mapping with the name {name!r}, expected names that are words")
+            raise TypeError(f"measure returned a mapping with the name {name!r}, expected strings as names")
         several = np.asarray(value)
         if several.ndim == 0:
             row[name] = _plain(value, f"measure returned {name}, which")
@@ -77,7 +79,9 @@ def _rows(columns: Mapping[Any, Any]) -> list[Case]:
     if deep:
         raise ValueError(f"cases: {', '.join(deep)} has more than one axis, expected values and (n,)")
     if not sizes:
-        raise ValueError("cases: no name has several values, such as {'length': [0.2, 0.3]}; for one case give [{...}]")
+        raise ValueError(
+            "cases: no name has several values; give an array such as {'length': [0.2, 0.3]}, or [{...}] for one case"
+        )
     if len(set(sizes.values())) > 1:
         raise ValueError(f"cases: numbers of values differ: {', '.join(f'{name} {n}' for name, n in sizes.items())}")
     n = next(iter(sizes.values()))
@@ -86,17 +90,17 @@ def _rows(columns: Mapping[Any, Any]) -> list[Case]:
 
 def _name(name: Any, i: int) -> str:
     if not isinstance(name, str):
-        raise TypeError(f"case {i} has the name {name!r}, expected names that are words")
+        raise TypeError(f"case {i} has the name {name!r}, expected strings as names")
     return name
 
 
 def _plain(value: Any, what: str) -> Any:
-    """A number, word or truth value of Python's own."""
+    """A number, word or truth value as a Python object."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
-    raise TypeError(f"{what} is {value!r}, expected a number, a word or a truth value")
+    raise TypeError(f"{what} is {value!r}, expected a number, a string or a truth value")
 
 
 __all__ = ["Case", "flattened", "key", "listed"]

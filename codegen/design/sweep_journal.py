@@ -1,8 +1,8 @@
-"""The journal of a sweep: a line of JSON for every case that was computed, so that a sweep goes on where it was stopped.
+"""The journal of a sweep: a line of JSON for every computed case, so that an interrupted sweep can continue.
 
-The first line says of what solver and measure it is; each of the others holds a case and what was measured, or why it failed.
-Lines are added and never changed, so that whatever stops the program leaves at most one that is cut short, which is forgotten.
-A file is looked at before anything is written to it: one that is no journal, or a damaged one, stays byte for byte as it was.
+The first line identifies solver and measure. Each other line holds a case with its results, or the reason of its failure. Lines
+are added and never changed, so an interruption leaves at most one incomplete line, which is ignored. A file is checked before
+anything is written to it. A damaged journal, or a file that is not a journal, is left unchanged.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from .sweep_cases import Case, key
 FORMAT, VERSION = "ordernm sweep", 2
 BEGIN = json.dumps({"format": FORMAT}).encode().rstrip(b"}")
 DAMAGE = (ValueError, RecursionError, TypeError, KeyError)
-"""What reading a line may raise that no journal holds."""
+"""Errors while reading a line that show that it is not part of a journal."""
 
 
 class SweepJournalError(ValueError):
-    """A file that is no journal, one that belongs to something else, or one that another sweep is writing."""
+    """A file that is not a journal, belongs to another sweep, or is being written by one."""
 
 
 class Row(NamedTuple):
-    """What is known of one case: what was measured, or why it failed."""
+    """Result of one case: its values, or the reason of its failure."""
 
     case: Case
     values: Case | None
@@ -42,14 +42,14 @@ class Journal:
     Parameters
     ----------
     path
-        A file, which is made where it is not there.
+        File name; the file is created if it does not exist.
     solver : Solver
     measure : callable
 
     Attributes
     ----------
     rows : dict of str to Row
-        What it held, by `sweep_cases.key`.
+        Rows found in the file, by `sweep_cases.key`.
 
     Raises
     ------
@@ -70,7 +70,7 @@ class Journal:
             raise
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Write rows behind the others; they are with the operating system when this returns."""
+        """Append rows; they are passed to the operating system when this returns."""
         lines = [
             json.dumps({"case": r.case} | ({"values": r.values} if r.failure is None else {"failed": r.failure}))
             for r in rows
@@ -79,12 +79,12 @@ class Journal:
         self._file.flush()
 
     def close(self) -> None:
-        """End writing."""
+        """Close the file."""
         self._file.close()
 
     def _lock(self) -> None:
-        """Two sweeps that wrote one file would mix their lines."""
-        with contextlib.suppress(ImportError):  # there is none on Windows
+        """Lock the file, since lines of two sweeps would mix."""
+        with contextlib.suppress(ImportError):  # Windows has no fcntl
             import fcntl
 
             try:
@@ -95,12 +95,12 @@ class Journal:
                 ) from None
 
     def _read(self, header: Case) -> dict[str, Row]:
-        """The rows of the file; nothing is written before all of it has been found to be a journal of this sweep."""
+        """The rows of the file; it is checked completely before anything is written."""
         self._file.seek(0)
         whole, _, cut = self._file.read().rpartition(b"\n")
         first = json.dumps(header).encode()
         if not whole:
-            if cut and not (first.startswith(cut) and cut.startswith(BEGIN)):  # the first line may be cut short too
+            if cut and not (first.startswith(cut) and cut.startswith(BEGIN)):  # the first line may be incomplete, too
                 raise self._no_journal()
             self._file.truncate(0)
             self._file.write(first + b"\n")
@@ -123,12 +123,12 @@ class Journal:
         for name, mine in header.items():
             if seen.get(name) == mine:
                 continue
-            what = f"{name} was {seen.get(name)!r}, here {mine!r}"
+            what = f"{name} was {seen.get(name)!r}, but is {mine!r} here"
             if name == "code":
-                what = "the code of the measure, or a value that it refers to, has changed since"
+                what = "the code of the measure, or a value that it refers to, has changed"
             raise SweepJournalError(
                 f"{self.path} is the journal of another sweep: {what}; "
-                f"choose another file, or remove this one to begin anew"
+                f"choose another file, or remove this one to start again"
             )
 
     def _row(self, number: int, line: bytes) -> Row:
@@ -139,13 +139,13 @@ class Journal:
                 raise ValueError
         except (*DAMAGE, AttributeError):
             raise SweepJournalError(
-                f"{self.path} is damaged in line {number}, and is left as it is; remove that line to have its case computed "
-                f"anew, or choose another file"
+                f"{self.path} is damaged in line {number} and was not changed; remove this line so that its case is computed "
+                f"again, or choose another file"
             ) from None
         return Row(case, values, failure)
 
     def _no_journal(self) -> SweepJournalError:
-        return SweepJournalError(f"{self.path} is no journal of a sweep, and is left as it is; choose another file")
+        return SweepJournalError(f"{self.path} is not the journal of a sweep and was not changed; choose another file")
 
 
 def _is_flat(row: Any) -> bool:
@@ -154,7 +154,7 @@ def _is_flat(row: Any) -> bool:
 
 
 def _header(solver: Any, measure: Callable[..., Any]) -> Case:
-    """All that the results depend on, but for what `measure_digest` says and rounding by another compiler or processor."""
+    """What identifies a journal: everything on which results depend, except what `measure_digest` leaves out and rounding."""
     return {
         "format": FORMAT,
         "version": VERSION,

@@ -1,4 +1,4 @@
-"""What a sweep found: a row for every case, as columns, as a table of pandas's, as a file."""
+"""Result of a sweep: a row for every case, as columns, a pandas table, or a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .sweep_cases import Case
 
 SUFFIXES = (".csv", ".parquet")
 FAILURE = "failure"
-"""Name of the column that says why a case failed."""
+"""Name of the column with the reasons of failures."""
 
 
 @dataclass(slots=True, eq=False)
@@ -51,7 +51,7 @@ class Sweep(Sequence[Case | None]):
         return iter(self.values)
 
     def __getitem__(self, at: Any) -> Any:
-        """What was measured of the i-th case; of several for a slice; for a name its column, see `column`."""
+        """The results of the i-th case; for a slice, of several; for a name, its column, see `column`."""
         return self.column(at) if isinstance(at, str) else self.values[at]
 
     @property
@@ -116,12 +116,12 @@ class Sweep(Sequence[Case | None]):
         >>> list(found.columns())
         ['x', 'square', 'failure']
         """
-        told = {**self.failures, **dict.fromkeys(self.left, "not computed")}
-        failures = np.array([told.get(i, "") for i in range(len(self))], object)
+        reasons = {**self.failures, **dict.fromkeys(self.left, "not computed")}
+        failures = np.array([reasons.get(i, "") for i in range(len(self))], object)
         return {name: self.column(name) for name in self._places()} | {FAILURE: failures}
 
     def _places(self) -> dict[str, tuple[Sequence[Case | None], str]]:
-        """Columns, each with the rows that it is of and its name in them."""
+        """Columns, each with its source and its name there."""
         found: dict[str, tuple[Sequence[Case | None], str]] = {
             name: (self.cases, name) for name in (self.cases[0] if self.cases else ())
         }

@@ -1,4 +1,4 @@
-"""What travels to the workers of a sweep: a solver, a measure and some cases there, rows back."""
+"""Data sent to the workers of a sweep: a solver, a measure and cases; rows are sent back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .sweep_journal import Row
 
 
 class Bearer:
-    """A solver that is opened once in a process, however many tasks bring it there.
+    """A solver that is opened only once in each process, whatever the number of tasks.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def _opened(packed: bytes) -> Bearer:
 
 @one_thread()
 def run(bearer: Bearer, measure: Callable[[Any, Case], Any], cases: Sequence[Case]) -> list[tuple[Row, bool]]:
-    """Measure cases one after the other; what a measure raises is recorded.
+    """Measure cases one after the other; errors of the measure are recorded.
 
     Returns
     -------
     list of (Row, bool)
-        Whether the failure is one that other cases need not share, such as a mechanism that cannot be assembled.
+        Each row, and whether its failure concerns this case only, such as a mechanism that cannot be assembled.
     """
     rows = []
     for case in cases:
@@ -57,14 +57,14 @@ def run(bearer: Bearer, measure: Callable[[Any, Case], Any], cases: Sequence[Cas
         except Exception as error:
             if of_case and not isinstance(error, FAILURES):
                 of_case, place = False, f" ({_place(error)})"
-            # of its own class an error cannot always travel
+            # an error of its own class cannot always be sent
             row = Row(case, None, f"{type(error).__name__}: {' '.join(str(error).split())}{place}")
         rows.append((row, of_case))
     return rows
 
 
 def _place(error: Exception) -> str:
-    """The innermost line of the measure, or of what it calls that is neither ours nor installed."""
+    """The innermost line of the measure, or of a function it calls that is neither installed nor part of ordernm."""
     frames = traceback.extract_tb(error.__traceback__)[1:]  # the first is `run`
     own = [f for f in frames if "site-packages" not in f.filename and not f.filename.startswith(OURS)]
     innermost = (own or frames or traceback.extract_tb(error.__traceback__))[-1]

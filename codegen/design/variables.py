@@ -1,4 +1,4 @@
-"""What an optimiser or a fit varies, as numbers of order one: parameters, initial values and inputs of a motion."""
+"""Variables of an optimisation or fit as numbers of order one: parameters, initial values and inputs of a motion."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Variable:
 
 
 Wanted = Sequence[str] | str | Mapping[str, Any]
-"""Names, or names with ``None``, ``(lower, upper)`` or a `Variable` each."""
+"""Names, or a mapping from names to ``None``, ``(lower, upper)`` or a `Variable`."""
 
 
 class Variables:
@@ -168,7 +168,7 @@ class Variables:
         if isinstance(values, Mapping):
             unknown = [n for n in values if n not in self.names]
             if unknown:
-                raise ValueError(f"{unknown[0]!r} is no variable; there are {some(self.names)}")
+                raise ValueError(f"{unknown[0]!r} is not a variable; the variables are {some(self.names)}")
             values = [values.get(n, s) for n, s in zip(self.names, self.start, strict=True)]
         found: Array = (np.asarray(values, float) - self.origin) / self.scale
         return found
@@ -255,7 +255,8 @@ class Variables:
     def _derivatives(
         self, q: Array, u: Array, p: Array, begin: tuple[Array, float], given_q: Iterable[str], given_u: Iterable[str]
     ) -> dict[str, Array]:
-        """Derivatives of the initial state by the variables, (n, nq) and (n, nu): those of the model where it gives values."""
+        """Derivatives of the initial state with respect to the variables, (n, nq) and (n, nu), including those of the model's
+        formulas."""
         solver, n = self.solver, len(self)
         dq, du, dp = np.zeros((n, solver.nq)), np.zeros((n, solver.nu)), np.zeros((n, solver.np))
         for i, (kind, at, _) in enumerate(self._places):
@@ -276,10 +277,10 @@ class Variables:
         _, _, dq, du = solver.assemble_sensitivities(q, u, p, *begin, dq=dq, du=du, dp=dp)
         return {"dq0": dq, "du0": du}
 
-    # -- what is asked for ---------------------------------------------------------------------------------------------
+    # -- the names of the variables ------------------------------------------------------------------------------------
 
     def _expanded(self, name: str) -> list[str]:
-        """A whole input as its values, a vector as its entries, anything else as it is."""
+        """Expand names: a whole input to its values, a vector to its entries."""
         of = name.removeprefix("inputs.")
         if of != name and of in self.solver.signal_names:
             count = self._inputs.counts()[self.solver.signal_names.index(of)]
@@ -287,7 +288,7 @@ class Variables:
         return list(apart(names_of(self.solver), (name,)))
 
     def _looked_up(self) -> list[Entry]:
-        """What the names stand for; inputs, one value each."""
+        """The places to which the names refer; an input has one value per name."""
         if not self.names:
             raise ValueError("there are no variables; name some, such as a parameter, q0.NAME or inputs.NAME")
         try:
@@ -296,7 +297,7 @@ class Variables:
             raise ValueError(str(error).replace("sensitivities", "variables", 1)) from None
 
     def _value(self, place: Entry) -> float:
-        """Its value in the motion that was given."""
+        """Value in the given motion."""
         if place.of == "inputs":
             return self._inputs.value(place.at, place.row or 0)
         return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[place.of][place.at])
@@ -368,7 +369,7 @@ def _asked(wanted: Wanted) -> dict[str, Variable]:
 
 
 def _by_name(label: str, given: Numbers, names: Sequence[str]) -> dict[str, float]:
-    """A state by names; empty where nothing is given."""
+    """A state by names; empty if nothing is given."""
     if given is None:
         return {}
     if isinstance(given, Mapping):

@@ -1,4 +1,4 @@
-"""Generic engines for any model: the witnesses the generated code is tested against. No code generation here."""
+"""Generic engines for any model: independent references for tests of the generated code. They generate no code."""
 
 from .dense import DenseEngine
 from .recursive import RecursiveEngine

@@ -1,4 +1,4 @@
-"""What the reference engines are asked: arguments are checked and become pairs, what follows from closure is completed."""
+"""Arguments of the reference engines: they are checked and become pairs, and dependent values follow from closure."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ ALONG = ("dq", "du", "dp", "dinputs", "dt")
 """Seeds, in the order of arguments."""
 
 INCONSISTENT = 1e-6
-"""A redundant condition that is off by more than this part of the speeds or seeds is reported."""
+"""A redundant condition whose residual exceeds this fraction of the speeds or seeds is reported."""
 
 ALLOWED = 10.0
-"""Tolerances of the model that a dropped condition may be off by, per unit of speeds or seeds."""
+"""Largest residual of a dropped condition, in tolerances of the model per unit of speeds or seeds."""
 
 SMALLEST_QUATERNION = 1e-6
-"""A quaternion shorter than this has no direction worth a rotation."""
+"""A quaternion shorter than this does not define a rotation accurately."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class State:
 
 
 class Arguments(ABC):
-    """The model and the partition of an engine, and the state that it is asked for; see `Engine`."""
+    """The model, the partition and the methods of an engine that this module needs; see `Engine`."""
 
     def __init__(self, model: Model, numbers: str | Arithmetic = "float64", partition: Partition | None = None) -> None:
         self.given = model
@@ -134,7 +134,7 @@ class Arguments(ABC):
         return Pair(value[:, None], tangent[..., None])
 
     def _seeds(self, allowed: Sequence[str], given: Mapping[str, Any]) -> dict[str, Array]:
-        """All seeds that a method takes, with the same k in front; those that are missing become zeros."""
+        """All seeds of a method with a common number of directions k; missing ones are zero."""
         if wrong := [name for name in given if name not in allowed]:
             raise TypeError(f"seeds {', '.join(wrong)} are not known here; {', '.join(allowed)} are")
         seeds = {name: given.get(name) for name in allowed}
@@ -166,7 +166,7 @@ class Arguments(ABC):
     # --- what is prescribed -----------------------------------------------------------------------------------------
 
     def _with_prescribed(self, q: Pair, u: Pair, pairs: Pairs) -> tuple[Pair, Pair]:
-        """All coordinates and speeds from those that are free."""
+        """All coordinates and speeds, from those that are not prescribed."""
         if not self.given.motion:
             return q, u
         held_q = np.setdiff1d(np.arange(self.model.nq), self.free_q)
@@ -182,31 +182,31 @@ class Arguments(ABC):
         return found[0], found[1]
 
     def _prescribed_accelerations(self, pairs: Pairs) -> Pair:
-        """Of what is prescribed, (n, 1)."""
+        """Prescribed values, (n, 1)."""
         return pairs.vector([x.values[2] for x in self.given.prescribed])
 
     def _with_accelerations(self, udot: Pair, pairs: Pairs) -> Pair:
-        """The accelerations of all speeds, those that are prescribed put in their places."""
+        """The accelerations of all speeds, including the prescribed ones."""
         if len(self.held):
             given = self._prescribed_accelerations(pairs)
             udot[self.held] = given
         return udot
 
     def _of_speeds(self, name: str, value: Any, seed: Any, pairs: Pairs) -> Pair:
-        """An argument for the free speeds, (nu, 1) with zeros for the others."""
+        """An argument for the free speeds, (nu, 1), with zeros for the others."""
         part = self._pair(name, value, self.given.nu, seed, pairs.k)
         whole = pairs.zeros(self.model.nu, 1)
         whole[self.free_u] = part
         return whole
 
     def _of_free(self, column: Pair) -> tuple[Array, Array]:
-        """Of the free speeds: a column's value (nu,) and derivatives (k, nu)."""
+        """Value (nu,) and derivatives (k, nu) of the free speeds of a column."""
         return flat(column[self.free_u])
 
     # --- closed loops ---------------------------------------------------------------------------------------------
 
     def _completed(self, state: State) -> State:
-        """Dependent speeds and seeds from closure; what was passed for them is dropped."""
+        """Dependent speeds and seeds from closure; values passed for them are ignored."""
         model, dependent = self.model, self.dependent
         q, u = (Pair(x.value.copy(), x.tangent.copy()) for x in (state.q, state.u))
         q.tangent[:, self.dependent_coordinates] *= 0
@@ -216,7 +216,7 @@ class Arguments(ABC):
         u.tangent[:, dependent] *= 0
         state = state.moved(model, q, u)
         if state.pairs.k:
-            # Displacements are to coordinates what speeds are to their rates: Eq. 1.
+            # Displacements relate to coordinates as speeds relate to qdot: Eq. 1.
             still = state.moved(model, Pair(q.value, 0 * q.tangent), Pair(0 * u.value, self._displacements(state)))
             q.tangent += self._coordinate_rates(still).tangent
             state = state.moved(model, q, u)
@@ -228,11 +228,11 @@ class Arguments(ABC):
         return state
 
     def _along_independents(self, state: State, group: SpeedGroup) -> Array:
-        """Of a group's seeds what moves it along its independent speeds, (k, n, 1).
+        """The part of a group's seeds that moves it along its independent speeds, (k, n, 1).
 
-        A displacement is to coordinates what a speed is to their rates, and the rates that the speeds of a group cause are
-        perpendicular to each other: so this is the seeds' projection on some of them. What changes a quaternion's length is
-        dropped with the rest.
+        A displacement relates to coordinates as a speed relates to qdot, and the qdot of the speeds of a group are mutually
+        perpendicular. So this part is the projection of the seeds on some of them. Changes of a quaternion's length are dropped
+        with the rest.
         """
         seed = state.q.tangent[:, group.coordinates]
         kept = 0 * seed
@@ -245,7 +245,7 @@ class Arguments(ABC):
         return kept
 
     def _check_redundant(self, state: State) -> None:
-        """Warn where conditions beyond the rank do not hold: no derivative exists along a direction that opens them."""
+        """Warn if conditions beyond the rank do not hold: no derivative exists along a direction that violates them."""
         position, velocity = self._closure(state)
         names, seeds = self.model.closure_names, [x.tangent for x in state.pairs.environment.values()]
         allowed = np.full(len(names), INCONSISTENT)
@@ -271,11 +271,11 @@ class Arguments(ABC):
 
     @abstractmethod
     def _displacements(self, state: State) -> Array:
-        """Displacements, in the sense of speeds, that keep position closed along the seeds; (k, nu, 1), dependents only."""
+        """Dependent displacements, in the sense of speeds, that keep position closed along the seeds; (k, nu, 1)."""
 
     @abstractmethod
     def _closed_speeds(self, state: State) -> Pair:
-        """The dependent speeds in their order, (r, 1), from velocity closure with the independent ones of the state."""
+        """The dependent speeds in order, (r, 1), from velocity closure with the independent ones of the state."""
 
     @abstractmethod
     def _coordinate_rates(self, state: State) -> Pair:
@@ -283,5 +283,5 @@ class Arguments(ABC):
 
 
 def flat(column: Pair) -> tuple[Array, Array]:
-    """A column's value (n,) and derivatives (k, n)."""
+    """Value (n,) and derivatives (k, n) of a column."""
     return column.value[:, 0], column.tangent[..., 0]

@@ -1,9 +1,9 @@
-"""The kinds of numbers the reference engines run on, and the little linear algebra that must work on all.
+"""The number types of the reference engines, and the linear algebra that works with all of them.
 
-``float64`` arrays are ordinary NumPy arrays. ``mpmath`` arrays have dtype object and hold `mpmath.mpf`; their precision
-is the caller's ``mpmath.mp.dps`` at the time of the call. ``decimal`` arrays hold `decimal.Decimal`, which is written in C
-and takes a fifth of the time; their precision is that of the caller's decimal context, and sines and the like come from
-mpmath. All multiply with ``@``, so the engines are written once.
+``float64`` arrays are ordinary NumPy arrays. ``mpmath`` arrays have dtype object and hold `mpmath.mpf`; their precision is the
+caller's ``mpmath.mp.dps`` at the time of the call. ``decimal`` arrays hold `decimal.Decimal`, which is written in C and takes a
+fifth of the time. Their precision is that of the caller's decimal context, and elementary functions come from mpmath. All
+multiply with ``@``, so the engines are written once.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ Array = np.ndarray[Any, Any]
 NUMBERS = ("float64", "mpmath", "decimal")
 
 GUARD_BITS = 10
-"""Of what mpmath computes for decimal numbers."""
+"""Additional digits with which mpmath computes functions of decimal numbers."""
 
 
 class SingularMatrixError(ArithmeticError):
-    """A mass matrix, or a part of one, that cannot be inverted."""
+    """A mass matrix, or a block of one, that cannot be inverted."""
 
 
 class Arithmetic:
-    """Conversion, constants and functions of one kind of numbers.
+    """Conversion, constants and functions of one number type.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Arithmetic:
     Attributes
     ----------
     symbolic : bool
-        Numbers may have symbols, whose values are not known; see `codegen.symbolic`.
+        Whether numbers may contain symbols, whose values are not known; see `codegen.symbolic`.
     """
 
     symbolic = False
@@ -57,17 +57,17 @@ class Arithmetic:
         self.functions = Functions(self)
 
     def number(self, x: Any) -> Any:
-        """One number, exactly the value of ``x`` (an int, a float or one of mpmath's) where the kind can hold it."""
+        """One number with exactly the value of ``x`` (an int, a float or an mpmath number), if the type can represent it."""
         if not self.extended:
             return np.float64(x)
         if self.numbers == "decimal":
             return _decimal(x)
-        if hasattr(x, "_mpf_"):  # also of another of mpmath's contexts
+        if hasattr(x, "_mpf_"):  # also of another mpmath context
             return mpmath.mp.make_mpf(x._mpf_)
         return mpmath.mpf(int(x)) if isinstance(x, (int, np.integer)) else mpmath.mpf(float(x))
 
     def array(self, x: Any) -> Array:
-        """An array of this kind's numbers with the shape of ``x``."""
+        """An array of numbers of this type with the shape of ``x``."""
         if not self.extended:
             return np.array(x, dtype=np.float64)
         source = np.asarray(x, dtype=object)
@@ -99,7 +99,7 @@ class Arithmetic:
         return found
 
     def power(self, x: Any, y: Any) -> Any:
-        """x**y for numbers; not a number where that has no real value."""
+        """x**y for numbers; NaN if there is no real value."""
         return _real(x**y)
 
     def value_of(self, expression: Expression, values: Mapping[str, Any]) -> Any:
@@ -117,7 +117,7 @@ class Arithmetic:
         ----------
         A : (n, n)
         scale : sequence of n numbers, optional
-            Size of the terms each diagonal entry came from, where it is more than the entry itself.
+            Size of the terms from which each diagonal entry was computed, where they are larger than the entry.
 
         Returns
         -------
@@ -128,7 +128,7 @@ class Arithmetic:
         Raises
         ------
         SingularMatrixError
-            A pivot is zero or negative within the rounding of what it came from.
+            If a pivot is not positive beyond the rounding of these terms.
         """
         n = len(A)
         L, d = self.eye(n), self.zeros(n)
@@ -161,7 +161,7 @@ class Arithmetic:
         Parameters
         ----------
         A : (n, n)
-            Any regular matrix; symmetry is not assumed (the indefinite systems of closed loops come here too).
+            Any regular matrix, for example an indefinite one of closed loops.
         B : (n, m)
 
         Returns
@@ -195,7 +195,7 @@ class Arithmetic:
         return B
 
     def independent_rows(self, A: Array) -> tuple[Array, int]:
-        """Rows of A that all others are combinations of, by elimination with complete pivoting.
+        """Independent rows of A that span all others, by elimination with complete pivoting.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class Arithmetic:
         rows : (rank,)
             Indices of the rows, the best pivot first.
         rank : int
-            Numerical: what is left after it is rounding of what was there.
+            Numerical rank: the remaining entries are rounding errors.
         """
         A, (m, n), rows = A.copy(), A.shape, []
         tolerance = 8 * max(m, n) * self.epsilon * np.abs(A).max(initial=0)
@@ -221,14 +221,14 @@ class Arithmetic:
 
 
 def _decimal(x: Any) -> Decimal:
-    """A decimal number: an int or a float exactly, one of mpmath's rounded."""
+    """A decimal number: exact from an int or a float, rounded from an mpmath number."""
     if isinstance(x, Decimal):
         return x
     if not hasattr(x, "_mpf_"):
         return Decimal(int(x) if isinstance(x, (int, np.integer)) else float(x))
     sign, mantissa, exponent, _ = x._mpf_
     if not mantissa:
-        return Decimal(float(x))  # zero, or what is no number
+        return Decimal(float(x))  # zero, NaN or infinity
     return (-1) ** sign * Decimal(int(mantissa)) * Decimal(2) ** exponent
 
 
@@ -236,7 +236,7 @@ _DECIMAL: dict[str, Callable[..., Any]] = {
     "floor": lambda x: x.to_integral_value(decimal.ROUND_FLOOR), "abs": abs, "sqrt": Decimal.sqrt,
     "exp": Decimal.exp, "log": Decimal.ln, "sign": lambda x: Decimal((x > 0) - (x < 0)),
 }  # fmt: skip
-"""Functions of decimal numbers that need no mpmath."""
+"""Functions of decimal numbers that do not need mpmath."""
 
 
 def _of_mpmath(name: str) -> Callable[..., Any]:
@@ -245,12 +245,12 @@ def _of_mpmath(name: str) -> Callable[..., Any]:
 
 
 def _real(x: Any) -> Any:
-    """What mpmath computed; not a number, as in double precision, where it has no real value."""
+    """An mpmath result as a decimal; NaN if it is not real, as in double precision."""
     return mpmath.nan if isinstance(x, mpmath.mpc) else x
 
 
 def _by_mpmath(name: str) -> Callable[..., Decimal]:
-    """A function of decimal numbers, computed by mpmath in as many digits."""
+    """A function of decimal numbers, computed by mpmath with the same number of digits."""
 
     def of(*x: Decimal) -> Decimal:
         with mpmath.workprec(math.ceil(decimal.getcontext().prec * math.log2(10)) + GUARD_BITS):
@@ -260,7 +260,7 @@ def _by_mpmath(name: str) -> Callable[..., Decimal]:
 
 
 class Functions:
-    """The elementary functions of one kind of numbers as attributes, for the formulas of `codegen.elementary`."""
+    """The elementary functions of one number type as attributes, for the formulas of `codegen.elementary`."""
 
     def __init__(self, arithmetic: Arithmetic) -> None:
         self._arithmetic = arithmetic
@@ -270,7 +270,7 @@ class Functions:
 
 
 class LeftInverse:
-    """E^+ of a tall matrix: Gram and Schmidt's elimination, the longest column first, each column cleaned twice.
+    """Left inverse E^+ of a tall matrix by Gram-Schmidt orthogonalisation, the longest column first, each orthogonalised twice.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ class LeftInverse:
     Raises
     ------
     SingularMatrixError
-        The columns are dependent but for rounding.
+        If the columns are linearly dependent within rounding.
     """
 
     def __init__(self, arithmetic: Arithmetic, E: Array) -> None:
@@ -303,7 +303,7 @@ class LeftInverse:
                 rows[[j, pivot]] = rows[[pivot, j]]
             order[j], order[pivot] = order[pivot], order[j]
             a = left[:, j]
-            again = Q[:, :j].T @ a  # what rounding left of the columns before
+            again = Q[:, :j].T @ a  # components along earlier columns that rounding has left
             a, R[:j, j] = a - Q[:, :j] @ again, R[:j, j] + again
             R[j, j] = root(a @ a)
             longest = max(longest, R[j, j])

@@ -1,31 +1,34 @@
-"""Recursive closure of loops, Eqs. 30 to 38: dependent speeds from the motion of an ear's ends.
+"""Recursive closure of loops, Eqs. 30 to 38: dependent speeds from the motion of the bodies on which an ear ends.
 
-Loop joints. Whatever the two bodies of a loop do, shifted to the cut (the origin of the end face, never the ground's), the
-motion of the end face against the start face may only be along the freedoms d_i of the joint:
+Loop joints. The motions of the two bodies of a loop are shifted to the cut, which is the origin of the end face. The end face may
+move relative to the start face only along the degrees of freedom d_i of the joint:
 
-    V_end - V_start = sum of d_i x_i,    A_end - A_start = sum of d_i xdot_i + (what the moving axes add)
+    V_end - V_start = sum of d_i x_i, A_end - A_start = sum of d_i xdot_i + (terms of the moving axes)
 
-The rows of a cut are the complement of these freedoms, so that multiplying by them removes x at once: 2 rows are left of a
-planar pin's 6 that matter, 3 of a spherical joint's, 4 of a Hooke joint's. `K_start` and `K_end` shift and project in one.
+The rows of a cut are the orthogonal complement of these degrees of freedom, so multiplication by them removes x. A revolute joint
+in a planar mechanism leaves 2 relevant rows, a spherical joint 3, a Hooke joint 4. `K_start` and `K_end` shift and project in one
+step.
 
-Ears. With G_j the partial velocities of member j for the ear's dependent speeds x, and V_j^0 its velocity at x = 0,
+Ears (of the ear decomposition of the loop graph). With G_j the partial velocities of member j for the ear's dependent speeds x,
+and V_j^0 its velocity at x = 0,
 
     V_j = V_j^0 + G_j x,      E x = b,      E = sum K_start G_start - K_end G_end,   b = K_end V_end^0 - K_start V_start^0
 
-and the same E serves displacements (dq from the seeds), velocities and accelerations. The paper solves this system by
-sequential orthogonal projection: tau of Eq. 33 is the projector onto what the joints so far leave open, Delta of Eq. 34
-the squared pivot, chi of Eq. 35 the row of the inverse, and the second Delta of Eq. 36 (a slip: one letter for a scalar
-and a 6x6 map; and tau^k on the right of Eq. 33 must be tau^{k+1}, on both sides of the rank-one term) carries Gamma
-and Xi from body to body, Eqs. 37 and 38. Here the same projection is done with pivoting and repeated once
-(`LeftInverse`), for joints on both branches and several loops at a time. E may have more rows than columns: any left
-inverse serves on consistent motion.
+and the same E serves displacements (dq from the seeds), velocities and accelerations. The paper solves this system by sequential
+orthogonal projection: tau of Eq. 33 is the projector onto the motions that earlier joints leave free, Delta of Eq. 34 the squared
+pivot, chi of Eq. 35 the row of the inverse. The second Delta, of Eq. 36, propagates Gamma and Xi from body to body, Eqs. 37 and
+38. Two misprints: Delta is used for a scalar and for a 6x6 map, and tau^k on the right of Eq. 33 must be tau^{k+1}, on both sides
+of the rank-one term. Here the same projection is done with pivoting and repeated once (`LeftInverse`), for joints on both
+branches and several loops at a time. E may have more rows than columns: on consistent motion, any left inverse gives the
+solution.
 
-Angular conditions are sums of w c . d = 0, c fixed in the end body, d in the start body: a_e . n for hinges, antisymmetric
-parts of the relative rotation for whole turns. Their rows, sums of w c x d, and what these add to the accelerations hold where
-the loop is open in other conditions too.
+Angular conditions are sums of w c . d = 0, with c fixed in the end body and d in the start body: a_e . n for revolute joints,
+antisymmetric parts of the relative rotation if it is fully constrained. Their rows, sums of w c x d, and their acceleration terms
+hold even if the loop is open in other conditions.
 
-Derivatives. E dx = db - dE x with the left inverse of the state: the derivative of the mechanism that keeps, ear by ear, those
-combinations of its conditions that the dependent speeds can reach here (docs, 4.7). On consistent seeds that is all of them.
+Derivatives. E dx = db - dE x is solved with the left inverse at the state. This differentiates a mechanism that satisfies, ear by
+ear, the combinations of conditions that its dependent speeds can satisfy here (docs, 4.7). On consistent seeds, these are all
+conditions.
 """
 
 from __future__ import annotations
@@ -48,7 +51,7 @@ from .surfaces import at, surface_at
 from .terms import Terms
 
 Turning = list[tuple[Any, Pair, Pair]]
-"""An angular condition: weights w and directions c (end), d (start), (3, 1), of its terms w c . d = 0."""
+"""An angular condition: weights w and directions c (end) and d (start), (3, 1), of its terms w c . d = 0."""
 
 
 @dataclass(slots=True)
@@ -58,25 +61,25 @@ class Cut:
     Attributes
     ----------
     rows : Pair
-        The complement of the freedoms, (m, 6), at the end face's origin: linear conditions first, divided by the
+        The complement of the degrees of freedom, (m, 6), at the end face's origin. Linear conditions come first, divided by the
         characteristic length, in the order of `closure_row_names`.
     kept : array of int
-        Those of the m conditions that have not been dropped.
+        Indices of the conditions that are not dropped.
     turning : list of Turning
         The angular conditions.
     frame : Pair
         Directions of the conditions, (3, 3).
     K_start, K_end : Pair
-        Conditions of a motion of the start and end body's mass centres, each in its body's own axes, (m, 6).
+        Conditions applied to a motion of the start or end body's mass centre, in the axes of this body, (m, 6).
     arm_start, arm_end : Pair
         From the mass centres to the end face's origin, (3, 1), m.
     offset : Pair
         From the start face's origin to the end face's, (3, 1), m.
     C : Pair
-        End body's components into the start body's, (3, 3).
+        Rotates components in the end body to components in the start body, (3, 3).
     surfaces : list of (Pair, Pair, Pair)
-        Of a condition on a point, each in the scale of its row: the function (1, 1), its second derivatives along the start
-        body's axes (3, 3), and what parameters alone change of it, a pair without value (1, 1).
+        For a condition on a point, in the scale of its row: the function (1, 1), its second derivatives along the start body's
+        axes (3, 3), and its explicit derivatives with respect to parameters, a pair without value (1, 1).
     """
 
     rows: Pair
@@ -92,15 +95,15 @@ class Cut:
     surfaces: list[tuple[Pair, Pair, Pair]]
 
     def remainder(self, pairs: Pairs, start: Terms, end: Terms) -> Pair:
-        """The kept conditions of the accelerations at udot = 0, (m, 1): Eq. 31's A_t, and what the moving axes add."""
+        """The kept conditions of the accelerations at udot = 0, (m, 1): A_t of Eq. 31, and terms of the moving axes."""
         V_s, V_e = start.V, end.V
         w_s, w_e = V_s[:3], self.C @ V_e[:3]
         wx_s, wx_e = pairs.skew(w_s), pairs.skew(w_e)
-        w = w_e - w_s  # of the end face against the start face, and v its origin's
+        w = w_e - w_s  # relative motion of the end face, with v the velocity of its origin
         v = (self.C @ V_e[3:] + wx_e @ self.arm_end) - (V_s[3:] + wx_s @ self.arm_start)
         linear = wx_e @ wx_e @ self.arm_end - wx_s @ wx_s @ self.arm_start - wx_s @ (v + v)
         moving_axes = self.rows @ pairs.block([[-(wx_s @ w)], [linear]])
-        # c turns with the end: ((w x c) x d) . w beside what the start's turning adds
+        # c rotates with the end: ((w x c) x d) . w beside the term of the start's rotation
         turned = [pairs.constant(np.zeros((len(self.rows.value) - len(self.turning), 1), int))]
         for terms in self.turning:
             rate = pairs.constant([[0]])
@@ -113,9 +116,10 @@ class Cut:
         return (total + pairs.block([[x] for x in turned]))[self.kept]
 
     def position_residual(self, pairs: Pairs, loop: Loop) -> Pair:
-        """How far the faces are from closing, (m, 1), in the order and scale of the rows.
+        """Residuals of position closure, (m, 1), in the order and scale of the rows.
 
-        Angular rows: along them, 2 sin(t/2) of the turn by t that is left. Of universal joints the cosine of their axes.
+        Angular residuals are 2 sin(t/2) along the rows, where t is the remaining rotation. For universal joints, it is the cosine
+        between the axes.
         """
         if self.surfaces:
             return pairs.block([[value] for value, _, _ in self.surfaces])
@@ -133,9 +137,9 @@ class Cut:
     def displacement_of_faces(
         self, pairs: Pairs, loop: Loop, defaults: dict[str, float], start: Terms, end: Terms
     ) -> Pair:
-        """The kept conditions of what the parameters alone move the faces in their bodies by, (m, 1): derivatives without value.
+        """The kept conditions of the displacements of the faces in their bodies due to parameters, (m, 1): a pair without value.
 
-        A face turns with its joint's axis, which may have parameters; turning it carries along what is off its origin.
+        A face rotates with its joint's axis, which may depend on parameters; the rotation also moves points off its origin.
         """
         axes = loop.axes or (None,)
         moved = []
@@ -162,14 +166,14 @@ def cut(
     defaults: dict[str, float],
     dropped: Collection[int],
 ) -> Cut:
-    """The loop joint between two bodies; `dropped` are those of its conditions that do not count."""
+    """The loop joint between two bodies; `dropped` are the indices of its dropped conditions."""
     U, zero = pairs.eye(3), pairs.zeros(3, 3)
     C = start.N_C.mT @ end.N_C
     arm_end = C @ (pairs.vector(loop.end.at) - end.com)
     arm_start = start.N_C.mT @ (end.x - start.x) + arm_end
     offset = arm_start - (pairs.vector(loop.start.at) - start.com)
 
-    # The directions of the conditions, column i that of the joint's axis: fixed in the start face, and in the end face.
+    # Directions of the conditions, with the joint's axis as one of the columns: fixed in the start face, and in the end face.
     i, end_i, frame, end_frame = 2, 2, U, U
     if loop.axes:
         i, frame = condition_frame(pairs, loop.axes[0], defaults)
@@ -215,7 +219,7 @@ def cut(
 def _on_surfaces(
     pairs: Pairs, loop: Loop, scale: Pair, F: Pair, offset: Pair
 ) -> tuple[list[Pair], list[tuple[Pair, Pair, Pair]]]:
-    """Unit normals, and what else `Cut.surfaces` has, of a condition on a point in a face with axes F of the start body."""
+    """Unit normals, and the entries of `Cut.surfaces`, of a condition on a point in a face with axes F of the start body."""
     place = F.mT @ offset
     normals, found = [], []
     for function in loop.surfaces:
@@ -233,7 +237,7 @@ AnyCut = Cut | CoupledCut
 
 
 class EarClosure:
-    """The closure of one group at a position: E with its left inverse, and what the dependent speeds move.
+    """The closure of one group at a position: E with its left inverse, and the motion due to the dependent speeds.
 
     Attributes
     ----------
@@ -261,7 +265,7 @@ class EarClosure:
             ) from None
 
     def partial_velocities(self, speeds: Sequence[int]) -> dict[int, Pair]:
-        """Of the members' mass centres for some of the members' speeds, (6, len(speeds)) each."""
+        """Partial velocities of the members' mass centres for some of the members' speeds, (6, len(speeds)) each."""
         G: dict[int, Pair] = {}
         for j in self._group.members:
             own = self._bodies[j].P @ selection(self.pairs, self._model, j, speeds)
@@ -270,7 +274,8 @@ class EarClosure:
         return G
 
     def conditions(self, motion: Mapping[int, Pair]) -> Pair:
-        """K_end M_end - K_start M_start of kept conditions, loop below loop, for motions (6, c) of mass centres or none."""
+        """K_end M_end - K_start M_start of kept conditions, loop below loop, where M are motions (6, c) of mass centres, or
+        None."""
         (still,) = {x.value.shape[1] for x in motion.values()} or {1}
         rows = []
         for loop, joint in self._loops:
@@ -295,10 +300,10 @@ class EarClosure:
 def with_best_dependents(
     model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[AnyCut]
 ) -> Group:
-    """The group with those of its speeds dependent that have the best pivots here.
+    """The group with the dependent speeds that have the largest pivots here.
 
-    The state goes by the partition; but once it is complete, accelerations do not depend on which of a group's joints are
-    solved for, and a poor choice (inertias of 1e6 that cancel) need not be repeated in them.
+    The state is completed with the dependent speeds of the partition. Accelerations do not depend on which joints of a group are
+    solved for, so they need not suffer from a poor choice, such as one with inertias of 1e6 that cancel.
     """
     if not group.dependent or not group.independent:
         return group
@@ -328,9 +333,9 @@ def closed_motion(
     Parameters
     ----------
     own : sequence of Pair
-        For each body the motion of its mass centre relative to the parent with dependent joints at rest, (6, 1).
+        For each body, the motion of its mass centre relative to the parent with dependent joints at rest, (6, 1).
     of_faces : sequence of Pair
-        By loop, what its faces move in their bodies, as kept conditions (m, 1).
+        By loop, the displacements of its faces in their bodies, as kept conditions (m, 1).
     """
     result = pairs.zeros(model.nu, 1)
     motion: dict[int, Pair] = {}
@@ -352,7 +357,7 @@ def closed_motion(
 
 
 def rotation_only(R: Pair) -> Pair:
-    """The small rotation that dR is of R, (3, 1), in the components that R turns into: a pair without value."""
+    """The small rotation of R by dR, (3, 1), in the components that result from R: a pair without value."""
     W = R.tangent @ R.value.mT  # skew
     return Pair(0 * R.value[:, :1], np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)[..., None])
 
@@ -368,7 +373,7 @@ def displacement(pairs: Pairs, N_C: Pair, x: Pair) -> Pair:
 
 
 def selection(pairs: Pairs, model: Model, body: int, speeds: Sequence[int]) -> Pair:
-    """Which of some speeds are those of a body's joint, (f, len(speeds)): 1 where they are the same."""
+    """A matrix (f, len(speeds)) with 1 where a speed is one of a body's joint."""
     rows = model.coordinate_slices[body][1]
     return pairs.constant(
         np.array([[int(i == j) for j in speeds] for i in range(rows.start, rows.stop)], dtype=int).reshape(

@@ -5,26 +5,26 @@ A loop joint sets linear conditions on the origins of its two faces and angular 
     linear    n . (x_e - x_s) = 0      n fixed in the start face
     angular   c . d = 0                c fixed in the end face, d in the start face
 
-with the derivatives, alpha and a being what is left of the accelerations at udot = 0,
+with the derivatives, where alpha and a are the accelerations at udot = 0,
 
     n . (v_e - v_s) + (w_s x n) . r                                             r = x_e - x_s
     n . (a_e - a_s) + 2 (w_s x n) . (v_e - v_s) + (alpha_s x n + w_s x (w_s x n)) . r
     (w_e - w_s) . (c x d)
     (alpha_e - alpha_s) . (c x d) + (w_e - w_s) . ((w_e x c) x d + c x (w_s x d))
 
-The first of each pair is the Jacobian times u, the second B of Eq. 8. For joints that hold a whole turn a condition is half the
-difference of two such products, an antisymmetric part of the relative rotation.
+The first of each pair is the Jacobian times u, the second B of Eq. 8. For joints that fully constrain the rotation, a condition
+is half the difference of two such products, an antisymmetric part of the relative rotation.
 
-c . d is a sine, which vanishes at half a turn too, where the joint is closed the wrong way round. The residual that is reported
-has 2 sin(t/2) in its place, t the angle between the axes that should be parallel, or of the turn between faces that should be:
-the same to first order at t = 0. A universal joint is closed either way.
+c . d is a sine, which also vanishes at half a turn, where the axes point in opposite directions. The reported residual is 2
+sin(t/2) instead, where t is the angle between axes that should be parallel, or of the rotation between faces. At t = 0 the two
+agree to first order. A universal joint is closed in both positions.
 
-A condition on a point sets ``f(s) = 0``, s = R_s^T r the place of the end in the start face. With n = R_s grad f and
-v' = v_e - v_s - w_s x r it has the same row, and n . a' + v'^T (R_s H R_s^T) v' in the place of the remainder, a' the
-acceleration as the start face sees it at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s),
-r . (a_e - a_s) + (v_e - v_s)^2. Both are divided by the size of their gradient and the length.
+A condition on a point is ``f(s) = 0``, with s = R_s^T r the position of the end in the start face. With n = R_s grad f and v' =
+v_e - v_s - w_s x r it has the same row. Its remainder is n . a' + v'^T (R_s H R_s^T) v', with a' the acceleration relative to the
+start face at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s), r . (a_e - a_s) + (v_e - v_s)^2. Both
+are divided by the size of their gradient and by the characteristic length.
 
-A coupling sets ``sum of factor q - offset = 0``, whose Jacobian are the factors; nothing is left in its second derivative.
+A coupling is ``sum of factor q - offset = 0``. Its Jacobian consists of the factors, and its remainder is zero.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from .primitives import condition_frame, residuals_of_turn
 from .surfaces import surface_at
 
 Row = tuple[Pair, Pair, Pair, Pair]
-"""What is zero where the condition is met (1, 1), its Jacobian (1, nu), remainder (1, 1) and wrench (1, 6)."""
+"""Residual (1, 1), Jacobian (1, nu), remainder (1, 1) and wrench (1, 6) of a condition."""
 
 Turning = list[tuple[Any, Pair, Pair]]
 """An angular condition: weights and directions c, d, (1, 3), of its terms w c . d = 0."""
@@ -51,20 +51,20 @@ Turning = list[tuple[Any, Pair, Pair]]
 
 @dataclass(slots=True)
 class Conditions:
-    """All conditions, linear ones divided by a characteristic length: in the order of `Model.closure_names`.
+    """All conditions in the order of `Model.closure_names`; linear ones are divided by a characteristic length.
 
     Attributes
     ----------
     position : Pair
-        Residuals of Eq. 5 as they are reported, (m, 1).
+        Reported residuals of Eq. 5, (m, 1).
     constraint : Pair
-        The same with sines of angles, (m, 1).
+        The residuals with sines of angles, (m, 1).
     jacobian : Pair
-        Derivatives of the latter by the speeds, (m, nu).
+        Derivatives of `constraint` with respect to the speeds, (m, nu).
     remainder : Pair
-        What their second derivative in time has beside jacobian times udot, (m, 1).
+        Terms of the second time derivative of `constraint` other than jacobian times udot, (m, 1).
     wrenches : Pair
-        Moment (first three) and force on the end body, at its face's origin, of a unit multiplier, (m, 6), ground frame.
+        Moment (first three) and force on the end body, at its face's origin, for a unit multiplier, (m, 6), ground frame.
     """
 
     position: Pair
@@ -103,7 +103,7 @@ def conditions(
     places: Sequence[tuple[slice, slice]],
     defaults: dict[str, float],
 ) -> Conditions:
-    """The conditions of all loops at a state; `places` tells where the coordinates and speeds of bodies stand."""
+    """The conditions of all loops at a state; `places` gives the indices of the coordinates and speeds of bodies."""
     rows: list[Row] = []
     positions: list[Pair] = []
     for loop, length in zip(loops, lengths, strict=True):
@@ -132,7 +132,7 @@ def conditions(
 
 
 def side(pairs: Pairs, face: Face, frame: Frame, freedoms: Freedoms, u: Pair) -> Side:
-    """A face from the frame of its body."""
+    """A face, from the frame of its body."""
     index = np.array(frame.freedoms, dtype=int)
     x, v = frame.point(pairs.vector(face.at))
     J_w, J_v = freedoms.w[index], freedoms.partial_velocities(index, x)
@@ -167,7 +167,7 @@ def directions(
 
 
 def _coupled(pairs: Pairs, loop: Coupling, places: Sequence[tuple[slice, slice]], q: Pair, u: Pair) -> Row:
-    """The condition that a sum of factor q, less the offset, is zero; its wrench is one number, a force along the first."""
+    """The condition that a sum of factor q, minus the offset, is zero; its wrench is one number, a force along the first q."""
     value, row = -pairs.matrix([[pairs.expression(loop.offset)]]), pairs.zeros(1, len(u.value))
     for term in loop.terms:
         i, j = (place.start + term.index for place in places[term.body])
@@ -189,7 +189,7 @@ def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:
 
 
 def _on_point(pairs: Pairs, loop: PointCondition, s: Side, e: Side, length: float) -> list[Row]:
-    """The conditions that a point keeps its distance, or stays on surfaces: over the size of the gradient and the length."""
+    """The conditions that a point keeps its distance or stays on surfaces, divided by the size of the gradient and the length."""
     r, v = e.x - s.x, e.v - s.v
     if loop.length is not None:
         l = pairs.matrix([[pairs.expression(loop.length)]])
@@ -225,7 +225,7 @@ def _angular(pairs: Pairs, s: Side, e: Side, terms: Turning) -> Row:
 
 
 def _spread(pairs: Pairs, rows: Pair, index: Array, n: int) -> Pair:
-    """Rows (len(index), 3) at their places among n."""
+    """A matrix with n rows, with the given rows (len(index), 3) at their indices."""
     result = pairs.zeros(n, 3)
     result[index] = rows
     return result

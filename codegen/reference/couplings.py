@@ -1,9 +1,10 @@
-"""Couplings of coordinates in the recursive engine: conditions on what bodies do against their parents.
+"""Couplings of coordinates in the recursive engine: conditions on motions of bodies relative to their parents.
 
-The rate of a joint's coordinate is read off the motion of its body against the parent's, ``V_k - S^T V_pr = P u`` (Eq. 18). With
-p the row of a left inverse of P for that coordinate ``u_i = p (V_k - S^T V_pr)``, and the coupling asks for ``sum of factor u_i =
-0``. The same row serves displacements and accelerations, but for what parameters and the remainders add to either, which is no
-motion of the joint's own: that is taken off. So a coupling needs no lever and no cut; its bodies are the members of its ear.
+The speed of a joint follows from the motion of its body relative to the parent, ``V_k - S^T V_pr = P u`` (Eq. 18). With p the row
+of a left inverse of P for this speed, ``u_i = p (V_k - S^T V_pr)``, and the coupling requires ``sum of factor u_i = 0``. The same
+row applies to displacements and accelerations, after subtracting the contributions of parameters and remainders, which are not
+motions of the joint. So a coupling needs no lever arm and no cut; its bodies are the members of its ear (of the ear decomposition
+of the loop graph).
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ class CoupledTerm:
     ----------
     body, parent : int
     q, u : int
-        Where the coordinate and its rate stand.
+        Indices of the coordinate and its speed.
     factor : Pair
         A number.
     K : Pair
-        What is multiplied by it, of a motion of the body against its parent: (1, 6) times the factor.
+        Row (1, 6), times the factor, that is applied to a motion of the body relative to its parent.
     S : Pair
         The body's shift, (6, 6).
     """
@@ -46,7 +47,7 @@ class CoupledTerm:
 
 
 class CoupledCut:
-    """A coupling at a state, in the place of a `Cut`.
+    """A coupling at a state; replaces a `Cut`.
 
     Attributes
     ----------
@@ -70,7 +71,7 @@ class CoupledCut:
             )  # fmt: skip
 
     def of_motion(self, pairs: Pairs, motion: Mapping[int, Pair], columns: int) -> Pair:
-        """The condition of motions (6, columns) of mass centres; bodies that are not listed do not move."""
+        """The condition applied to motions (6, columns) of mass centres; bodies that are not listed do not move."""
         total = pairs.zeros(1, columns)
         for term in self.terms:
             if term.body in motion:
@@ -80,23 +81,23 @@ class CoupledCut:
         return total
 
     def of_coordinates(self, pairs: Pairs, x: Pair) -> Pair:
-        """The sum of factor x, (1, 1), of what stands where the rates do, (nu, 1)."""
+        """The sum of factor x, (1, 1), for an x in the place of the speeds, (nu, 1)."""
         total = pairs.constant([[0]])
         for term in self.terms:
             total = total + x[term.u : term.u + 1] * term.factor
         return total
 
     def residual(self, pairs: Pairs, q: Pair) -> Pair:
-        """How far coordinates (nq, 1) are from meeting it, (1, 1)."""
+        """The residual for coordinates (nq, 1), (1, 1)."""
         total = -pairs.matrix([[self.offset]])
         for term in self.terms:
             total = total + q[term.q : term.q + 1] * term.factor
         return total
 
     def besides(self, pairs: Pairs, q: Pair, own: Sequence[Pair]) -> Pair:
-        """What displacements of bodies do not tell of the condition's, (1, 1): a pair without value.
+        """The part of the condition that displacements of bodies do not contain, (1, 1): a pair without value.
 
-        `own` are displacements of the bodies against their parents, of which some is none of the joints: parameters shift these.
+        `own` are displacements of the bodies relative to their parents; part of them is due to parameters, not to the joints.
         """
         residual = self.residual(pairs, q)
         total = Pair(0 * residual.value, residual.tangent)
@@ -106,7 +107,7 @@ class CoupledCut:
 
 
 def coordinate_row(pairs: Pairs, P: Pair, index: int) -> Pair:
-    """p with ``p P`` one for a coordinate and zero for the joint's others, (1, 6), from its partial velocities P (6, f)."""
+    """p, (1, 6), with ``p P`` one for a coordinate and zero for the joint's others, from its partial velocities P (6, f)."""
     G, unit = P.mT @ P, np.eye(P.value.shape[1], dtype=int)[:, [index]]
     y: Array = pairs.arithmetic.solve(G.value, pairs.arithmetic.array(unit))
     columns = [pairs.arithmetic.solve(G.value, -dG @ y) for dG in G.tangent]

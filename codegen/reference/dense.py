@@ -1,8 +1,8 @@
 """The dense method of Eqs. 4 to 9: form M, K and the constraint Jacobian, differentiate them, solve. O(n^3) on purpose.
 
-A formulation of its own, so that an error in one engine does not hide in the other: everything is kept in the ground
-frame with an explicit geometric Jacobian for every body (Kane's partial velocities, see `ground_frame`), and loops are
-conditions between two faces, differentiated by hand (see `conditions`). With the sums over all bodies,
+The formulation is independent of the recursive engine, so that an error in one shows in a comparison. Everything is in the ground
+frame, with an explicit geometric Jacobian for every body (Kane's partial velocities, see `ground_frame`). Loops are conditions
+between two faces, differentiated by hand (see `conditions`). With the sums over all bodies,
 
     M = sum  m J_v^T J_v + J_w^T I J_w                                                         (Eq. 4)
     K = tau + sum  J_v^T m (g - dJ_v/dt u) - J_w^T (I dJ_w/dt u + omega x I omega)             (Eq. 4)
@@ -13,13 +13,14 @@ conditions between two faces, differentiated by hand (see `conditions`). With th
     [ M      Phi_q^T ] [ dudot   ]   [ dK - dM udot - dPhi_q^T lambda ]                        (Eq. 6)
     [ Phi_q  0       ] [ dlambda ] = [ -dB - dPhi_q udot              ]                        (Eq. 7, twice in time)
 
-Eqs. 8 and 9 are the last system solved for dlambda first; here both are solved at once, so that M itself may be
-singular (massless bodies that a loop moves). Eq. 6 is printed with M_,p in front of dudot; it is M. M, K, Phi_q and all
-they are made of are formed as pairs, so dM and the others are their direct derivatives, one full matrix per direction.
+Eqs. 8 and 9 solve the last system for dlambda first. Here both unknowns are solved for at once, so M may be singular (massless
+bodies moved by a loop). Eq. 6 is printed with M_,p in front of dudot; it must be M. M, K, Phi_q and their ingredients are pairs,
+so dM and the others are direct derivatives, one full matrix per direction.
 
-Redundant conditions. Which speeds are dependent, and which loops make them so, is given: of an ear's conditions those
-combinations count that its dependent speeds can reach at the state, held fixed while everything is differentiated (docs, 4.7).
-The others must follow from them, but for those that the partition has dropped.
+Redundant conditions. The partition gives the dependent speeds and their loops. For each ear (of the ear decomposition of the loop
+graph), the engine uses the combinations of conditions that its dependent speeds can satisfy at the state, and holds these
+combinations fixed in derivatives (docs, 4.7). The other conditions must follow from them, except those that the partition has
+dropped.
 """
 
 from __future__ import annotations
@@ -40,13 +41,14 @@ from .outputs import Moving
 from .pairs import Pair, Pairs
 
 LEFT_OVER = 1e-6
-"""A condition that is no combination of the others to this part of the largest entry is one more, not redundant."""
+"""A condition that differs from every combination of the others by more than this fraction of the largest entry is
+independent."""
 
 
 class DenseEngine(Engine):
     """Reference engine with the dense method, for any model. `Engine` documents its methods.
 
-    Of the partition it uses which speeds depend on which loops, the dropped conditions, and the characteristic lengths.
+    From the partition it uses the dependent speeds of each loop, the dropped conditions, and the characteristic lengths.
     """
 
     def _accelerations(self, state: State) -> Pair:
@@ -55,7 +57,7 @@ class DenseEngine(Engine):
     def _constrained(self, state: State, subset: bool = False) -> tuple[Pair, Pair]:
         """udot, (nu, 1), and the multipliers of all conditions, (m, 1): Eqs. 4 to 9.
 
-        With `subset` only as many conditions as there are dependents have multipliers.
+        With `subset`, only as many conditions as dependent speeds have multipliers.
         """
         pairs, nu = state.pairs, self.model.nu
         M, K = self._mass_matrix(state), self._right_side(state)
@@ -66,7 +68,7 @@ class DenseEngine(Engine):
         known = self._conditions(state)
         J = known.jacobian.value
         C = self.arithmetic.eye(len(J))[self._subset(J)] if subset else self._combinations(J)
-        # The same conditions, combined so that their rows are orthonormal here: the system is then as good as M.
+        # Combinations of the conditions with orthonormal rows, so that the system is as well conditioned as M.
         inverse = LeftInverse(self.arithmetic, (C @ J).T)
         W = pairs.constant(inverse(inverse.Q).T @ C)
         Phi_q, B = W @ known.jacobian, W @ known.remainder
@@ -74,7 +76,7 @@ class DenseEngine(Engine):
         return x[:nu], W.mT @ x[nu : nu + len(C)]
 
     def _accelerated(self, M: Pair, K: Pair, rows: Pair, given: Pair) -> Pair:
-        """udot and the multipliers of conditions ``rows udot = given``: those of loops, and what is prescribed (Eq. 5)."""
+        """udot and the multipliers of conditions ``rows udot = given``: those of loops, and of prescribed motion (Eq. 5)."""
         n = len(rows.value)
         if not n:
             return self._solve(M, K)
@@ -105,8 +107,8 @@ class DenseEngine(Engine):
     def reactions(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """Return the moment and force that each loop joint exerts on its ``to`` body.
 
-        The opposite acts on the ``from`` body. Where conditions are redundant, the sum of squares of moments, and
-        forces times the characteristic length, is least.
+        The opposite acts on the ``from`` body. Where conditions are redundant, the solution minimises the sum of squares of
+        moments and of forces times the characteristic length.
 
         Parameters
         ----------
@@ -218,7 +220,7 @@ class DenseEngine(Engine):
         return result.value, result.tangent
 
     def _joint_reactions(self, state: State) -> Pair:
-        """Newton's and Euler's laws of all that a joint carries, about the ground's origin and then the body's."""
+        """Equations of Newton and Euler for everything that a joint carries, about the ground's origin, then about the body's."""
         pairs, udot, g = state.pairs, self._accelerations(state), self._gravity(state.pairs)
         frames, freedoms = state_motion = self._motion(state)
         needed: list[tuple[Pair, Pair]] = []
@@ -244,7 +246,7 @@ class DenseEngine(Engine):
             act(point.body, end.x.mT, torque, push)
         on_ends = self._reactions(state, given=False)
         for i, loop in enumerate(self.model.loops):
-            if not loop.is_coupling:  # these act along freedoms, and joints bear them
+            if not loop.is_coupling:  # these act along degrees of freedom, and joints transmit them
                 at = self._point(state_motion, loop.end.body, pairs.vector(loop.end.at))[0].mT
                 moment, force = on_ends[i : i + 1, :3], on_ends[i : i + 1, 3:]
                 act(loop.end.body, at, moment, force)
@@ -257,21 +259,21 @@ class DenseEngine(Engine):
         return pairs.block([[n - cross(o, f), f] for o, (n, f) in zip(origins, needed, strict=False)])
 
     def _reactions(self, state: State, given: bool = True) -> Pair:
-        """On the faces that the file calls ``to`` or, not `given`, on the ends of the loops as they are computed."""
+        """Wrenches on the bodies that the file calls ``to``; or, if not `given`, on the end bodies as the engine orders them."""
         pairs = state.pairs
         if not self.model.loops:
             return pairs.zeros(0, 6)
         known, (_, multipliers) = self._conditions(state), self._constrained(state, subset=True)
         multipliers = self._shared(known.jacobian, multipliers)
-        # Phi_q^T lambda stands on the left of Eq. 4, hence the minus.
+        # Phi_q^T lambda is on the left side of Eq. 4, hence the minus sign
         acting = [multipliers[rows].mT @ known.wrenches[rows] for rows in self.closure_slices]
         return pairs.block([[w if given and x.turned else -w] for w, x in zip(acting, self.model.loops, strict=True)])
 
     def _shared(self, jacobian: Pair, multipliers: Pair) -> Pair:
-        """The multipliers of least norm, (m, 1), that act as those of a subset do; dropped conditions have none."""
+        """The multipliers of least norm, (m, 1), equivalent to those of a subset; those of dropped conditions are zero."""
         rows = self._subset(jacobian.value)
         dependent = jacobian[:, self.dependent]
-        W = self._solve(dependent[rows].mT, dependent.mT).mT  # every condition from those of the subset
+        W = self._solve(dependent[rows].mT, dependent.mT).mT  # every condition as a combination of the subset
         dropped = np.setdiff1d(np.arange(len(jacobian.value)), self.kept)
         W[dropped] = Pair(0 * W.value[dropped], 0 * W.tangent[:, dropped])
         return W @ self._solve(W.mT @ W, multipliers[rows])
@@ -288,14 +290,14 @@ class DenseEngine(Engine):
         return known.position, known.jacobian @ state.u
 
     def _displacements(self, state: State) -> Array:
-        """Eq. 7 for the dependent displacements; what p and the independents do is the position's derivative so far."""
+        """Eq. 7 for the dependent displacements; the derivative of the position includes p and the independent ones so far."""
         known = self._conditions(state)
         C = self._combinations(known.jacobian.value)
         E = C @ known.jacobian.value[:, self.dependent]
         result = self.arithmetic.zeros(state.pairs.k, self.model.nu, 1)
         for moved, opened in zip(
             result, known.constraint.tangent, strict=True
-        ):  # one by one: the same numbers in any company
+        ):  # one direction at a time, so that the numbers do not depend on the other directions
             moved[self.dependent] = self.arithmetic.solve(E, -(C @ opened))
         return result
 
@@ -306,12 +308,12 @@ class DenseEngine(Engine):
         return self._solve(combined[:, self.dependent], -(combined @ state.u))
 
     def _combinations(self, jacobian: Array) -> Array:
-        """Ear by ear, orthonormal combinations of conditions that the dependent speeds can reach, (r, m).
+        """Ear by ear, orthonormal combinations of conditions that the dependent speeds can satisfy, (r, m).
 
         Raises
         ------
         SingularMatrixError
-            The dependent speeds do not follow from the conditions, or the conditions do not follow from them.
+            If the dependent speeds are not determined by the conditions, or do not determine them.
         """
         self._check_rank(jacobian)
         place = {int(s): i for i, s in enumerate(self.dependent)}
@@ -328,7 +330,7 @@ class DenseEngine(Engine):
         return found
 
     def _subset(self, jacobian: Array) -> Array:
-        """Indices of as many independent conditions as there are dependent speeds."""
+        """Indices of independent conditions, as many as there are dependent speeds."""
         rows, _ = self.arithmetic.independent_rows(jacobian[np.ix_(self.kept, self.dependent)])
         return self.kept[rows]
 
@@ -415,7 +417,7 @@ class DenseEngine(Engine):
     def _accelerating(
         self, state: State, motion: tuple[list[Frame], Freedoms], udot: Pair
     ) -> Callable[[int, Pair], Pair]:
-        """``J udot + dJ/dt u``, J the partial velocities of the point."""
+        """``J udot + dJ/dt u``, with J the partial velocities of the point."""
         frames, freedoms = motion
 
         def acceleration(body: int, at: Pair) -> Pair:
@@ -434,7 +436,7 @@ class DenseEngine(Engine):
         return found
 
     def _coordinate_rates(self, state: State) -> Pair:
-        """qdot, (nq, 1): quaternions by their own product, edot = e (0, omega)/2."""
+        """qdot, (nq, 1); for quaternions by their product, edot = e (0, omega)/2."""
         pairs, rates = state.pairs, state.pairs.zeros(self.model.nq, 1)
         half, U = pairs.number(1) / pairs.number(2), pairs.eye(3)
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):

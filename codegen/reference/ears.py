@@ -1,10 +1,10 @@
-"""Which bodies are resolved together: the graph part of sections 3.3 and 3.4 of the paper, for loops anywhere.
+"""Groups of bodies that are resolved together: the graph part of sections 3.3 and 3.4 of the paper, for any loops.
 
-An *ear* is closed by its dependent speeds. On either branch of a loop the first body that such a speed moves, and all
-bodies outside it, are new: their motion follows from bodies that are resolved already, the ear's *ends*, and from the
-independent joints among them. (The paper's case: one end is the loop base body 0_i, the other is p_i, and the new
-bodies are p_i + 1 to n_i.) Loops of a cluster are closed together and have several ends. Every other body of the tree
-is resolved alone; its end is its parent.
+The dependent speeds of an *ear* (of the ear decomposition of the loop graph) close it. On either branch of a loop, the ear
+contains the first body that such a speed moves and all bodies outboard of it. The motion of these members follows from the
+independent joints among them and from bodies that are already resolved, the ear's *ends*. In the paper, one end is the loop base
+body 0_i, the other is p_i, and the members are p_i + 1 to n_i. Loops of a cluster are closed together and have several ends.
+Every other body of the tree is resolved alone; its end is its parent.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ..model.model import GROUND, Coupling, Model
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Bodies that are resolved together: one of the tree, or the new ones of an ear or a cluster.
+    """Bodies that are resolved together: a single one, or the members of an ear or a cluster.
 
     Attributes
     ----------
     members : tuple of int
         Bodies, every parent before its children.
     ends : tuple of int
-        Bodies outside that the members' motion follows from, without the ground.
+        Other bodies on whose motion the members' motion depends, without the ground.
     loops : tuple of int
     dependent, independent : tuple of int
         Speeds of the members' joints.
@@ -41,7 +41,7 @@ class Group:
 
 
 def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tuple[Group, ...]:
-    """All bodies in groups, in outward order: a group comes after those of its ends. Speeds that are `held` are of none."""
+    """All bodies in groups, in outward order: a group follows those of its ends. Speeds that are `held` belong to no group."""
     together = DisjointSets(len(model.bodies))
     loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops it closes
     for ear in partition.ears:
@@ -56,7 +56,7 @@ def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tupl
         graph = _ends(model, together, loops)
         try:
             order = tuple(TopologicalSorter({g: {together.find(k) for k in graph[g]} for g in graph}).static_order())
-        except CycleError as cycle:  # ears that wait for each other are closed together
+        except CycleError as cycle:  # ears that depend on each other are closed together
             _join(together, list(cycle.args[1]))
             continue
         break
@@ -80,24 +80,24 @@ def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tupl
 
 
 def _join(together: DisjointSets, bodies: Sequence[int]) -> None:
-    """Let some bodies be of one group, which is known by its first one."""
+    """Join the groups of some bodies; the joined group is identified by the first body."""
     for k in bodies[1:]:
         first, other = sorted((together.find(bodies[0]), together.find(k)))
         together.join(other, into=first)
 
 
 def new_bodies(model: Model, ear: Ear) -> list[int]:
-    """The bodies of an ear whose motion its dependent speeds decide.
+    """The members of an ear: bodies that its dependent speeds move.
 
     Raises
     ------
     ValueError
-        A dependent speed that none of the ear's loops passes.
+        If none of the ear's loops contains a dependent speed.
     """
     moved = {k for k in range(len(model.bodies)) if set(_speeds(model, k)) & set(ear.dependent)}
     found: list[int] = []
     for loop in (model.loops[i] for i in ear.loops):
-        # coupled bodies are resolved together: as ends they would be parted again by large inertias that cancel
+        # coupled bodies are resolved together; if they were ends, large inertias that cancel would separate them again
         if isinstance(loop, Coupling):
             found += [term.body for term in loop.terms if term.body not in found]
         for branch in _branches(model, loop.start.body, loop.end.body):
@@ -110,7 +110,7 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
 
 
 def _ends(model: Model, together: DisjointSets, loops: dict[int, list[int]]) -> dict[int, set[int]]:
-    """For each group the bodies outside that it follows from."""
+    """For each group, the other bodies on which it depends."""
     ends: dict[int, set[int]] = {together.find(k): set() for k in model.outward}
     for k in model.outward:
         ends[together.find(k)].add(model.bodies[k].parent)

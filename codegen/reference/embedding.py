@@ -1,26 +1,26 @@
-"""Embedding and triangularization with loops, Eqs. 39 to 60: inertia and force of ears handed inward, udot outward.
+"""Embedding and triangularization with loops, Eqs. 39 to 60: inertias and forces of ears are propagated inward, udot outward.
 
 A group's members (see `ears`) move with the bodies it ends on, A_x, and with the accelerations y of its independent
 speeds. With z = (A_x ..., y, 1)
 
     A_j = H_j z,    H_j = [ Gamma_j^x ... | N_j | Xi_j A_t ]          (Eq. 31; the dependent udot are Y z)
 
-so the group's share of the Gibbs function, in which body j has articulated inertia I_j and force F_j and pairs of bodies may be
-coupled, 1/2 A_j^T I_j A_j + A_i^T Q_ij A_j - A_j^T F_j - tau^T udot, becomes one in z,
+In the group's part of the Gibbs function, 1/2 A_j^T I_j A_j + A_i^T Q_ij A_j - A_j^T F_j - tau^T udot, body j has the articulated
+inertia I_j and force F_j, and pairs of bodies may be coupled. As a function of z it has the coefficients
 
     Z = sum H_j^T I_j H_j + H_i^T Q_ij H_j,        f = sum H_j^T F_j + Y^T tau_dependent + tau_independent      (Eqs. 39-41)
 
-the virtual body p_i of the paper. y is eliminated from it at once (D = Z_yy is M_k of Eq. 47), and what is left belongs to
-the ends: own inertias and forces, and couplings between ends, the paper's I^{p_i;o_i}. Members coupled to a body i that is
-resolved earlier (an ear ends on both) hand that on in the same way. For a single body of the tree H = [S^T | P | 0] and these
-are Eqs. 44 to 47.
+the virtual body p_i of the paper. y is eliminated from it at once (D = Z_yy is M_k of Eq. 47). The remaining terms are added to
+the ends: inertias and forces of each end, and couplings between ends, I^{p_i;o_i} of the paper. If members are coupled to a body
+i that is resolved earlier, because an ear ends on both, this coupling is propagated in the same way. For a single body of the
+tree H = [S^T | P | 0], and these are Eqs. 44 to 47.
 
-All accelerations are the explicit parts A_bar; the ground's is zero (Eq. 56), so nothing is kept for it.
+All accelerations are the parts A_bar explicit in udot. That of the ground is zero (Eq. 56), so it needs no terms.
 
-Slips of the paper: Eqs. 39 and 40 have their left-hand sides exchanged relative to their use in Eqs. 42 to 49 (the sum with
-two Gammas is what Eq. 44 continues, the one with the shift to 0_i what Eq. 43 does); in Eq. 41 the Xi term is a force and enters
-with the minus of -I A_t, with the sign of F in Eq. 53. In A_x instead of the relative o_i A_bar of Eqs. 42 to 60 no part of the
-ends' motion is singled out, so base and branch are treated alike.
+Misprints of the paper: Eqs. 39 and 40 have their left-hand sides exchanged relative to their use in Eqs. 42 to 49. The sum with
+two Gammas continues in Eq. 44, the one with the shift to 0_i in Eq. 43. In Eq. 41 the Xi term is a force and enters with the
+minus of -I A_t, with the sign of F in Eq. 53. Eqs. 42 to 60 use the relative o_i A_bar; A_x is used here instead, so that base
+and branch are treated alike.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from .terms import Terms
 
 
 class Places:
-    """Where the parts of z stand: six entries for each end, the independent accelerations y, the 1."""
+    """Columns of the parts of z: six entries for each end, the independent accelerations y, and the 1."""
 
     def __init__(self, group: Group) -> None:
         self.ends = {x: slice(6 * i, 6 * i + 6) for i, x in enumerate(group.ends)}
@@ -52,7 +52,7 @@ class Places:
 
 @dataclass(slots=True)
 class Eliminated:
-    """What back substitution needs of a group: y = D^-1 (r - sum h_x^T A_x) over all bodies x in ``h``."""
+    """Data for the back substitution of a group: y = D^-1 (r - sum h_x^T A_x) over all bodies x in ``h``."""
 
     H: dict[int, Pair]
     Y: Pair
@@ -77,7 +77,7 @@ def embed(
     remainders : sequence of Pair
         By loop, the kept conditions of the accelerations at udot = 0, (m, 1).
     rotors : Pair
-        Their reflected inertia by speed, (nu, 1).
+        Reflected inertia of the rotors by speed, (nu, 1).
     """
     inward = _Inward(model, bodies, rotors, pairs)
     eliminated = [
@@ -88,18 +88,18 @@ def embed(
 
 
 class _Inward:
-    """The triangularization sweep: articulated inertias and forces, and the couplings between bodies, as they stand."""
+    """The triangularization sweep, with the current articulated inertias and forces, and the couplings between bodies."""
 
     def __init__(self, model: Model, bodies: Sequence[Terms], rotors: Pair, pairs: Pairs) -> None:
         n = len(model.bodies)
         self.model, self.bodies, self.rotors, self.pairs = model, bodies, rotors, pairs
         self.I_hat = [bodies[k].I for k in range(n)]
         self.F_hat = [bodies[k].F for k in range(n)]
-        self.I_locked = [bodies[k].I.value for k in range(n)]  # I_hat as if no joint ever gave way: the scale of D
+        self.I_locked = [bodies[k].I.value for k in range(n)]  # I_hat with all joints locked: the scale of D
         self.Q: dict[int, dict[int, Pair]] = {k: {} for k in range(n)}  # Q[i][j] = Q[j][i]^T, the couplings
 
     def eliminate(self, group: Group, ear: EarClosure, remainders: Sequence[Pair]) -> Eliminated:
-        """Take a group out of the system: Eqs. 39 to 52 and the couplings C(k)."""
+        """Eliminate a group: Eqs. 39 to 52 and the couplings C(k)."""
         z = Places(group)
         H, Y = motion_of_members(self.model, group, z, ear, self.bodies, remainders, self.pairs)
         Z, f, outside = self._share(group, z, H, Y)
@@ -108,7 +108,7 @@ class _Inward:
         D_inverse = self._inverse(group, z, H, Y, D)
         h = {x: Z[place, z.y] for x, place in z.ends.items()} | {i: R[:, z.y] for i, R in outside.items()}
 
-        # What the group is to its ends, and to those outside that its members were coupled to ...
+        # contribution of the group to its ends, and to other bodies to which its members were coupled ...
         for x, place in z.ends.items():
             self.I_hat[x] = self.I_hat[x] + Z[place, place]
             self.F_hat[x] = self.F_hat[x] + f[place]
@@ -118,7 +118,7 @@ class _Inward:
             self.F_hat[i] = self.F_hat[i] - R[:, z.one]
             for x, place in z.ends.items():
                 self._couple(i, x, R[:, place])
-        # ... less what y takes.
+        # ... minus the part that y removes
         T = {x: h_x @ D_inverse for x, h_x in h.items()}
         for x in h:
             self.I_hat[x] = self.I_hat[x] - T[x] @ h[x].mT  # Eq. 44
@@ -129,13 +129,13 @@ class _Inward:
         return Eliminated(H, Y, D_inverse, r, h)
 
     def _share(self, group: Group, z: Places, H: dict[int, Pair], Y: Pair) -> tuple[Pair, Pair, dict[int, Pair]]:
-        """The group's Gibbs function z^T Z z / 2 - f^T z, and what it is coupled to outside: A_i^T (outside[i]) z."""
+        """The group's Gibbs function z^T Z z / 2 - f^T z, and its couplings to other bodies: A_i^T (outside[i]) z."""
         pairs = self.pairs
         Z, f = pairs.zeros(z.size, z.size), pairs.zeros(z.size, 1)
         outside: dict[int, Pair] = {}
         for j in group.members:
             Z = Z + H[j].mT @ self.I_hat[j] @ H[j]  # Eqs. 39 and 40
-            f = f + H[j].mT @ self.F_hat[j]  # Eq. 41; what its second sum adds is the last column of Z
+            f = f + H[j].mT @ self.F_hat[j]  # Eq. 41; the second sum in it is the last column of Z
             for i, Q_ji in self.Q[j].items():
                 if i in H:
                     Z = Z + H[j].mT @ Q_ji @ H[i]
@@ -144,21 +144,21 @@ class _Inward:
             tau = self.bodies[j].tau
             f = f + Y.mT @ selection(pairs, self.model, j, group.dependent).mT @ tau
             _add(f, z.y, slice(0, 1), selection(pairs, self.model, j, group.independent).mT @ tau)
-        # rotors resist the speeds of their joints: Y^T a Y of the dependent ones, remainders too, and a of the others
+        # rotors act on the speeds of their joints: Y^T a Y of the dependent ones with remainders, and a of the others
         of_dependent, of_independent = (
             pairs.diagonal(self.rotors[np.array(of, dtype=int)]) for of in (group.dependent, group.independent)
         )
         Z = Z + Y.mT @ of_dependent @ Y
         _add(Z, z.y, z.y, of_independent)
         for x, place in z.ends.items():
-            if x in outside:  # an end that members are coupled to is part of z: the block and its transpose
+            if x in outside:  # an end to which members are coupled is part of z: the block and its transpose
                 R = outside.pop(x)
                 _add(Z, place, slice(None), R)
                 _add(Z, slice(None), place, R.mT)
         return Z, f - Z[:, z.one], outside
 
     def _forget(self, group: Group, z: Places, H: dict[int, Pair]) -> None:
-        """Drop the couplings of the members, and hand on what their inertia would be with all joints locked."""
+        """Remove the couplings of the members, and propagate their inertia with all joints locked."""
         for j in group.members:
             for i in self.Q.pop(j):
                 if i in self.Q:
@@ -173,7 +173,7 @@ class _Inward:
             self.Q[a][b] = block if known is None else known + block
 
     def _inverse(self, group: Group, z: Places, H: dict[int, Pair], Y: Pair, D: Pair) -> Pair:
-        """D^-1 with its derivative, Eq. 52 with its minus; a body without inertia about its joint is named."""
+        """D^-1 with its derivative, Eq. 52 with its minus; the error names a body without inertia about its joint."""
         scale = 0 * D.value
         for j in group.members:
             N = H[j].value[:, z.y]

@@ -1,6 +1,6 @@
-"""What the reference engines have in common: the face. Arguments are checked and become pairs, results become arrays.
+"""Public interface of the reference engines: arguments are checked and become pairs, results become arrays.
 
-No mechanics stands here. An engine fills in the methods that begin with an underscore.
+This module contains no mechanics. An engine implements the methods that begin with an underscore.
 """
 # long: a docstring with an example for each of twenty methods
 
@@ -33,15 +33,15 @@ class Jacobians:
     Attributes
     ----------
     q : ndarray (n, nq)
-        By the coordinates.
+        With respect to the coordinates.
     u : ndarray (n, nu)
-        By the speeds.
+        With respect to the speeds.
     p : ndarray (n, np)
-        By the parameters.
+        With respect to the parameters.
     inputs : ndarray (n, ninputs)
-        By the inputs.
+        With respect to the inputs.
     t : ndarray (n,)
-        By time.
+        With respect to time.
     """
 
     q: Array
@@ -52,7 +52,7 @@ class Jacobians:
 
 
 Gradients = tuple[Array, Array, Array, Array, Array]
-"""Of k weighted sums with respect to q, u, p, inputs, (k, n) each, and t, (k,)."""
+"""Gradients of k weighted sums with respect to q, u, p, inputs, (k, n) each, and t, (k,)."""
 
 
 class Engine(Arguments):
@@ -189,7 +189,7 @@ class Engine(Arguments):
         return self._partials(lambda **seeds: self.sensitivities(q, u, p, inputs, t, **seeds)[1])
 
     def _partials(self, along: Callable[..., Array]) -> Jacobians:
-        """Every partial derivative of a function, from its derivatives along unit seeds, (k, n)."""
+        """All partial derivatives of a function, from its derivatives along unit seeds, (k, n)."""
         sizes = (self.given.nq, self.given.nu, len(self.model.parameters), len(self.model.inputs), 1)
         start = np.cumsum((0, *sizes))
         seeds = [np.eye(start[-1], dtype=int)[:, a:b] for a, b in pairwise(start)]
@@ -549,14 +549,14 @@ class Engine(Arguments):
         return flat(self._driving_forces(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))))
 
     def _armature(self, pairs: Pairs) -> Pair:
-        """Reflected inertia of the rotors by speed, (nu, 1): what stands in M beside the inertia of bodies."""
+        """Reflected inertia of the rotors by speed, (nu, 1), which is added to the diagonal of M."""
         of_speeds = [
             e for body in self.model.bodies for e in body.joint.armature or (ZERO,) * len(body.joint.kind.speeds)
         ]
         return pairs.column([pairs.expression(e) for e in of_speeds])
 
     def _driving_forces(self, state: State) -> Pair:
-        """``b^T (M udot - K)``, (n, 1), b all speeds of the tree for a unit of a prescribed one: loops do no work along it."""
+        """``b^T (M udot - K)``, (n, 1), with b all speeds of the tree for a unit prescribed speed: loops do no work along it."""
         pairs, model = state.pairs, self.model
         left_over = self._inverse_dynamics(state, self._accelerations(state))
         found = []
@@ -813,7 +813,7 @@ class Engine(Arguments):
 
     @abstractmethod
     def _accelerations(self, state: State) -> Pair:
-        """udot, (nu, 1), of prescribed speeds too."""
+        """udot, (nu, 1), including prescribed speeds."""
 
     @abstractmethod
     def _mass_matrix(self, state: State) -> Pair:
@@ -829,7 +829,7 @@ class Engine(Arguments):
 
     @abstractmethod
     def _motion(self, state: State) -> Any:
-        """Whatever the engine's own `_energies` and `_point` want to know about the bodies."""
+        """Data about the bodies that the engine's own `_energies` and `_point` need."""
 
     @abstractmethod
     def _energies(self, state: State, motion: Any) -> tuple[Pair, Pair]:
@@ -841,18 +841,18 @@ class Engine(Arguments):
 
     @abstractmethod
     def _attitude(self, motion: Any, body: int) -> tuple[Pair, Pair]:
-        """Body components into ground components, (3, 3), and angular velocity in the ground frame, (3, 1), of a body."""
+        """Rotation matrix from body to ground components, (3, 3), and angular velocity in the ground frame, (3, 1), of a body."""
 
     @abstractmethod
     def _accelerating(self, state: State, motion: Any, udot: Pair) -> Callable[[int, Pair], Pair]:
-        """Gives the acceleration, (3, 1) in the ground frame, of the point ``at`` (3, 1) in body axes of a body."""
+        """Returns the acceleration, (3, 1) in the ground frame, of the point ``at`` (3, 1) in body axes of a body."""
 
     @abstractmethod
     def _moving(self, state: State, motion: Any) -> list[Moving]:
         """Mass, motion and angular momentum of all bodies."""
 
     def _ends(self, pairs: Pairs, motion: Any, element: ForceElement) -> list[End]:
-        """Where a force element acts."""
+        """The attachment points of a force element."""
         found = []
         for place in element.ends:
             R, omega = self._attitude(motion, place.body)
@@ -865,7 +865,7 @@ class Engine(Arguments):
         return found
 
     def _measured(self, pairs: Pairs, motion: Any, element: ForceElement) -> Pairs:
-        """Evaluates the expressions of a force element, which may name positions and velocities of points."""
+        """Evaluates the expressions of a force element, which may contain positions and velocities of points."""
         if not element.measured:
             return pairs
         known = {}
@@ -876,19 +876,19 @@ class Engine(Arguments):
         return Pairs(self.arithmetic, pairs.k, {**pairs.environment, **known})
 
     def _wrenches(self, pairs: Pairs, motion: Any) -> Iterator[tuple[Point | Face, End, Wrench]]:
-        """What all force elements do to bodies, and where."""
+        """Forces and torques of all force elements on bodies, with their points."""
         for element in self.model.elements:
             yield from self._wrenches_of(element, pairs, motion)
 
     def _wrenches_of(
         self, element: ForceElement, pairs: Pairs, motion: Any
     ) -> Iterator[tuple[Point | Face, End, Wrench]]:
-        """The same of one force element."""
+        """Forces and torques of one force element."""
         ends, seen = self._ends(pairs, motion, element), self._measured(pairs, motion, element)
         yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, seen, ends), strict=True)
 
     def _forces_on_speeds(self, pairs: Pairs) -> Pair:
-        """The generalised forces on joints' speeds that force elements exert directly, (nu, 1)."""
+        """The generalised forces that force elements exert directly on joints' speeds, (nu, 1)."""
         tau = pairs.zeros(self.model.nu, 1)
         for element in self.model.elements:
             for body, values in LAWS[type(element)].on_speeds(element, pairs).items():
@@ -910,7 +910,7 @@ class Engine(Arguments):
         return seen.pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
 
     def _seen(self, state: State) -> Seen:
-        """What outputs read; accelerations and sums are found when the first of them needs these."""
+        """Data for outputs; accelerations and sums are computed when first needed."""
         pairs, motion, names = state.pairs, self._motion(state), self.given.prescribed_names
         accelerating = cache(lambda: self._accelerating(state, motion, self._accelerations(state)))
         driving = cache(lambda: self._driving_forces(state))

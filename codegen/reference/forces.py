@@ -1,4 +1,4 @@
-"""What force elements do, for both engines: forces and torques at their ends, on speeds, and their potential energy."""
+"""Force elements for both engines: forces and torques at their attachment points, generalised forces, and potential energy."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class End:
     x, v : Pair
         Position, m, and velocity, (3, 1).
     R : Pair
-        Components of the body, or of the face, into ground components, (3, 3).
+        Rotation matrix from components of the body, or of the face, to ground components, (3, 3).
     omega : Pair
         Angular velocity of the body, (3, 1).
     line : Pair or None
-        Of the first end: the direction of the line to the second one where that is always the same, but for its sign.
+        For the first attachment point: the direction to the second one, if it is constant except for its sign.
     """
 
     x: Pair
@@ -49,23 +49,25 @@ class End:
 
 @dataclass(slots=True)
 class Wrench:
-    """What acts on a body at an end, in the ground frame: a force through the point, N, and a torque, N m; (3, 1)."""
+    """Load on a body at an attachment point, in the ground frame: a force through the point, N, and a torque, N m; (3, 1)."""
 
     force: Pair | None = None
     torque: Pair | None = None
 
 
 def line(element: ForceElement, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, Pair]:
-    """The unit vector from the first end to the second, (3, 1), and the distance.
+    """The unit vector from the first attachment point to the second, (3, 1), and the distance.
 
     Raises
     ------
     ValueError
-        The ends coincide.
+        If the points coincide.
     """
     start, end = ends
     r = end.x - start.x
-    length = pairs.dot(r if start.line is None else start.line, r)  # what is across a line that stays is rounding
+    length = pairs.dot(
+        r if start.line is None else start.line, r
+    )  # components across a constant line are rounding errors
     if length.value == 0:
         raise ValueError(f"{element.type} {element.name}: its two points coincide, so its force has no direction")
     if start.line is None:
@@ -74,13 +76,13 @@ def line(element: ForceElement, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair
 
 
 class Law(Generic[E]):
-    """The law of a type of force elements; every result with its derivatives.
+    """The law of a type of force element; every result includes its derivatives.
 
-    Parameters of all methods are the element, what evaluates its expressions at the state, and its ends.
+    The methods take the element, an evaluator of its expressions at the state, and its attachment points.
     """
 
     def wrenches(self, element: E, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
-        """What acts on the bodies, end by end."""
+        """The loads on the bodies, by attachment point."""
         return [Wrench() for _ in ends]
 
     def on_speeds(self, element: E, pairs: Pairs) -> dict[int, Pair]:
@@ -88,12 +90,12 @@ class Law(Generic[E]):
         return {}
 
     def energy(self, element: E, pairs: Pairs, ends: Sequence[End]) -> Pair | None:
-        """Potential energy, a number, J; None where there is none."""
+        """Potential energy, a number, J; None if there is none."""
         return None
 
 
 class JointForceLaw(Law[JointForce]):
-    """The values as they are."""
+    """The values of the expressions."""
 
     def on_speeds(self, element: JointForce, pairs: Pairs) -> dict[int, Pair]:
         return {element.body: pairs.vector(element.values)}
@@ -112,9 +114,9 @@ class JointLoadLaw(Law[JointLoad]):
 
 
 class SpringLaw(Law[Spring]):
-    """A tension k (d - d_0) + c d' along r, which leads from the start to the end and is d long; energy k (d - d_0)^2 / 2.
+    """A tension k (d - d_0) + c d' along r from start to end, with d its length; energy k (d - d_0)^2 / 2.
 
-    Where the points coincide the force has no direction; without damping and free length it is k r all the same.
+    If the points coincide, the force has no direction; but without damping and free length it is k r.
     """
 
     def wrenches(self, element: Spring, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
@@ -145,7 +147,7 @@ class SpringLaw(Law[Spring]):
 
 
 class AlongLineLaw(Law[AlongLine]):
-    """The force f of the law along the unit vector from the start to the end acts on the end, the opposite on the start."""
+    """The law's force f acts on the end along the unit vector from start to end, and its opposite on the start."""
 
     def wrenches(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         start, end = ends
@@ -162,13 +164,13 @@ class AlongLineLaw(Law[AlongLine]):
 
     @staticmethod
     def _value(formula: Expression, element: AlongLine, pairs: Pairs, measures: dict[str, Pair]) -> Pair:
-        """Of a formula, whose names are those of measures and coefficients."""
+        """Value of a formula whose names are those of measures and coefficients."""
         of = {key: pairs.expression(e) for key, e in zip(element.keys, element.coefficients, strict=True)}
         return Pairs(pairs.arithmetic, pairs.k, measures | of).expression(formula)
 
 
 class ForceLaw(Law[Force]):
-    """The components as they are; those along axes of the body are turned into the ground frame."""
+    """The components of the force; those along body axes are rotated to the ground frame."""
 
     def wrenches(self, element: Force, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         f = pairs.vector(element.value)
@@ -176,7 +178,7 @@ class ForceLaw(Law[Force]):
 
 
 class TorqueLaw(Law[Torque]):
-    """The components as they are; those along axes of the body are turned into the ground frame."""
+    """The components of the torque; those along body axes are rotated to the ground frame."""
 
     def wrenches(self, element: Torque, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         n = pairs.vector(element.value)
@@ -184,11 +186,10 @@ class TorqueLaw(Law[Torque]):
 
 
 class TorsionLaw(Law[Torsion]):
-    """A torque -(k (a - a_0) + c a') g on the end, a the angle, g its derivative with respect to rotations of the end.
+    """A torque -(k (a - a_0) + c a') g on the end, with a the angle and g its derivative with respect to rotations of the end.
 
-    Of the relative rotation's quaternion (w, v), w = cos(h) cos(a/2) and v . axis = cos(h) sin(a/2), where 2h is the swing. Here
-    everything is written with the rotation matrix C and the axis itself; the generated code works in a face with the axis as base
-    vector.
+    The quaternion (w, v) of the relative rotation has w = cos(h) cos(a/2) and v . axis = cos(h) sin(a/2), where 2h is the swing.
+    This module uses the rotation matrix C and the axis; the generated code uses a face with the axis as base vector.
     """
 
     def wrenches(self, element: Torsion, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
@@ -224,22 +225,22 @@ class TorsionLaw(Law[Torsion]):
 
 
 def _trace(pairs: Pairs, C: Pair, X: Pair) -> tuple[Pair, Pair]:
-    """tr(C X), and its derivative with respect to rotations d that come after C, [d] C: (3, 1)."""
+    """tr(C X), and its derivative with respect to rotations d applied after C, [d] C: (3, 1)."""
     Y = C @ X
     trace = Y[0, 0] + Y[1, 1] + Y[2, 2]
     return trace, pairs.column([Y[i, j] - Y[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
 
 
 NEARLY_HALF = 1e-12
-"""Of 1 + cos(angle) where the rotation vector is not determined any more."""
+"""Value of 1 + cos(angle) below which the rotation vector is not determined."""
 
 
 class BushingLaw(Law[Bushing]):
     """Along the axes of the start: force f - k d - c v, torque -dV/d(rotation) - c' w with V = r . (k' r/2 - f').
 
-    By the unit quaternion (w, e), w > 0, of the end in the axes of the start: the rotation vector is r = F e with
-    F = 2 atan2(|e|, w)/|e|, and a rotation d that comes after it changes w by -(d . e)/2 and e by (w d + d x e)/2.
-    The generated code has no quaternion.
+    With the unit quaternion (w, e), w > 0, of the end in the axes of the start, the rotation vector is r = F e with F = 2
+    atan2(|e|, w)/|e|. A further rotation d changes w by -(d . e)/2 and e by (w d + d x e)/2. The generated code has no
+    quaternion.
     """
 
     def wrenches(self, element: Bushing, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
@@ -274,24 +275,24 @@ class BushingLaw(Law[Bushing]):
         return [pairs.vector(components) for components in element.values]
 
     def _stretch(self, element: Bushing, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, Pair, Pair]:
-        """The way from start to end, the same in the axes of the start, and the stiffness."""
+        """The displacement from start to end, in ground axes and in the axes of the start, and the stiffness."""
         start, end = ends
         way = end.x - start.x
         return way, start.R.mT @ way, self._values(element, pairs)[0]
 
     def _moment(self, element: Bushing, pairs: Pairs, turn: Pair) -> Pair:
-        """Derivative of the energy by the rotation vector."""
+        """Derivative of the energy with respect to the rotation vector."""
         _, _, _, k, _, f = self._values(element, pairs)
         return _times(pairs, k, turn) - f
 
     @staticmethod
     def _turn(element: Bushing, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, tuple[Pair, Pair, Pair, Pair]]:
-        """The rotation vector; w, e, F and the derivative of F by w.
+        """The rotation vector; w, e, F and the derivative of F with respect to w.
 
         Raises
         ------
         ValueError
-            Half a turn.
+            If the rotation is half a turn.
         """
         start, end = ends
         C = start.R.mT @ end.R
@@ -307,7 +308,7 @@ class BushingLaw(Law[Bushing]):
             length = pairs.call("sqrt", squared)
             return two * pairs.call("atan2", length, w) / length
 
-        # at zero the limits; the factors of the slope vanish there to second order
+        # limits at zero; there the factors of the slope vanish to second order
         F = pairs.where_zero(squared, lambda: two, factor)
         slope = pairs.where_zero(squared, lambda: pairs.number(-4) / pairs.number(3), lambda: (F * w - two) / squared)
         return e * F, (w, e, F, slope)
@@ -328,4 +329,4 @@ LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     Bushing: BushingLaw(),
     **dict.fromkeys(ALONG_LINES.values(), AlongLineLaw()),
 }
-"""By the class of the element."""
+"""Laws by the class of the element."""

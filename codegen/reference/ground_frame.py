@@ -1,6 +1,6 @@
-"""Bodies and freedoms in the ground frame: the kinematics of the dense method.
+"""Bodies and degrees of freedom in the ground frame: the kinematics of the dense method.
 
-Rotations are composed from the root, and every body has its explicit geometric Jacobian. Each freedom i is an axis that
+Rotations are composed from the root, and every body has its explicit geometric Jacobian. Each degree of freedom i is an axis that
 moves with some body:
 
 ======== =========================================================================================================
@@ -9,8 +9,8 @@ l_i      velocity per unit speed of the point o_i, (3,)
 o_i      a point, m, about which w_i turns
 ======== =========================================================================================================
 
-A point x beyond joint i has the partial velocity l_i + w_i x (x - o_i). Points and axes are rows here, (n, 3): one row a
-freedom.
+A point x outboard of joint i has the partial velocity l_i + w_i x (x - o_i). Points and axes are rows, (n, 3): one row per degree
+of freedom.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Frame:
     Attributes
     ----------
     R : Pair
-        Body components into ground components, (3, 3).
+        Rotation matrix from body to ground components, (3, 3).
     o, v : Pair
         Position and velocity of the body's origin, (1, 3).
     omega : Pair
@@ -59,7 +59,7 @@ class Frame:
 
 @dataclass(slots=True)
 class Freedoms:
-    """All freedoms: axes w and l, points o, and their rates in time, (nu, 3) each."""
+    """All degrees of freedom: axes w and l, points o, and their time derivatives, (nu, 3) each."""
 
     w: Pair
     l: Pair
@@ -69,11 +69,11 @@ class Freedoms:
     o_rate: Pair
 
     def partial_velocities(self, index: Array, x: Pair) -> Pair:
-        """Partial velocities of the point x (1, 3) for the freedoms in index, (len(index), 3)."""
+        """Partial velocities of the point x (1, 3) for the degrees of freedom in index, (len(index), 3)."""
         return self.l[index] + cross(self.w[index], x - self.o[index])
 
     def partial_velocity_rates(self, index: Array, x: Pair, xdot: Pair) -> Pair:
-        """Their derivatives in time for a point that moves with xdot (1, 3), (len(index), 3)."""
+        """Their time derivatives for a point that moves with xdot (1, 3), (len(index), 3)."""
         return (
             self.l_rate[index]
             + cross(self.w_rate[index], x - self.o[index])
@@ -82,7 +82,7 @@ class Freedoms:
 
 
 def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
-    """Frames of all bodies, the ground's last (index -1), and the axes of all freedoms."""
+    """Frames of all bodies, the ground's last (index -1), and the axes of all degrees of freedom."""
     pairs = state.pairs
     zero, U = pairs.zeros(1, 3), pairs.eye(3)
     frames = [Frame(U, zero, zero, zero, [])] * (len(model.bodies) + 1)
@@ -102,7 +102,7 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
         Rs = attitudes(pairs, joint, q, A)
         R = Rs[-1]
 
-        # o and the freedoms' axes, with the angular velocity of what each of them is fixed in.
+        # o and the axes, with the angular velocity of the frame in which each of them is fixed
         w, l, w_rate, l_rate, points = ([zero] * len(speeds) for _ in range(5))
         point_rates = [zero] * len(speeds)
         omega = parent.omega
@@ -141,7 +141,8 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
 
 
 def attitudes(pairs: Pairs, joint: Joint, q: Pair, A: Pair) -> list[Pair]:
-    """Components where each motion of a joint begins into those that A (3, 3) turns the joint frame's into; last, the child's."""
+    """Rotation matrices from the components at the start of each motion of a joint to those given by A (3, 3); last, the
+    child's."""
     Rs = [A]
     for m in joint.kind.motion:
         match m:
@@ -155,7 +156,7 @@ def attitudes(pairs: Pairs, joint: Joint, q: Pair, A: Pair) -> list[Pair]:
 
 
 def placement(pairs: Pairs, rotation: Sequence[tuple[Vector, Expression]]) -> Pair:
-    """Components in a frame placed in a body, by rotations about the moving axes, into body components, (3, 3)."""
+    """Rotation matrix from a frame placed in a body to the body, by rotations about the moving axes, (3, 3)."""
     A = pairs.eye(3)
     for axis, angle in rotation:
         quarters = quarter_turns(angle)
@@ -171,14 +172,14 @@ def turn(pairs: Pairs, axis: Vector, angle: Pair) -> Pair:
 
 
 def quarter(pairs: Pairs, axis: Vector, count: int) -> Pair:
-    """Rotation about an axis by quarter turns, (3, 3): that of the quaternion (1, a), of (0, a) or of (1, -a)."""
+    """Rotation about an axis by quarter turns, (3, 3), with the quaternion (1, a), (0, a) or (1, -a)."""
     a = pairs.unit(pairs.vector(axis))
     w, along = ((1, 0), (1, 1), (0, 1), (1, -1))[count]
     return rotation_of(pairs, [pairs.number(w), *(a[i, 0] * pairs.number(along) for i in range(3))])
 
 
 def cross(a: Pair, b: Pair) -> Pair:
-    """The cross product of rows, (n, 3); one of the two may be a single row."""
+    """The cross products of rows, (n, 3); one of the two may be a single row."""
     value = row_cross(a.value, b.value)
     return Pair(value, row_cross(a.tangent, b.value) + row_cross(a.value, b.tangent))
 
@@ -201,7 +202,7 @@ def quaternion_product(a: list[Pair], b: list[Pair]) -> list[Pair]:
 
 
 def rotation_of(pairs: Pairs, e: list[Pair]) -> Pair:
-    """The matrix of x -> e x e^-1, column by column, (3, 3); any length of e."""
+    """The matrix of x -> e x e^-1, column by column, (3, 3), for e of any length."""
     squared = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
     inverse = [e[0] / squared, -e[1] / squared, -e[2] / squared, -e[3] / squared]
     times_units = [-e[1], e[0], e[3], -e[2]], [-e[2], -e[3], e[0], e[1]], [-e[3], e[2], -e[1], e[0]]

@@ -1,4 +1,4 @@
-"""The values of outputs, for both engines, and what they see of a model; their derivatives are those of pairs."""
+"""The values of outputs, for both engines, and the data about a model that they need; pairs give the derivatives."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Moving:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A model at a state, as an engine sees it.
+    """A model at a state, as an engine evaluates it.
 
     Attributes
     ----------
@@ -44,13 +44,14 @@ class Seen:
     point : callable
         Position, m, and velocity of a point in the ground frame, (3, 1).
     acceleration : callable
-        Acceleration of a point against the ground, (3, 1).
+        Acceleration of a point relative to the ground, (3, 1).
     attitude : callable
-        Of a body: its components into ground components, (3, 3), and its angular velocity in the ground frame, (3, 1).
+        Rotation matrix of a body, from its components to ground components, (3, 3), and its angular velocity in the ground frame,
+        (3, 1).
     energies : callable
         Kinetic and potential energy, (1, 1), J.
     driving_forces : callable
-        The generalised forces that prescribed coordinates take, (1, 1) each, N m or N, by their names.
+        The generalised forces that drive prescribed coordinates, (1, 1) each, N m or N, by name.
     bodies : callable
         All bodies, in the order of the model.
     """
@@ -71,7 +72,7 @@ def along(output: Output, seen: Seen, v: Pair) -> Pair:
 
 
 def of_points(which: int) -> Callable[[Output, Seen], Pair]:
-    """n . x of a point, or n . (x_2 - x_1) of two, x their positions (0) or velocities (1)."""
+    """n . x of a point, or n . (x_2 - x_1) of two points, with x their positions (0) or velocities (1)."""
 
     def value(output: Output, seen: Seen) -> Pair:
         *first, last = (seen.point(point)[which] for point in output.points)
@@ -83,7 +84,7 @@ def of_points(which: int) -> Callable[[Output, Seen], Pair]:
 def rotation(output: Output, seen: Seen) -> Pair:
     """An entry of ``R = R_other^T R_body``, or a component of its quaternion, qw >= 0.
 
-    The largest component is a square root, the others follow from products of two components. At qw = 0 the largest is positive.
+    The largest component is a square root; the others follow from products of two components. At qw = 0 the largest is positive.
     """
     body, other = output.bodies
     (entry,) = output.choice
@@ -110,7 +111,7 @@ def rotation(output: Output, seen: Seen) -> Pair:
 
 
 def angular_velocity(output: Output, seen: Seen) -> Pair:
-    """n . omega, the axis n in the ground or, turned into it, in the body."""
+    """n . omega, with the axis n fixed in the ground or in the body."""
     (body,) = output.bodies
     R, omega = seen.attitude(body)
     return along(output, seen, omega if output.choice[0] == "ground" else R.mT @ omega)
@@ -135,7 +136,7 @@ def center_of_mass(output: Output, seen: Seen) -> Pair:
 
 
 def momentum(output: Output, seen: Seen) -> Pair:
-    """n . sum m v, or n . sum (spin + (x - o) x m v), o the ground's origin or the centre of mass."""
+    """n . sum m v, or n . sum (spin + (x - o) x m v), with o the ground's origin or the centre of mass."""
     kind, about = output.choice
     bodies = list(seen.bodies())
     if kind == "linear":
@@ -154,7 +155,7 @@ def distance(output: Output, seen: Seen) -> Pair:
     Raises
     ------
     ValueError
-        The points coincide, and a derivative is asked for.
+        If the points coincide and a derivative is needed.
     """
     first, second = (seen.point(p)[0] for p in output.points)
     line = second - first
@@ -165,7 +166,7 @@ def distance(output: Output, seen: Seen) -> Pair:
 
 
 def value(output: Output, seen: Seen) -> Pair:
-    """Of the output's expression."""
+    """The value of the output's expression."""
     assert output.expression is not None
     return seen.pairs.expression(output.expression)
 
@@ -186,4 +187,4 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
     "kinetic_energy": lambda _, seen: seen.energies()[0][0, 0],
     "potential_energy": lambda _, seen: seen.energies()[1][0, 0],
 }
-"""By the name of the measure."""
+"""Outputs by the name of the measure."""

@@ -1,8 +1,8 @@
 """Forward pairs: a value with its derivatives along k directions, for expressions and joint geometry.
 
-A pair's value is a number or a matrix; its tangent has the k directions first, the value's shape after. This is
-Eq. 10 applied operation by operation: the derivative of a result along direction j is the sum over the operands of
-partial derivative times operand derivative.
+A pair's value is a number or a matrix; its tangent has the k directions as first axis, followed by the value's shape. This is Eq.
+10 applied to each operation: the derivative of a result along direction j is the sum, over the operands, of partial derivative
+times operand derivative.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ class Pair:
         return Pair(value, (self.tangent - value * other.tangent) / other.value)
 
     def __pow__(self, exponent: int) -> Pair:
-        """Power of a number; the exponents 0 and 1 do not meet 0**-1 at a base of zero."""
+        """Power of a number; the exponents 0 and 1 avoid 0**-1 for a base of zero."""
         if exponent == 0:
             return Pair(self.value**0, 0 * self.tangent)
         return Pair(self.value**exponent, exponent * self.value ** (exponent - 1) * self.tangent)
 
     def __bool__(self) -> bool:
-        """Whether a number is none of zero."""
+        """Whether all numbers differ from zero."""
         return bool(self.value)
 
     def __matmul__(self, other: Pair) -> Pair:
@@ -84,7 +84,7 @@ class Pair:
 
 def skew(v: Array) -> Array:
     """The matrix of the cross product, v x: (..., 3, 1) to (..., 3, 3)."""
-    result = 0 * (v + v.mT)  # zeros of the numbers' own kind
+    result = 0 * (v + v.mT)  # zeros of the same number type
     x, y, z = v[..., 0, 0], v[..., 1, 0], v[..., 2, 0]
     result[..., 0, 1], result[..., 0, 2] = -z, y
     result[..., 1, 0], result[..., 1, 2] = z, -x
@@ -93,13 +93,13 @@ def skew(v: Array) -> Array:
 
 
 class Pairs:
-    """Makes pairs: numbers, matrices, elementary functions, expressions, all with k directions.
+    """Creates pairs: numbers, matrices, elementary functions and expressions, all with k directions.
 
     Parameters
     ----------
     arithmetic : Arithmetic
     k : int
-        Number of directions; 0 where no derivative is wanted.
+        Number of directions; 0 without derivatives.
     environment : mapping of str to Pair
         Parameters, inputs, ``t``, ``q.NAME`` and ``u.NAME``.
     """
@@ -109,8 +109,8 @@ class Pairs:
         self.k = k
         self.environment = environment
         self._zero = arithmetic.zeros(k)
-        # Bodies of a repeat share their Expression objects: each is evaluated once per call, and kept so that its id
-        # is not given to another.
+        # Bodies of a repeat share their Expression objects. Each is evaluated once per call, and kept so that its id
+        # is not reused.
         self._known: dict[int, tuple[Expression, Pair]] = {}
         self._functions: dict[str, Callable[..., Pair]] = {"number": self.number, "**": self.power}
         self._functions |= {name: partial(self.call, name) for name in (*FUNCTIONS, *OF_TREES)}
@@ -131,7 +131,7 @@ class Pairs:
         return self.constant(np.zeros(shape, dtype=int))
 
     def eye(self, n: int) -> Pair:
-        """The unit matrix, (n, n)."""
+        """The identity matrix, (n, n)."""
         return self.constant(np.eye(n, dtype=int))
 
     def matrix(self, rows: Sequence[Sequence[Pair]]) -> Pair:
@@ -148,7 +148,7 @@ class Pairs:
         return self.matrix([[x] for x in entries]) if entries else self.constant(np.zeros((0, 1), int))
 
     def block(self, rows: Sequence[Sequence[Pair]]) -> Pair:
-        """A matrix of matrices."""
+        """A block matrix."""
         return Pair(np.block([[x.value for x in r] for r in rows]), np.block([[x.tangent for x in r] for r in rows]))
 
     def diagonal(self, column: Pair) -> Pair:
@@ -175,7 +175,7 @@ class Pairs:
         """An elementary function of numbers, by its name in the expression grammar."""
         if name in ("min", "max"):
             result = arguments[0]
-            for x in arguments[1:]:  # on a tie the first one counts, for the derivative too
+            for x in arguments[1:]:  # on a tie the first one counts, also for the derivative
                 result = x if (x.value < result.value if name == "min" else x.value > result.value) else result
             return result
         if name == "at_least":
@@ -185,24 +185,24 @@ class Pairs:
             return x - self.number(self.arithmetic.function("floor")(x.value / m.value)) * m
         of = [a.value for a in arguments]
         value, tangent = self.arithmetic.function(name)(*of), self._zero
-        if self.k:  # a value at the edge of a function's domain must not fail for a derivative nobody asked for
+        if self.k:  # a value at the edge of a function's domain must not fail because of an unneeded derivative
             for slope_, a in zip(TABLE[name].slopes, arguments, strict=True):
                 tangent = tangent + slope_(self.arithmetic.functions, value, *of) * a.tangent
         return Pair(value, tangent)
 
     def where_zero(self, x: Pair, value: Callable[[], Pair], otherwise: Callable[[], Pair]) -> Pair:
-        """One number where another one is zero, and a second one elsewhere; symbols keep both."""
+        """One number if another one is zero, and a second one otherwise; with symbols, both are kept."""
         if self.arithmetic.symbolic:
             return Pair(self.arithmetic.where_zero(x.value, value().value, otherwise().value), self._zero)
         return value() if x.value == 0 else otherwise()
 
     def power(self, x: Pair, y: Pair) -> Pair:
-        """x**y for numbers; an exponent without derivative asks no logarithm of the base."""
+        """x**y for numbers; an exponent without derivative needs no logarithm of the base."""
         power = self.arithmetic.power
         value = power(x.value, y.value)
         if not self.k:
             return Pair(value, self._zero)
-        # The exponents 0, 1 and 2 must not meet 0**-1 and the like at a base of zero.
+        # The exponents 0, 1 and 2 avoid 0**-1 and similar for a base of zero.
         tangent = y.value * power(x.value, y.value - 1) * x.tangent if y.value != 0 else self._zero
         if np.any(y.tangent != 0):
             tangent = tangent + value * self.arithmetic.function("log")(x.value) * y.tangent
@@ -226,7 +226,7 @@ class Pairs:
         return self._known[key][1]
 
     def _with_limits(self, tree: Tree) -> Pair:
-        """A tree whose derivatives may be infinite: only along directions that move what they are by."""
+        """Evaluates a tree whose derivatives may be infinite; they count only along directions that change its operands."""
         tangent = self._zero
         for leaf in leaves(tree):
             along = self.environment[leaf[1]].tangent

@@ -1,6 +1,6 @@
-"""The derivative primitives of the recursive engine: what is local to a body or a joint, with its derivatives.
+"""The derivative primitives of the recursive engine: quantities local to a body or a joint, with their derivatives.
 
-Geometry and inertia as pairs; every quantity here depends on one body's own parameters, coordinates and speeds only.
+Geometry and inertia are pairs; each quantity depends only on one body's own parameters, coordinates and speeds.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from ..model.quarter_turns import cosine_and_sine, quarter_turns
 from .pairs import Pair, Pairs
 
 HALF_TURN = 1e-12
-"""A squared cosine below this has no direction back any more."""
+"""Squared cosine below which rates cannot be mapped back to speeds."""
 
 
 @dataclass(slots=True)
 class JointTerms:
     """A joint's own kinematics, child body frame relative to joint frame.
 
-    ``R (3, 3)`` turns child components into joint frame components; ``d (3, 1)`` is the child's origin in the joint
-    frame, m; ``P (6, f)`` maps the speeds to angular velocity and velocity of the child's origin relative to the parent,
-    in child components; ``Pdot_u (6, 1)`` is the derivative of P, in child components, times u.
+    ``R (3, 3)`` maps child components to joint frame components. ``d (3, 1)`` is the child's origin in the joint frame, m. ``P
+    (6, f)`` maps the speeds to angular velocity and velocity of the child's origin relative to the parent, in child components.
+    ``Pdot_u (6, 1)`` is the derivative of P in child components, times u.
     """
 
     R: Pair
@@ -35,7 +35,7 @@ class JointTerms:
 
 
 def shift(pairs: Pairs, C: Pair, gamma: Pair) -> Pair:
-    """S^k, (6, 6); gamma in components of k, as C gamma x asks."""
+    """S^k, (6, 6); gamma is in components of k, as C gamma x requires."""
     zero = pairs.zeros(3, 3)
     return pairs.block([[C, C @ pairs.skew(gamma)], [zero, C]])  # Eqs. 22 and 28
 
@@ -50,7 +50,7 @@ def generalised_inertia(body: Body, pairs: Pairs) -> Pair:
 
 
 def axis_rotation(pairs: Pairs, axis: Pair, angle: Pair) -> Pair:
-    """Rotation about a unit axis (Euler and Rodrigues): U + sin(angle) a x + (1 - cos(angle)) a x a x, (3, 3)."""
+    """Rotation about a unit axis (Euler-Rodrigues formula): U + sin(angle) a x + (1 - cos(angle)) a x a x, (3, 3)."""
     return _rodrigues(pairs, axis, pairs.call("cos", angle), pairs.call("sin", angle))
 
 
@@ -66,13 +66,13 @@ def quaternion_rotation(pairs: Pairs, e: Pair) -> Pair:
 
 
 def quaternion_rate_matrix(pairs: Pairs, e: Pair) -> Pair:
-    """The matrix that turns child components of the angular velocity into edot = e (0, omega)/2, (4, 3)."""
+    """The matrix that maps child components of the angular velocity to edot = e (0, omega)/2, (4, 3)."""
     w, x, y, z = (e[i, 0] for i in range(4))
     return pairs.matrix([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) * (pairs.number(1) / pairs.number(2))
 
 
 def placed_rotation(placed: Joint | Face, pairs: Pairs) -> Pair:
-    """Components in a joint frame or face into components in the body it is placed in, (3, 3)."""
+    """Rotation matrix from a joint frame or face to the body in which it is placed, (3, 3)."""
     C = pairs.eye(3)
     for axis, angle in placed.rotation:
         about, quarters = pairs.unit(pairs.vector(axis)), quarter_turns(angle)
@@ -84,7 +84,7 @@ def placed_rotation(placed: Joint | Face, pairs: Pairs) -> Pair:
 
 
 def condition_frame(pairs: Pairs, axis: Vector, defaults: dict[str, float]) -> tuple[int, Pair]:
-    """The frame of a loop joint's conditions, see `closure_row_names`: which of its columns is the axis, and (3, 3)."""
+    """The frame of a loop joint's conditions, see `closure_row_names`: the index of the axis among its columns, and (3, 3)."""
     along = coordinate_axis(axis)
     if along is not None:
         i, sign = along
@@ -108,14 +108,14 @@ def twice_half_sine(pairs: Pairs, R: Pair) -> Pair:
 
 
 def residuals_of_turn(pairs: Pairs, loop: Loop, into: Pair, R_s: Pair, R_e: Pair, sines: Sequence[Pair]) -> list[Pair]:
-    """The angular residuals of a loop joint as they are reported, (1, 1) each: with 2 sin(t/2) in the place of sin(t).
+    """The reported angular residuals of a loop joint, (1, 1) each, with 2 sin(t/2) instead of sin(t).
 
     Parameters
     ----------
     into : Pair
-        Components in the start face into those along the conditions, (3, 3).
+        Rotation matrix from the start face to the axes of the conditions, (3, 3).
     R_s, R_e : Pair
-        Components in the faces into common ones, (3, 3).
+        Rotation matrices from the faces to a common frame, (3, 3).
     sines : sequence of Pair
         The conditions, sums of c . d, (1, 1) each.
     """
@@ -125,7 +125,7 @@ def residuals_of_turn(pairs: Pairs, loop: Loop, into: Pair, R_s: Pair, R_e: Pair
     if loop.closure.angular < 2:
         return list(sines)
     a = pairs.unit(pairs.vector(loop.axes[0]))
-    double = R_s @ a + R_e @ a  # twice the cosine of t/2 long
+    double = R_s @ a + R_e @ a  # its length is 2 cos(t/2)
     square = pairs.dot(double, double)
     if not square.value > HALF_TURN:
         return [pairs.constant([[2]]), *(pairs.constant([[0]]) for _ in sines[1:])]
@@ -135,8 +135,9 @@ def residuals_of_turn(pairs: Pairs, loop: Loop, into: Pair, R_s: Pair, R_e: Pair
 def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
     """The joint's own kinematics at q (c, 1) and u (f, 1), from its chain of motions; see `JointTerms`.
 
-    A motion turns by R, at the angular velocity omega in components behind it, and goes the way d. What comes before it, with
-    the twist (w, v), has the twist (R^T w, R^T (v + w x d)) at the origin behind it, whose derivative at constant w, v is
+    An elementary motion rotates by R, with the angular velocity omega in components after it, and translates by d. A preceding
+    motion with the twist (w, v) has the twist (R^T w, R^T (v + w x d)) at the origin after it, whose derivative at constant w, v
+    is
 
         (-omega x R^T w,  -omega x R^T (v + w x d) + R^T (w x ddot))
     """
@@ -160,7 +161,7 @@ def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
             case Ball(i, j):
                 turned, place = quaternion_rotation(pairs, q[i : i + 4]), slice(j, j + 3)
                 own = pairs.constant(np.eye(6, 3, dtype=int))
-            case Displacement(i, j):  # nothing comes before it, and its velocities are in components of the end
+            case Displacement(i, j):  # nothing precedes it, and its velocities are in components of the end
                 d, P_end = q[i : i + 3], pairs.constant(np.eye(6, 3, -3, dtype=int) @ eye[j : j + 3])
                 continue
         V_own = own @ u[place]

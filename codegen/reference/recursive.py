@@ -1,30 +1,28 @@
 """The generic recursive engine: Anderson and Hsu's algorithm on 6x6 matrices, equation by equation.
 
-Nothing is generated here and nothing is clever. Every statement of the four sweeps stands with its equation number. Quantities
-are pairs of a value and its total derivatives, d/dp_j of Eq. 10, whose product rule makes of each equation its derivative
-too: Eqs. 26 to 28, 49 to 52 and 55. This engine is the witness the generated code is tested against; it shares nothing with
-`codegen.mechanics`.
+This engine generates no code and is not optimised. Every statement of the four sweeps has its equation number. Quantities are
+pairs of a value and its total derivatives, d/dp_j of Eq. 10. Their product rule turns each equation into its derivative: Eqs. 26
+to 28, 49 to 52 and 55. Tests compare the generated code with this engine, which shares nothing with `codegen.mechanics`.
 
-The sweeps of a tree stand in this file. Closed loops have files of their own: `ears` (which bodies are resolved together),
+This file has the sweeps of a tree. Closed loops are in other files: `ears` (groups of bodies that are resolved together),
 `closure` (Eqs. 30 to 38: dependent speeds, and the completion of dependent seeds) and `embedding` (Eqs. 39 to 60 with loops).
 
 The notation is that of `terms`.
 
-The slips of the printed paper, each mended here where it is met:
+Misprints of the paper, each corrected here where it occurs:
 
-- Eq. 12: a transposition too many; omega = sum of omega_r u_r, as Eq. 13 has it for v.
+- Eq. 12: one transposition too many; omega = sum of omega_r u_r, as in Eq. 13 for v.
 - Eqs. 24 and 27: the gyroscopic moment omega x I omega enters F with a minus. Euler's equation is
   moment = I alpha + omega x I omega, and F has to balance I A_bar.
-- Eq. 42: with that F the articulated equation of motion is P^T (I_hat A - F_hat) = 0; the printed plus contradicts
-  Eq. 53, which is right.
-- Eq. 45: forces that work in the joints are not in F; they hand -S I_hat P M^-1 tau to the parent and enter Eq. 53.
-  (The same comes out if the joint's force on k and its reaction on Pr[k] are put in F.)
+- Eq. 42: with this F the articulated equation of motion is P^T (I_hat A - F_hat) = 0; the printed plus contradicts Eq. 53, which
+is correct. - Eq. 45: forces acting in the joints are not in F; they contribute -S I_hat P M^-1 tau to the parent and enter Eq.
+53. (The result is the same if F contains the joint's force on k and its reaction on Pr[k].)
 - Eq. 50: the left-hand side lacks its d/dp_j.
 - Eq. 51: the first P lacks its transposition.
 - Eq. 52: d(M^-1) = -M^-1 dM M^-1; the minus is missing.
 - Eqs. 54 and 55: the shift of an acceleration is S^T, as in Eq. 19.
 
-The other slips concern the dense method (Eq. 6, see `dense`) and closed loops (Eqs. 33, 36, 39 to 41, see `closure` and
+The other misprints concern the dense method (Eq. 6, see `dense`) and closed loops (Eqs. 33, 36, 39 to 41, see `closure` and
 `embedding`).
 """
 
@@ -60,8 +58,8 @@ from .terms import Terms
 class Articulated:
     """The articulated quantities of one body, named as in the table of `terms`.
 
-    ``I_locked (6, 6)`` is what I_hat would be with the children's joints locked: the measure of what is left in M_k
-    where nearly all has cancelled.
+    ``I_locked (6, 6)`` is I_hat with the children's joints locked. It is the scale for M_k, in which nearly everything may
+    cancel.
     """
 
     I_hat: Pair
@@ -89,7 +87,7 @@ class RecursiveEngine(Engine):
         return self._with_accelerations(self._explicit_accelerations(state), state.pairs)
 
     def _explicit_accelerations(self, state: State) -> Pair:
-        """The same, zero for what is prescribed: that is in the remainders."""
+        """udot, (nu, 1), with zero for prescribed speeds, whose accelerations are in the remainders."""
         bodies = self._motion(state)
         rotors = self._armature(state.pairs)
         if not self.model.loops:
@@ -106,7 +104,7 @@ class RecursiveEngine(Engine):
         return embed(self.model, groups, closures, bodies, remainders, rotors, state.pairs)
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
-        """M^-1 b, (nu, 1): the same sweeps with b for the joint forces and nothing else acting."""
+        """M^-1 b, (nu, 1): the same sweeps with b as joint forces and no other loads."""
         bodies = self._motion(state)
         for body, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False):
             body.F, body.tau = state.pairs.zeros(6, 1), b[rows]
@@ -115,9 +113,9 @@ class RecursiveEngine(Engine):
     def _triangularization(self, bodies: list[Terms], rotors: Pair) -> list[Articulated]:
         """Articulated inertias and forces, inward, Eqs. 42 to 52; the ground's last, as in `bodies`.
 
-        What the rotors of a joint resist with is in its M_k and nowhere else: T_k leaves their part of the inertia along P.
+        The reflected inertia of a joint's rotors enters only M_k: T_k leaves their part of the inertia along P.
         """
-        # Every body starts as its own and collects its children: the sums over Dist[k] of Eqs. 48 to 50.
+        # Every body starts with its own values and adds those of its children: the sums over Dist[k] of Eqs. 48 to 50.
         articulated = [Articulated(b.I, b.F, b.I.value) for b in bodies]
         for k in reversed(self.model.outward):
             b, art, pr = bodies[k], articulated[k], articulated[self.model.bodies[k].parent]
@@ -131,7 +129,7 @@ class RecursiveEngine(Engine):
             M_inverse = self._inverse(k, M.value, P.value.mT @ art.I_locked @ P.value + resisting.value)
             art.M_inverse = Pair(M_inverse, -M_inverse @ M.tangent @ M_inverse)  # Eq. 52 with its minus
 
-            # H = I_hat P M^-1, (6, f), stands in Eq. 46 and in what the joint force hands on.
+            # H = I_hat P M^-1, (6, f), is used in Eq. 46 and in the contribution of the joint force.
             H = I_hat @ P @ art.M_inverse
             T = S - S @ H @ P.mT  # Eq. 46
 
@@ -144,7 +142,7 @@ class RecursiveEngine(Engine):
         """udot, (nu, 1), outward, Eqs. 53 to 56."""
         model, pairs = self.model, self._constants(bodies)
         udot = pairs.zeros(model.nu, 1)
-        A_bar = [pairs.zeros(6, 1)] * len(bodies)  # Eq. 56: the ground's stays zero
+        A_bar = [pairs.zeros(6, 1)] * len(bodies)  # Eq. 56: the ground's acceleration stays zero
         for k in model.outward:
             b, art, rows = bodies[k], articulated[k], self._free_places(k)
             P, tau = self._freedoms(k, b)
@@ -158,16 +156,16 @@ class RecursiveEngine(Engine):
         return Pairs(self.arithmetic, len(bodies[GROUND].V.tangent), {})
 
     def _free_places(self, k: int) -> list[int]:
-        """Where the speeds of a joint that are not prescribed stand in u."""
+        """Indices in u of the speeds of a joint that are not prescribed."""
         return [self.model.coordinate_slices[k][1].start + j for j in self.free[k]]
 
     def _freedoms(self, k: int, b: Terms) -> tuple[Pair, Pair]:
-        """P and tau of what of a joint is not prescribed."""
+        """Columns of P and entries of tau of a joint for its speeds that are not prescribed."""
         free = self.free[k]
         return (b.P, b.tau) if len(free) == len(b.tau.value) else (b.P[:, free], b.tau[free])
 
     def _motion(self, state: State) -> list[Terms]:
-        """The kinematic sweep (outward), Eqs. 12 to 29: one `Terms` a body, the ground's last (index -1)."""
+        """The kinematic sweep (outward), Eqs. 12 to 29: one `Terms` per body, the ground's last (index -1)."""
         model, pairs = self.model, state.pairs
         bodies = [self._ground(pairs)] * (len(model.bodies) + 1)
         gravity, on_speeds, given = (
@@ -191,14 +189,14 @@ class RecursiveEngine(Engine):
             P, Pdot_u = lever @ joint.P, lever @ joint.Pdot_u  # from the child's origin to its mass centre
             S, I = shift(pairs, C, gamma), generalised_inertia(body, pairs)
 
-            # Velocity: V_t (Eqs. 20, 25) is what prescribed speeds, which are among the u here, add to V_bar.
+            # Velocity: V_t (Eqs. 20, 25) is the part of V_bar due to prescribed speeds, which are among the u here.
             v = P @ u  # relative to the parent
             V = S.mT @ pr.V + v  # Eq. 18, and Eq. 12
 
-            # Acceleration remainder: what the moving parent and the changing partial velocities add.
-            Ox, wx = pairs.skew(C.mT @ pr.V[:3]), pairs.skew(v[:3])  # of the parent, in k, and against it
+            # Acceleration remainder: terms of the moving parent and of the changing partial velocities.
+            Ox, wx = pairs.skew(C.mT @ pr.V[:3]), pairs.skew(v[:3])  # of the parent, in k, and relative to it
             remainder = pairs.block([[Ox @ v[:3]], [Ox @ Ox @ gamma + Ox @ (v[3:] + v[3:]) + wx @ v[3:]]]) + Pdot_u
-            A_t = S.mT @ pr.A_t + remainder + P @ given[u_rows]  # Eqs. 21 and 26; `given`: of what is prescribed
+            A_t = S.mT @ pr.A_t + remainder + P @ given[u_rows]  # Eqs. 21 and 26; `given`: prescribed accelerations
 
             # Generalised force: Eq. 24 with the gyroscopic minus, Eq. 27 the same.
             N_C = pr.N_C @ C
@@ -212,7 +210,7 @@ class RecursiveEngine(Engine):
 
     @staticmethod
     def _apply(pairs: Pairs, b: Terms, at: Pair, wrench: Wrench) -> None:
-        """Add what acts at the point ``at`` (3, 1) of a body to its generalised force."""
+        """Add a load that acts at the point ``at`` (3, 1) of a body to its generalised force."""
         inward = b.N_C.mT
         if wrench.force is not None:
             force = inward @ wrench.force
@@ -223,7 +221,7 @@ class RecursiveEngine(Engine):
     # --- loops: completion of dependent speeds and seeds ------------------------------------------------------------
 
     def _given_accelerations(self, pairs: Pairs) -> Pair:
-        """Those of what is prescribed, (nu, 1), zero for all others."""
+        """Prescribed accelerations, (nu, 1), zero for all other speeds."""
         return self._with_accelerations(pairs.zeros(self.model.nu, 1), pairs)
 
     def _cuts(self, pairs: Pairs, bodies: list[Terms]) -> list[AnyCut]:
@@ -244,10 +242,10 @@ class RecursiveEngine(Engine):
         return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, still)[self.dependent]
 
     def _displacements(self, state: State) -> Array:
-        """The same sweep for displacements: what parameters and independent seeds move is the motion to be closed.
+        """The same sweep for displacements: those due to parameters and independent seeds are closed by the dependent ones.
 
-        With the dependent seeds at zero, the derivatives of N_C and x are the displacements of the bodies; what one of them
-        has more than its parent is its own.
+        With the dependent seeds at zero, the derivatives of N_C and x are the displacements of the bodies. The displacement of a
+        body relative to its parent is its own part.
         """
         pairs, bodies = state.pairs, self._motion(state)
         cuts = self._cuts(pairs, bodies)
@@ -279,7 +277,7 @@ class RecursiveEngine(Engine):
     # --- other quantities of the same sweeps ----------------------------------------------------------------------
 
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
-        """M udot - K, (nu, 1): Eqs. 19 outward, the balance of every body inward."""
+        """M udot - K, (nu, 1): Eqs. 19 outward, then the balance of every body inward."""
         model, pairs, explicit = self.model, state.pairs, self._explicit(udot)
         bodies = self._motion(state)
         A_bar = [pairs.zeros(6, 1)] * len(bodies)
@@ -287,7 +285,7 @@ class RecursiveEngine(Engine):
             b, rows = bodies[k], model.coordinate_slices[k][1]
             A_bar[k] = b.S.mT @ A_bar[model.bodies[k].parent] + b.P @ explicit[rows]  # Eq. 54
 
-        # Phi: what joint k has to transmit, the body's own need first, then its children's.
+        # Phi: the wrench that joint k transmits, for the body's own motion first, then for its children's.
         Phi = [b.I @ A - b.F for b, A in zip(bodies, A_bar, strict=True)]
         result = pairs.zeros(model.nu, 1)
         for k in reversed(model.outward):
@@ -297,7 +295,7 @@ class RecursiveEngine(Engine):
         return result + pairs.diagonal(self._armature(pairs)) @ udot
 
     def _explicit(self, udot: Pair) -> Pair:
-        """Without what is prescribed, which the remainders have."""
+        """Without prescribed accelerations, which the remainders contain."""
         found = Pair(udot.value.copy(), udot.tangent.copy())
         found.value[self.held] *= 0
         found.tangent[:, self.held] *= 0
@@ -323,7 +321,8 @@ class RecursiveEngine(Engine):
         return M + pairs.diagonal(self._armature(pairs))
 
     def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:
-        """Kinetic energy, the sum of V^T I V / 2 and that of rotors, and potential energy, the sum of -m g^T x; (1, 1)."""
+        """Kinetic energy, the sum of V^T I V / 2 and of the rotors' energies, and potential energy, the sum of -m g^T x; (1,
+        1)."""
         pairs, g = state.pairs, self._gravity(state.pairs)
         half = pairs.number(pairs.arithmetic.number(1) / 2)
         T = state.u.mT @ pairs.diagonal(self._armature(pairs)) @ state.u * half
@@ -334,7 +333,7 @@ class RecursiveEngine(Engine):
         return T, W
 
     def _point(self, motion: list[Terms], body: int, at: Pair) -> tuple[Pair, Pair]:
-        """Position x + N_C r and velocity N_C (v + omega x r), r from the mass centre; (3, 1) in the ground frame."""
+        """Position x + N_C r and velocity N_C (v + omega x r), with r from the mass centre; (3, 1) in the ground frame."""
         b = motion[body]
         r = at - b.com
         return b.x + b.N_C @ r, b.N_C @ (b.V[3:] + Pairs.skew(b.V[:3]) @ r)
@@ -387,7 +386,7 @@ class RecursiveEngine(Engine):
     # --- parts of the kinematic sweep -----------------------------------------------------------------------------
 
     def _ground(self, pairs: Pairs) -> Terms:
-        """The ground does not move; what the sweeps collect for it is never read."""
+        """The ground does not move; values that sweeps add to it are not used."""
         zero = {(r, c): pairs.zeros(r, c) for r, c in ((6, 6), (6, 1), (6, 0), (3, 1), (0, 1))}
         zero[3, 3] = pairs.eye(3)
         shapes = {"S": (6, 6), "P": (6, 0), "V": (6, 1), "A_t": (6, 1), "I": (6, 6), "F": (6, 1), "tau": (0, 1)}
@@ -399,7 +398,7 @@ class RecursiveEngine(Engine):
         return pairs.vector(self.model.gravity) if self.model.gravity else pairs.zeros(3, 1)
 
     def _inverse(self, k: int, M: Array, M_locked: Array) -> Array:
-        """The inverse of M_k, (f, f); a body without inertia about its joint is named."""
+        """The inverse of M_k, (f, f); the error names a body without inertia about its joint."""
         try:
             return self.arithmetic.inverse(M, [M_locked[i, i] for i in range(len(M))])
         except SingularMatrixError as error:

@@ -1,4 +1,4 @@
-"""Functions of a point's place that are zero, with their derivatives at a place: for conditions on points."""
+"""Functions of a point's position that vanish, with their derivatives, for conditions on points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .pairs import Pair, Pairs
 
 @dataclass(slots=True)
 class SurfaceAt:
-    """A function at a place ``(3, 1)``.
+    """A function at a position ``(3, 1)``.
 
     Attributes
     ----------
@@ -39,6 +39,6 @@ def surface_at(pairs: Pairs, function: SurfaceFunction, place: Pair) -> SurfaceA
 
 
 def at(pairs: Pairs, place: Pair) -> Pairs:
-    """Pairs that know the coordinates of a point."""
+    """Creates pairs in which the coordinates of a point are known."""
     known = {name: place[i, 0] for i, name in enumerate(COORDINATES)}
     return Pairs(pairs.arithmetic, pairs.k, {**pairs.environment, **known})

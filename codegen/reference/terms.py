@@ -1,4 +1,4 @@
-"""What the recursive engine knows of a body, in the notation of the paper.
+"""Quantities of a body in the recursive engine, in the notation of the paper.
 
 For body k with its parent Pr[k]; components in body k's own axes unless said otherwise:
 

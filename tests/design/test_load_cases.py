@@ -80,11 +80,11 @@ def test_what_is_wrong_is_told(solver):
         solver, 3.0, Final("x"), VARIABLES | {"stiffness": codegen.Variable(1.0, 20.0, start=8.0)}
     )
     for arguments, message in (
-        (([],), "no objective is given"),
+        (([],), "list of objectives is empty"),
         (([one, Final("x")],), "case 1 is Final.*, expected what ordernm.objective returns"),
-        (([one, more],), "names of the variables of case 1 are not those of case 0"),
-        (([one, wider],), "lower bounds of the variables of case 1"),
-        (([one, one],), "given twice; give it a weight"),
+        (([one, more],), "variables of case 1 have other names than those of case 0"),
+        (([one, wider],), "variables of case 1 have other lower bounds"),
+        (([one, one],), "given twice; give it once, with a weight"),
     ):
         with pytest.raises(ValueError, match=message):
             codegen.load_cases(*arguments)

@@ -70,9 +70,9 @@ def test_ctrl_c_leaves_what_was_computed(solver, last):
 def test_what_is_wrong_is_told(solver):
     with pytest.raises(ValueError, match="progress is 3, expected a function"):
         codegen.simulate_many(solver, 1.0, p={"stiffness": [1.0, 2.0]}, progress=3)
-    with pytest.raises(ValueError, match="nothing has rows"):
+    with pytest.raises(ValueError, match="no argument has rows"):
         codegen.simulate_many(solver, 1.0, p=solver.parameters)
-    with pytest.raises(ValueError, match="numbers of motions differ: q 2, p 3"):
+    with pytest.raises(ValueError, match="different numbers of motions: q 2, p 3"):
         codegen.simulate_many(solver, 1.0, q=np.zeros((2, 1)), p=np.ones((3, 5)))
     with pytest.raises(ValueError, match=r"expected \(5,\) or \(n, 5\)"):
         codegen.simulate_many(solver, 1.0, p=np.ones(4))
@@ -80,7 +80,7 @@ def test_what_is_wrong_is_told(solver):
         codegen.simulate_many(solver, 1.0, p={"masss": np.ones(3)})
     with pytest.raises(ValueError, match="threads is 0"):
         codegen.simulate_many(solver, 1.0, p=np.ones((3, 5)), threads=0)
-    with pytest.raises(ValueError, match="takes no on_failure"):
+    with pytest.raises(ValueError, match="does not take on_failure"):
         codegen.simulate_many(solver, 1.0, p=np.ones((3, 5)), on_failure="return")
     motions = codegen.simulate_many(solver, 1.0, p={"stiffness": [1.0, 900.0]})
     with pytest.raises(ValueError, match="simulate them at given times"):

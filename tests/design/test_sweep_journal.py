@@ -144,7 +144,7 @@ def test_a_changed_measure_is_refused(solver, tmp_path):
     assert journal.read_bytes() == before
     solver.bad_states = "nan"
     try:
-        with pytest.raises(SweepJournalError, match=r"bad_states was 'error', here 'nan'"):
+        with pytest.raises(SweepJournalError, match=r"bad_states was 'error', but is 'nan' here"):
             codegen.sweep(solver, CASES, first, journal=journal)
     finally:
         solver.bad_states = "error"
@@ -191,7 +191,7 @@ FOREIGN = {
 def test_what_is_no_journal_stays_as_it_is(solver, tmp_path, kind):
     file = tmp_path / "file"
     file.write_bytes(FOREIGN[kind])
-    with pytest.raises(SweepJournalError, match="is no journal of a sweep, and is left as it is"):
+    with pytest.raises(SweepJournalError, match="is not the journal of a sweep and was not changed"):
         codegen.sweep(solver, CASES, plain, journal=file)
     assert file.read_bytes() == FOREIGN[kind]
 
@@ -224,7 +224,7 @@ def test_damaged_rows_are_named(solver, tmp_path, row):
     lines[2] = row
     journal.write_text("\n".join(lines) + "\n")
     before = journal.read_bytes()
-    with pytest.raises(SweepJournalError, match="is damaged in line 3, and is left as it is; remove that line"):
+    with pytest.raises(SweepJournalError, match="is damaged in line 3 and was not changed; remove this line"):
         codegen.sweep(solver, CASES, plain, journal=journal)
     assert journal.read_bytes() == before
 
