@@ -165,7 +165,7 @@ def test_what_would_be_ignored_is_refused(solver):
         ({"sigma": {"x": 1.0, "speed": 2.0}}, "sigma of 'speed', which the model does not have"),
         ({"undetermined": 2.0}, "expected a number between 0 and 1"),
         ({"on_failure": "return"}, "fit does not take on_failure"),
-        ({"times": None, "samples": None, "experiments": [one, one]}, "two experiments are called a"),
+        ({"times": None, "samples": None, "experiments": [one, one]}, "two experiments have the name a"),
         ({"times": None, "samples": None, "experiments": one}, "experiments must be a list of mappings"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -232,7 +232,9 @@ def test_other_bad_input(solver, tmp_path):
         codegen.sweep(solver, cases, lambda solver, case: {"x": 1}, pool)
     journal = tmp_path / "sweep.jsonl"
     codegen.sweep(solver, cases, sweep_measures.swung, journal=journal)
-    with pytest.raises(SweepJournalError, match=r"another sweep: measure was 'swung', but is 'deadly' here; choose another"):
+    with pytest.raises(
+        SweepJournalError, match=r"another sweep: measure was 'swung', but is 'deadly' here; choose another"
+    ):
         codegen.sweep(solver, cases, sweep_measures.deadly, journal=journal)
     (tmp_path / "letter").write_text("Dear reader,\nyours.\n")
     with pytest.raises(SweepJournalError, match="letter is not the journal of a sweep and was not changed"):
