@@ -208,6 +208,7 @@ struct ordernm_motion {
     int *resting;             /* [nswitches] memory for switches at which the motion rests */
     int npoints;              /* number of singular functions that are monitored */
     scalar *singular;         /* [5][nswitches] their values in the step */
+    scalar singular_at;       /* the time of the last row, NaN: they are not known */
     scalar *sides[ORDERNM_SIDES]; /* [size] rates on both sides of a point, see points.c */
     scalar *at_point;         /* [size] the state at the point */
     scalar *moved_p;          /* [np] parameters near it */

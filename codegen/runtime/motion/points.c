@@ -10,7 +10,7 @@
  * largest value; it counts as zero below AT_POINT. */
 enum { PARTS = 4, GOLDEN = 48 };
 static const scalar LEAST_PART = 1e-14;
-static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEARER = 1e-3, AT_POINT = 1e-9;
+static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEAR_COARSE = 0.3, NEARER = 1e-3, AT_POINT = 1e-9;
 
 /* On each side, rates are evaluated at AWAY distances from the point, relative to the step, the farthest first. They have no limit if
  * their changes do not decrease. Near the point, the limit follows by Aitken's rule, which is exact for a power of the distance; farther
@@ -121,21 +121,52 @@ static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *p
     return 0;
 }
 
+/* Whether a singular function may be zero in the step, by its values at both ends and in the middle. */
+static int may_pass(const ordernm_motion *m, int k)
+{
+    const int n = m->system->nswitches;
+    const scalar *const y = m->singular + k;
+    const scalar first = y[0], middle = y[PARTS/2*n], last = y[PARTS*n];
+    const scalar size[] = {fabs(first), fabs(middle), fabs(last)};
+    if (!(first*middle > 0.0 && middle*last > 0.0)) return 1;
+    return !(least_between(size) > NEAR_COARSE*fmax(size[0], fmax(size[1], size[2])));
+}
+
+/* All singular functions at one of the places of a step. */
+static int look_at(ordernm_motion *m, scalar h, int i)
+{
+    ordernm_between(m, h, PART*i, m->trial);
+    return look(m, m->t + h*PART*i, m->trial, m->singular + i*m->system->nswitches);
+}
+
+/* All singular functions at the places of a step: where it begins, as known from the step before, in its middle, and at its end; only where
+ * one may be zero at the other places, too. Returns whether one may be. */
+static int look_at_places(ordernm_motion *m, const trial *step)
+{
+    const ordernm_system *const s = m->system;
+    int some = 0;
+    if (m->singular_at == m->t && !m->switched) memcpy(m->singular, m->singular + PARTS*s->nswitches, s->nswitches*sizeof(scalar));
+    else if (look_at(m, step->h, 0)) return 0;
+    m->singular_at = NAN;
+    if (look_at(m, step->h, PARTS/2) || look_at(m, step->h, PARTS)) return 0;
+    if (step->end < step->knot) m->singular_at = step->end; /* inputs may jump at a knot */
+    for (int k = 0; k < s->nswitches && !some; ++k) some = s->switch_kind[k] == ORDERNM_POINT && ordernm_matters(m, k) && may_pass(m, k);
+    for (int i = 1; i < PARTS && some; i += 2)
+        if (look_at(m, step->h, i)) return 0;
+    return some;
+}
+
 /* Finds the next singular point in the step, for functions after `point->which`; returns whether there is one. */
 int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
 {
     const ordernm_system *const s = m->system;
     int cut = 0;
-    if (found->which < 0)
-        for (int i = 0; i <= PARTS; ++i) {
-            ordernm_between(m, step->h, PART*i, m->trial);
-            if (look(m, m->t + step->h*PART*i, m->trial, m->singular + i*s->nswitches)) return 0;
-        }
+    if (found->which < 0 && !look_at_places(m, step)) return 0;
     for (int i = 0; i < m->nheld; ++i) cut |= step->event >= 0 && m->happened[m->problem->nevents + i] > 0.0;
     while (++found->which < s->nswitches) {
         const int k = found->which;
         scalar y[PARTS + 1];
-        if (s->switch_kind[k] != ORDERNM_POINT || !ordernm_matters(m, k)) continue;
+        if (s->switch_kind[k] != ORDERNM_POINT || !ordernm_matters(m, k) || !may_pass(m, k)) continue;
         for (int i = 0; i <= PARTS; ++i) y[i] = m->singular[i*s->nswitches + k];
         if (!passes(m, step->h, k, y, &found->part)) continue;
         const int first = found->part < AT_END, last = found->part > 1.0 - AT_END;
