@@ -110,6 +110,14 @@ class Arithmetic:
         """`value` where x is zero, else `otherwise`; `codegen.symbolic` overrides it, and `Pairs` compares numbers."""
         raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
 
+    def where_negative(self, x: Any, value: Any, otherwise: Any) -> Any:
+        """`value` where x is negative, else `otherwise`; as `where_zero`."""
+        raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
+
+    def of_largest(self, numbers: Sequence[Any], values: Sequence[Any]) -> Any:
+        """The value that belongs to the first one of the largest numbers; as `where_zero`."""
+        raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
+
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:
         """Factor a small symmetric positive definite A = L diag(d) L^T.
 

@@ -94,8 +94,6 @@ def rotation(output: Output, seen: Seen) -> Pair:
     one, two, four = (seen.pairs.number(x) for x in (1, 2, 4))
     xx, yy, zz = (R[i, i] for i in range(3))
     squares = [one + xx + yy + zz, one + xx - yy - zz, one - xx + yy - zz, one - xx - yy + zz]
-    largest = max(range(4), key=lambda i: squares[i].value)
-    e = seen.pairs.call("sqrt", squares[largest]) / two
     antisymmetric = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
     component = QUATERNION.index(entry)
 
@@ -104,10 +102,17 @@ def rotation(output: Output, seen: Seen) -> Pair:
         i, j = sorted((i, j))
         return antisymmetric[j - 1] if i == 0 else R[i - 1, j - 1] + R[j - 1, i - 1]
 
-    def of(i: int) -> Pair:
-        return e if i == largest else product(i, largest) / (four * e)
+    def by(largest: int) -> Pair:
+        e = seen.pairs.call("sqrt", squares[largest]) / two
 
-    return of(component) if of(0).value >= 0 else -of(component)
+        def of(i: int) -> Pair:
+            return e if i == largest else product(i, largest) / (four * e)
+
+        if largest == 0:
+            return of(component)
+        return seen.pairs.where_negative(of(0), lambda: -of(component), lambda: of(component))
+
+    return seen.pairs.of_largest(squares, by)
 
 
 def angular_velocity(output: Output, seen: Seen) -> Pair:

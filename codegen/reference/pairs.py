@@ -196,6 +196,19 @@ class Pairs:
             return Pair(self.arithmetic.where_zero(x.value, value().value, otherwise().value), self._zero)
         return value() if x.value == 0 else otherwise()
 
+    def where_negative(self, x: Pair, value: Callable[[], Pair], otherwise: Callable[[], Pair]) -> Pair:
+        """One number where another one is negative, and a second one elsewhere; symbols keep both."""
+        if self.arithmetic.symbolic:
+            return Pair(self.arithmetic.where_negative(x.value, value().value, otherwise().value), self._zero)
+        return value() if x.value < 0 else otherwise()
+
+    def of_largest(self, numbers: Sequence[Pair], value: Callable[[int], Pair]) -> Pair:
+        """What belongs to the first one of the largest numbers, by its place; symbols keep all."""
+        if self.arithmetic.symbolic:
+            values = [value(i).value for i in range(len(numbers))]
+            return Pair(self.arithmetic.of_largest([x.value for x in numbers], values), self._zero)
+        return value(max(range(len(numbers)), key=lambda i: numbers[i].value))
+
     def power(self, x: Pair, y: Pair) -> Pair:
         """x**y for numbers; an exponent without derivative needs no logarithm of the base."""
         power = self.arithmetic.power

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -57,8 +57,20 @@ class SymbolicArithmetic(Arithmetic):
 
     def where_zero(self, x: Polynomial, value: Polynomial, otherwise: Polynomial) -> Polynomial:
         """A case distinction."""
-        cases = (value.short, sympy.Eq(x.short, 0)), (otherwise.short, True)
-        return self.algebra.convert(sympy.Piecewise(*cases))
+        return self._cases((value, sympy.Eq(x.short, 0)), (otherwise, sympy.true))
+
+    def where_negative(self, x: Polynomial, value: Polynomial, otherwise: Polynomial) -> Polynomial:
+        """A case distinction."""
+        return self._cases((value, sympy.Lt(x.short, 0)), (otherwise, sympy.true))
+
+    def of_largest(self, numbers: Sequence[Polynomial], values: Sequence[Polynomial]) -> Polynomial:
+        """A case distinction; the last number is the largest if no other one is."""
+        x = [number.short for number in numbers]
+        largest = [sympy.And(*(sympy.Ge(a, b) for b in x[i + 1 :])) for i, a in enumerate(x)]
+        return self._cases(*zip(values, largest, strict=True))
+
+    def _cases(self, *cases: tuple[Polynomial, sympy.Basic]) -> Polynomial:
+        return self.algebra.convert(sympy.Piecewise(*((value.short, where) for value, where in cases)))
 
     def closed(self, pair: Pair) -> Pair:
         """A matrix whose longer entries are not multiplied out where it is a factor, or are intermediate variables."""

@@ -136,6 +136,19 @@ def check(model: Model, found: Equations, folder: Path) -> None:
     assert not found.outputs.refused
 
 
+def test_quaternions_in_outputs_are_those_of_the_solver(tmp_path):
+    """At turns of any size, where another component is the largest."""
+    outputs = "".join(f"\n  {e}: {{rotation: top, entry: {e}}}" for e in ("qw", "qx", "qy", "qz"))
+    model = codegen.parse_model(f"{TOP}outputs:{outputs}", "top")
+    codegen.generate(model, tmp_path / "made", target="numpy", compile=False, check=False)
+    found, rng = equations(model, intermediates=True), np.random.default_rng(0)
+    agreement = Agreement(model, codegen.load(tmp_path / "made"), found)
+    p = [x.value for x in model.parameters]
+    errors = [agreement.errors((rng.normal(size=4), rng.normal(size=3), p, [], 0.0)) for _ in range(30)]
+    assert not found.outputs.refused and max(max(e.values()) for e in errors) < 1e-12
+    assert found.outputs["qx"].has(sympy.Piecewise)
+
+
 def test_numbers_are_exact_and_terms_are_few():
     """A person would write the mass matrix of the double pendulum with these terms."""
     found = equations(read("double_pendulum"))
