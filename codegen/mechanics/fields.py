@@ -117,11 +117,7 @@ angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
 parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, along the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
 applied_twist = TwistField(
-    "v",
-    TWIST,
-    OWN,
-    "angular velocity and velocity of the origin, computed for force elements",
-    unread=NO_FORCE_READS,
+    "v", TWIST, OWN, "angular velocity and velocity of the origin, computed for force elements", unread=NO_FORCE_READS
 )
 remainder = _motion(
     angular_velocity, "", OWN, " with udot = 0; along directions: tangent of the total",
@@ -158,11 +154,7 @@ mass_scale = ScalarField(
 )
 articulated_force = SixField("acc.", WRENCH, OWN, "articulated force propagated by the children", propagated=True)
 transmitted = SixField(
-    "tacc.",
-    WRENCH,
-    OWN,
-    "wrench that outboard joints transmit, with all accelerations known",
-    propagated=True,
+    "tacc.", WRENCH, OWN, "wrench that outboard joints transmit, with all accelerations known", propagated=True
 )
 inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a degree of freedom (D of Eq. 47)")
 right_side = ScalarField("rD.{}", "u/s^2", "", "driving force of a degree of freedom over its inertia (Eq. 53)")
@@ -180,10 +172,7 @@ driving_gain = ScalarField(
     "inertia along a prescribed coordinate, by component of the acceleration; after six, of partners",
 )
 driving_rest = ScalarField(
-    "drive",
-    "N m or N",
-    "",
-    "force that a prescribed coordinate requires with the explicit accelerations at zero",
+    "drive", "N m or N", "", "force that a prescribed coordinate requires with the explicit accelerations at zero"
 )
 
 # -- columns of matrices -----------------------------------------------------------------------------------------------
@@ -262,11 +251,7 @@ root_transmitted = SixField(
 )
 measured_position = VectorField("ro", "m", REGION, "position at which residuals are measured", unread=NO_EAR_STARTS)
 measured_velocity = TwistField(
-    "r",
-    TWIST,
-    REGION,
-    "velocity at the given speeds; along directions: tangent of the velocity",
-    unread=NO_EAR_STARTS,
+    "r", TWIST, REGION, "velocity at the given speeds; along directions: tangent of the velocity", unread=NO_EAR_STARTS
 )
 ear_step = ShiftField(
     "s",
