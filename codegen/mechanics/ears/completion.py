@@ -1,7 +1,7 @@
 """Completion of seeds: dq and du of the dependent joints, by differentiated closure. Section 4.6 of the theory page.
 
-Position and velocity closure are differentiated one after the other; each gives the dependent entries by the
-same factored closure matrix. Links from which ears start pass on their displacement and rotation along a direction.
+Position and velocity closure are differentiated one after the other. The same factored closure matrix gives the dependent entries
+of both. Links from which ears start propagate their displacement and rotation along a direction.
 """
 
 from __future__ import annotations

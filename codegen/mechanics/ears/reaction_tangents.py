@@ -57,7 +57,7 @@ from .tangents import EarTangents
 
 
 def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]) -> Vector:
-    """Add accelerations `rates` of a link's degrees of freedom, and `before` of its parent, to the force that it requires.
+    """Add the effect of accelerations, `rates` of a link's joint and `before` of its parent, to the force that the link requires.
 
     Returns the added acceleration of the link. Eqs. 19, 23.
     """
@@ -76,7 +76,7 @@ def needed(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_needed(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions of an ear. The balance has included the dependent joints with the sources' udot held."""
+    """Outward block over directions of an ear: tangents of required forces. The balance has held the sources' udot only."""
     ear = EarGeometry(x, kind)
     added: list[Vector] = []
     for k, member in enumerate(ear.members):

@@ -71,7 +71,7 @@ def ear_motion(x: Scope, kind: EarKind) -> None:
 
 
 def region_motion(x: Scope, kind: RegionKind) -> None:
-    """Outward block of a region: sums are zero; motions of far links."""
+    """Outward block of a region: set sums to zero, and compute the motions of far links."""
     for whole, _ in transmitted_fields(kind):
         clear(x, REGION, whole)
     far_motions(x, kind, fields.total, fields.far_total)

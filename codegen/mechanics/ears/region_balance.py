@@ -22,7 +22,7 @@ from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def region_balance_start(x: Scope, kind: RegionKind) -> None:
-    """Outward block over directions: sums are zero; motions of far links, along their own axes."""
+    """Outward block over directions: set sums to zero, and compute the motions of far links along their own axes."""
     for c in range(kind.total):
         x.store(LREGION, fields.source_tangent_force(c), 0)
     clear_transmitted(x, kind)
@@ -30,7 +30,7 @@ def region_balance_start(x: Scope, kind: RegionKind) -> None:
 
 
 def clear_transmitted(x: Scope, kind: RegionKind) -> None:
-    """Outward block over directions of a region: forces on the links on which it hangs, and their tangents, are zero."""
+    """Outward block over directions of a region: set the forces on its carrying links, and their tangents, to zero."""
     for whole, balance in transmitted_fields(kind):
         for i in SIX:
             x.store(REGION, whole.scalars()[i], 0)
@@ -38,7 +38,7 @@ def clear_transmitted(x: Scope, kind: RegionKind) -> None:
 
 
 def transmitted_fields(kind: RegionKind) -> list[tuple[SixField, SixField]]:
-    """Where a region sums forces on the links on which it hangs, and their tangents."""
+    """Stores in which a region sums the forces on its carrying links, and their tangents."""
     of_base = [(fields.region_transmitted, fields.region_balance)] if kind.carried else []
     return of_base + [(fields.far_transmitted(f), fields.far_balance(f)) for f, m in enumerate(kind.far) if m >= 0]
 

@@ -54,7 +54,7 @@ def sum_fields(kind: RegionKind) -> list[AnyField]:
 
 
 def region_start(x: Scope, kind: RegionKind) -> None:
-    """Outward block of a region: sums are zero; motions of its far links."""
+    """Outward block of a region: set sums to zero, and compute the motions of its far links."""
     for field in sum_fields(kind):
         clear(x, REGION, field)
     far_motions(x, kind)

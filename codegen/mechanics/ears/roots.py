@@ -57,7 +57,7 @@ class Root(ABC):
 
     @abstractmethod
     def attitude(self) -> Matrix:
-        """Region components from its own."""
+        """Rotation matrix: region components from its own."""
 
     @abstractmethod
     def position(self) -> Vector:
@@ -101,7 +101,7 @@ class Root(ABC):
 
     @property
     def sums(self) -> tuple[SixField, SixField]:
-        """Where the region sums the forces on it, and their tangents."""
+        """Stores in which the region sums the forces on it, and their tangents."""
         raise TypeError(f"{type(self).__name__} has no sum of forces in a region")
 
     def receive(self, force: Vector) -> None:

@@ -80,7 +80,7 @@ def _turn(system: System, switch: Switch, index: int) -> Formula:
 
 
 def _ends(system: System, switch: Switch, index: int) -> Formula:
-    """The square of the distance between two points; or what is zero where two faces are half a turn apart."""
+    """The square of the distance between two points; or a function that is zero where two faces are half a turn apart."""
     if isinstance(switch.ends[0], Face):
         (element,) = (e for e in system.elements if e.element.ends == switch.ends)
 
@@ -108,7 +108,7 @@ def _ends(system: System, switch: Switch, index: int) -> Formula:
 
 
 def _sine_and_cosine(x: Expansion, bases: Sequence[Matrix], axis: int) -> tuple[Value, Value]:
-    """Sine and cosine of the turn about an axis of two faces, times the same factor; rows of `bases` are base vectors."""
+    """Sine and cosine of the rotation between two faces about an axis, times one factor; rows of `bases` are base vectors."""
     (x_s, y_s), (x_e, y_e) = ((base[(axis + 1) % 3], base[(axis + 2) % 3]) for base in bases)
     return x.let("sine", dot(x_e, y_s) - dot(x_s, y_e)), x.let("cosine", dot(x_s, x_e) + dot(y_s, y_e))
 
