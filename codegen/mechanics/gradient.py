@@ -225,7 +225,7 @@ class _Propagated:
         return self._links[k, store]
 
     def _first(self, givers: tuple[tuple[int, Store], ...]) -> tuple[set[tuple[int, Store]], set[int]] | None:
-        """The givers that always come first, and the links that receive; None if a giver comes first for some units only."""
+        """The contributions that always come first, and all receiving links; None if one comes first for some units only."""
         earliest: dict[int, tuple[int, int]] = {}
         for g, (k, a) in enumerate(givers):
             for unit, link in zip(self.kinds[k].units, self.links(k, a), strict=True):

@@ -184,7 +184,7 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
-    """Scales of the columns, in the order of the factor: displacements, and rows, in units of the characteristic length."""
+    """Scales of the columns, in the order of the factor; they express displacements and rows in characteristic lengths."""
     found = []
     for column in f.order:
         k, j = dependents(kind)[column]

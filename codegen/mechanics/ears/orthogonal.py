@@ -83,8 +83,8 @@ class Factor:
     def store(self, rows: list[int], count: int) -> FactorForm:
         """Store the factor in the ear's record; returns its form, for `load_factor`.
 
-        `rows` are the numbers of E's rows among all `count` conditions. Fields are called after those and after columns. On zero
-        patterns all fields are taken to be there: statements may show more zeros, and then another order of elimination.
+        `rows` are the numbers of E's rows among all `count` conditions. Fields are named by these numbers and by columns. On
+        zero patterns all fields are stored, since statements may show more zeros, and then another order of elimination.
         """
         if self.x.structural:
             for j in range(len(self.order)):

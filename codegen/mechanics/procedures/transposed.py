@@ -124,7 +124,7 @@ def _dependent(w: Shared, seed: Array) -> tuple[int, ...]:
 
 
 def run_together(w: Shared, steps: list[Step]) -> dict[str, str]:
-    """Maps sweeps that merged ones replace to the merged sweep, or to "" if nothing runs in their place (`sweeps.GRADIENT_OUT`).
+    """Maps each sweep that a merged one replaces to that one, or to "" if nothing runs in its place (`sweeps.GRADIENT_OUT`).
 
     The completion of seeds is included if only gravity comes between it and the balance.
     """

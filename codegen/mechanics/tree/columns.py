@@ -172,7 +172,7 @@ def composite_in(x: Scope, kind: LinkKind) -> None:
 
 
 def _add(x: Scope, store: Store, value: Vector) -> None:
-    """Add to the force of columns, taking a missing force as zero."""
+    """Add to the force of columns; a force that is not stored is zero."""
     for part, e in zip(fields.column_force.scalars(), value, strict=True):
         if not is_zero(e):
             x.store(store, part, x.let("P", x.load(store, part) + e, "d Eq. 45", lanes=True))
