@@ -1,4 +1,4 @@
-/* What the files of Radau IIA share. */
+/* Shared by the files of Radau IIA. */
 #ifndef ORDERNM_RADAU_H
 #define ORDERNM_RADAU_H
 
@@ -6,41 +6,41 @@
 #include "linear.h"
 #include "radau_tables.h"
 
-/* Entries that equations are solved for, and coordinates that follow because their rates are speeds. */
+/* Unknowns of the equations, and coordinates that are eliminated because their rates are speeds. */
 typedef struct {
     int order, count;
-    int *kept, *place;        /* [order] entries; [n] each entry's place among them */
-    int *reduced, *partner;   /* [count] entries; the places of their rates */
+    int *kept, *place;        /* [order] retained entries; [n] index of each entry among them */
+    int *reduced, *partner;   /* [count] eliminated entries; indices of their rates */
 } reduction;
 
 struct radau {
-    int n;                    /* independent coordinates and speeds */
-    int nq;                   /* coordinates among them */
+    int n;                    /* number of independent coordinates and speeds */
+    int nq;                   /* number of coordinates among them */
     reduction of_step, of_stages;
     scalar *column;           /* [order][count] of -J */
     scalar *jacobian;         /* [n][n] */
-    int formed;               /* Jacobians at the stages are, in every step */
-    scalar *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
-    scalar *whole, *of_whole; /* [3 n][3 n] factors of the three stages' equations, [3 n][LANES] their solutions */
+    int formed;               /* whether Jacobians at the stages are formed in every step */
+    scalar *at_stage[STAGES], *along[STAGES]; /* [n][n] these Jacobians, and derivatives of rates along S, [n][LANES] */
+    scalar *whole, *of_whole; /* [3 n][3 n] factors of the equations of all three stages, [3 n][LANES] their solutions */
     int *whole_pivot;
     scalar *real, *re, *im;   /* factors of REAL/h - J and (RE + i IM)/h - J */
-    int *real_pivot, *pivot;  /* rows that were exchanged */
-    scalar h_factored;        /* 0: there are no factors */
-    group columns;            /* seeds of J's columns, so many at a time */
+    int *real_pivot, *pivot;  /* row exchanges */
+    scalar h_factored;        /* 0: no factors are available */
+    group columns;            /* seeds of J's columns, several at a time */
     scalar *seeded, *seeded_rate;
-    scalar *stage[STAGES], *last[STAGES]; /* Z of this step, and of the accepted one before */
+    scalar *stage[STAGES], *last[STAGES]; /* Z of this step, and of the last accepted one */
     scalar *right[STAGES], *scratch[5];   /* [n][LANES] */
-    scalar *scale;            /* [n] errors allowed */
-    scalar *infinite;         /* [n] 1 where a column of a Jacobian at the stages had entries that are not finite; zeros serve instead */
-    int tried, jacobian_here; /* J is that of z */
-    int formed_here;          /* so is the Jacobian at the last stage of the step before */
-    long segment;             /* of the inputs' spline in the step that was tried last */
-    long accepted;            /* steps that there is a Z of */
+    scalar *scale;            /* [n] tolerances */
+    scalar *infinite;         /* [n] 1 where a column of a Jacobian at the stages was not finite; it is replaced by zeros */
+    int tried, jacobian_here; /* J belongs to z */
+    int formed_here;          /* so does the Jacobian at the last stage of the previous step */
+    long segment;             /* of the inputs' spline, in the last tried step */
+    long accepted;            /* number of accepted steps with a stored Z */
     scalar h_last, h_tried, t_tried;
-    scalar leniency;          /* largest estimate of an error, in units of what is allowed to the solution */
+    scalar leniency;          /* largest accepted error estimate, relative to the tolerance of the solution */
     scalar slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
-    scalar slowness_before;   /* at the beginning of Newton's method in this step */
-    scalar *of_jacobian;      /* [values] the state that J was made at */
+    scalar slowness_before;   /* at the start of Newton's method in this step */
+    scalar *of_jacobian;      /* [values] the state at which J was computed */
     scalar t_of_jacobian;
     long segment_of_jacobian;
     scalar theta;
@@ -48,7 +48,7 @@ struct radau {
     scalar error_accepted, h_accepted;
 };
 
-enum { CONVERGED = -100, DIVERGED, INFINITE }; /* beside what functions return */
+enum { CONVERGED = -100, DIVERGED, INFINITE }; /* in addition to the status of functions */
 
 static inline scalar ordernm_time_of_stage(scalar t, scalar h, int i) { return i == STAGES - 1 ? t + h : t + TIME[i]*h; }
 

@@ -13,14 +13,14 @@
 
 enum { SWEEPS = 15 };
 
-/* What is left of sensitivities' equations, relative to them; what rounding may leave of them, relative to their size. */
+/* Residual of the equations for sensitivities, relative to them; and the residual that rounding may leave, relative to their size. */
 static const scalar SWEPT = 1e-14, ROUNDED = 1e-12;
 
-/* Of sweeps, however fast others made changes fall: what is small may fall more slowly. */
+/* Smallest convergence rate of sweeps that is assumed from previous ones: small entries may converge more slowly. */
 static const scalar LEAST_SLOWNESS = 1e-2;
 
-/* The largest change of a group's directions relative to their size, in coordinates and in speeds; `loose` the same, where what
- * is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
+/* The largest change of a group's directions relative to their size, for coordinates and for speeds. For `loose`, entries that are
+ * negligible within the step need less accuracy. NaN if changes are not finite. */
 static scalar change_of(const ordernm_motion *m, const group *g, scalar h, scalar *loose)
 {
     const struct radau *const r = m->radau;
@@ -49,7 +49,7 @@ static scalar change_of(const ordernm_motion *m, const group *g, scalar h, scala
     return sqrt(largest);
 }
 
-/* The Jacobians at the stages, and their equations' factors. */
+/* Forms the Jacobians at the stages, and factorises their equations. */
 static int form(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
@@ -63,7 +63,7 @@ static int form(ordernm_motion *m, scalar h)
     return ordernm_radau_factorise_stages(r, h) ? DIVERGED : CONVERGED;
 }
 
-/* Whether derivatives along a direction have been found, or cannot be: they become NaN where rates have none along it. */
+/* Whether derivatives along a direction were found, or do not exist because the rates have none; in the latter case they become NaN. */
 static int has_values(const struct radau *r, const group *g, int lane)
 {
     int none = 0, finite = 1;
@@ -77,7 +77,7 @@ static int has_values(const struct radau *r, const group *g, int lane)
     return none || finite;
 }
 
-/* Whether they have been found along all directions of a group, as they are almost always. */
+/* The same for all directions of a group; almost always true. */
 static int all_have_values(const struct radau *r, const group *g)
 {
     const long size = (long)r->n*g->width;
@@ -88,7 +88,7 @@ static int all_have_values(const struct radau *r, const group *g)
     return 1;
 }
 
-/* The stages' derivatives along the directions of a group, by Jacobians that have been formed. */
+/* Derivatives of the stages along the directions of a group, by formed Jacobians. */
 static int along_formed(ordernm_motion *m, scalar h, const group *g)
 {
     struct radau *const r = m->radau;
@@ -104,7 +104,7 @@ static int along_formed(ordernm_motion *m, scalar h, const group *g)
     return CONVERGED;
 }
 
-/* The stages' derivatives along the directions of a group; they begin anywhere. */
+/* The same by sweeps, from any starting values. */
 static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
@@ -131,8 +131,7 @@ static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
     return DIVERGED;
 }
 
-/* The stages' derivatives along the directions of a group. `formed` tells whether Jacobians are those at the stages of this step, as
- * another group has left them. */
+/* The same by either method. `formed`: whether another group has formed the Jacobians at the stages of this step. */
 int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed)
 {
     struct radau *const r = m->radau;

@@ -1,4 +1,4 @@
-/* How long steps are: the first one, the next one by the error of the last, and where each has to end. */
+/* Step sizes: the first one, the next one by the error of the last, and the points at which steps must end. */
 #include "inside.h"
 
 #include <math.h>
@@ -6,27 +6,28 @@
 
 static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
-/* How much of a step's size follows from the error of the step before: with it, and SAFETY, a third as many steps are made in vain
- * as without, and an error takes 7 % fewer evaluations (K. Gustafsson; Hairer, Wanner, Solving ODE II, IV.2). */
+/* Influence of the previous step's error on the step size: with it, and SAFETY, a third as many steps are rejected, and a given error
+ * takes 7 % fewer evaluations (K. Gustafsson; Hairer, Wanner, Solving ODE II, IV.2). */
 static const scalar MEMORY = 0.04, LEAST_REMEMBERED = 1e-4;
 
-/* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */
+/* For DOP853: the stability limit; the number of steps at the limit that counts as stiff, and of other steps that resets this number. */
 static const scalar LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 
-/* With derivatives, steps are no longer than this part of the limit allows. Beyond it errors of a fast component grow from step to step, and
- * in the state they begin with rounding: until they show there, they have grown by many orders in derivatives. */
+/* With derivatives, steps are limited to this fraction of the stability limit. Beyond it, errors of a fast component grow from step to
+ * step. They start as rounding errors of the state; before they are visible there, they have grown by many orders of magnitude in
+ * derivatives. */
 static const scalar STABLE = 4.5;
 
-/* Differences of rates and states at two stages show the largest eigenvalue only where rounding does not. Behind a step in which they came
- * near the limit it is found anew in so many steps. */
+/* Differences of rates and states at two stages show the largest eigenvalue only where they exceed rounding. After a step near the limit,
+ * it is computed separately in this number of steps. */
 enum { FAST_STEPS = 50 };
 static const scalar NEARLY_STABLE = 2.0;
 
-/* Of no step that is accepted: rates jump between its last two stages, which are both at its end. */
+/* Error of a step that must be rejected: rates jump between its last two stages, which are both at its end. */
 static const scalar JUMPS = 1e3;
 
-/* The first step (E. Hairer, S. P. Norsett, G. Wanner, section II.4). Returns what a function returned. */
+/* The first step size (E. Hairer, S. P. Norsett, G. Wanner, section II.4). Returns the status of a function. */
 int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h)
 {
     const ordernm_problem *const p = m->problem;
@@ -61,8 +62,8 @@ int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h)
     return 0;
 }
 
-/* The largest eigenvalue of the rates' Jacobian at the end of a step, by one power iteration in units of what is allowed. Rates of coordinates
- * are speeds, so that a vector grows and shrinks by turns: its growth is the mean of this step's and of the step's before. */
+/* The largest eigenvalue of the rates' Jacobian at the end of a step, by one power iteration, scaled with the tolerances. Rates of
+ * coordinates are speeds, so the vector grows and shrinks alternately: the growth is the mean of this step and of the one before. */
 static scalar fastest(ordernm_motion *m, scalar end)
 {
     ordernm_results *const r = m->results;
@@ -87,8 +88,8 @@ static scalar fastest(ordernm_motion *m, scalar end)
     return mean;
 }
 
-/* Whether the limit of stability keeps an explicit method's steps small (E. Hairer, S. P. Norsett and G. Wanner, DOP853): where
- * its last two stages, both at the step's end, differ, their rates differ by the largest eigenvalue. */
+/* Whether stability limits the steps of an explicit method (E. Hairer, S. P. Norsett and G. Wanner, DOP853): the differences between its
+ * last two stages, both at the end of the step, give the largest eigenvalue. */
 void ordernm_watch_stability(ordernm_motion *m, const trial *step)
 {
     const scalar *const last = m->rate[m->method->stages - 1], *const end = m->rate[m->method->stages];
@@ -115,7 +116,7 @@ void ordernm_watch_stability(ordernm_motion *m, const trial *step)
     }
 }
 
-/* How far a step goes: not beyond the end, nor a knot of the inputs; what is left over is not tiny. */
+/* The end of a step: not beyond the end of the motion or a knot of the inputs, and without a tiny remainder. */
 int ordernm_plan(ordernm_motion *m, trial *step)
 {
     const ordernm_problem *const p = m->problem;
@@ -128,7 +129,7 @@ int ordernm_plan(ordernm_motion *m, trial *step)
     if (m->nd && m->method->gap > 0.0) step->h = ordernm_step_at_pose(m, step->h, step->wall);
     step->to_pose = step->h != wanted;
     step->again = 0;
-    /* steps of one size add up to an end with rounding */
+    /* constant steps reach the end up to rounding */
     step->to_wall = step->h >= left*(1.0 - 1e-9) || left - step->h <= 1e-15*fabs(step->wall);
     if (step->to_wall) step->h = left;
     else if (m->adaptive && !step->to_pose && 2.0*step->h > left) step->h = 0.5*left;
@@ -143,13 +144,13 @@ int ordernm_plan(ordernm_motion *m, trial *step)
     return ORDERNM_ENDED;
 }
 
-/* By how much a step is made shorter whose error is too large, or that failed, which NAN stands for. */
+/* Factor on the size of a step whose error is too large, or that failed (NAN). */
 scalar ordernm_after_failure(const ordernm_motion *m, scalar error)
 {
     return error == error ? fmax(LEAST_CHANGE, SAFETY*pow(error, -1.0/m->method->order)) : AFTER_FAILURE;
 }
 
-/* The next step's size. */
+/* Sets the size of the next step. */
 void ordernm_resize(ordernm_motion *m, const trial *step)
 {
     const scalar before = m->error_before > 0.0 ? m->error_before : LEAST_REMEMBERED;

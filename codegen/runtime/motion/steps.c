@@ -1,17 +1,17 @@
-/* From one step to the next, in a motion and where its steps are made again. */
+/* The transition from one step to the next, in a motion and when steps are repeated. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Where derivatives are wanted, forward or on the way back. Near a pose rounding changes them by its size times condition^3, times
- * some tens or hundreds, and both ways are to agree to rounding. A condition that is poor all the time comes of a mechanism's
- * proportions and does no such harm, so what is poor is as many times the best that has been met, by how long steps are: of the
- * method of order 8, of others; or this one in any case. And what no stage should have. */
+/* Limits of condition numbers if derivatives are needed, forward or by the adjoint. Near a pose, rounding changes derivatives by its size
+ * times condition number^3, times a factor of ten to a hundred; but both methods must agree to rounding. A condition number that is
+ * always large follows from the mechanism's proportions and is harmless. So the limit is a multiple of the smallest condition number so
+ * far: the first for the method of order 8, the second for others, and never above the third. The last is the limit for all stages. */
 static const scalar WORSE_IN_LONG_STEPS = 2.5, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 50.0;
 
-/* From here on derivatives are taken, of this motion or of steps that it keeps; `best` is the least condition at the beginning of
- * the steps so far. */
+/* Derivatives are needed from here on, forward or by the adjoint; `best` is the smallest condition number at the start of a step so far.
+ * */
 void ordernm_take_derivatives(ordernm_motion *m, scalar best)
 {
     const scalar worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;
@@ -21,15 +21,15 @@ void ordernm_take_derivatives(ordernm_motion *m, scalar best)
     m->too_poor = fmin(m->too_poor, TOO_POOR_FOR_DERIVATIVES);
 }
 
-/* What is known of conditions where a step begins. */
+/* Updates the smallest condition number at the start of a step. */
 void ordernm_note_best(ordernm_motion *m)
 {
     const scalar best = fmin(m->best, m->conditions[0]);
     if (m->derived && best < m->best) ordernm_take_derivatives(m, best);
 }
 
-/* The end of a step, before which the next knot of the inputs was that one, becomes the beginning of the next step; a state
- * at a pose is settled. Steps that are made again go this way too, for rounding to be the same. */
+/* The end of a step becomes the start of the next one; `knot` was the next knot of the inputs before it. A state interpolated at a pose
+ * is already settled. Repeated steps use this function, too, so that rounding is the same. */
 int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, const scalar *modes)
 {
     int status;

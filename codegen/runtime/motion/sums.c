@@ -1,7 +1,7 @@
-/* Sums of arrays: what every stage, and what lies between the ends of a step, is made of. */
+/* Sums of arrays: stages of a step and its interpolant. */
 #include "inside.h"
 
-/* Vectors of the width that the machine works on at once, some of them to a cache line. */
+/* Vectors with the machine's SIMD width; several fit a cache line. */
 #if defined(__GNUC__) && defined(__AVX512F__)
 enum { WIDE = 8 };
 #elif defined(__GNUC__) && defined(__AVX__)
@@ -17,8 +17,8 @@ typedef scalar vector __attribute__((vector_size(8*WIDE), aligned(8*WIDE), may_a
 typedef scalar vector;
 #endif
 
-/* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. Four vectors at a time, each with a name of
- * its own: sums in arrays would go through memory at -O2. */
+/* out = z + h*sum(factor*rate[which]); n is a multiple of 8, and arrays start at cache lines. Four vectors at a time, in separate
+ * variables, because at -O2 an array of sums would be kept in memory. */
 void ordernm_combine(long n, scalar *out, const scalar *z, scalar h, int count, const int *which, const scalar *factor,
     scalar *const *rate)
 {

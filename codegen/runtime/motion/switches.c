@@ -7,12 +7,13 @@
 #include <math.h>
 #include <string.h>
 
-/* Rates that differ by less, relative to their size, do not jump, nor do rates whose difference would move the state over the whole motion
- * by less than this part of the error allowed: where a force begins, as q < 0 ? abs(q)^1.3 : 0 does, rounding decides how large it is. */
+/* Relative difference of rates below which they do not jump. Rates do not jump either if their difference would move the state over the
+ * whole motion by less than NEGLIGIBLE tolerances: where a force starts, as in q < 0 ? abs(q)^1.3 : 0, its size is determined by
+ * rounding. */
 static const scalar SAME = 1e-13, NEGLIGIBLE = 1e-6;
 
-/* As near to zero at the beginning, in the time of the motion, a switching function is taken as zero; one that does not change, such as
- * abs(x) - x where x > 0, is zero but for this rounding. */
+/* A switching function counts as zero at the start if it would be zero within this fraction of the motion's duration. A constant one,
+ * such as abs(x) - x where x > 0, is zero up to the second, a rounding error. */
 static const scalar AT_ZERO = 1e-13, ROUNDED = 1e-12;
 
 enum { FEW_REFUSED = 3 };
@@ -23,22 +24,22 @@ static scalar sign_of(scalar x) { return (x > 0.0) - (x < 0.0); }
 
 static const scalar HALF_A_TURN = 3.14159265358979323846;
 
-/* How far a switch is from where its mode changes, positive on the side of the mode. */
+/* Distance of a switch from the change of its mode, positive on the side of the mode. */
 scalar ordernm_side(const ordernm_motion *m, int k)
 {
     const scalar x = m->switches[k];
-    if (m->modes[k] == 0.0) return LEAST_SIDE; /* it is let go */
+    if (m->modes[k] == 0.0) return LEAST_SIDE; /* not held */
     return m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN*HALF_A_TURN - x*x : m->modes[k]*x;
 }
 
-/* The mode behind the place where a switch changes it, or where it is by the state when it is beyond. */
+/* The mode after a switch, or the mode of the state if it is already beyond the switch. */
 scalar ordernm_other_mode(const ordernm_motion *m, int k)
 {
     if (m->system->switch_kind[k] == ORDERNM_TURN) return m->switches[k] > 0.0 ? -HALF_A_TURN : HALF_A_TURN;
     return -m->modes[k];
 }
 
-/* The mode by the state, from the switching function without a mode. */
+/* The mode of the state, from the switching function evaluated without a mode. */
 static scalar mode_of(const ordernm_motion *m, int k)
 {
     const scalar x = m->switches[k];
@@ -46,7 +47,7 @@ static scalar mode_of(const ordernm_motion *m, int k)
     return sign_of(x);
 }
 
-/* Whether the rates of this motion depend on a switch, or outputs that events are of. */
+/* Whether the rates of this motion, or outputs with events, depend on a switch. */
 int ordernm_matters(const ordernm_motion *m, int k)
 {
     const ordernm_system *const s = m->system;
@@ -61,7 +62,7 @@ int ordernm_matters(const ordernm_motion *m, int k)
     return found;
 }
 
-/* The modes of these are held; singular functions have none. */
+/* Selects the switches whose modes are held; singular functions have no mode. */
 void ordernm_hold_switches(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;
@@ -69,18 +70,18 @@ void ordernm_hold_switches(ordernm_motion *m)
         if (s->switch_kind[k] != ORDERNM_POINT && ordernm_matters(m, k)) m->held[m->nheld++] = k;
 }
 
-/* All switching functions at a state, in the modes at hand. Returns what a function returned. */
+/* All switching functions at a state, with the current modes. Returns the status of a function. */
 int ordernm_switching(ordernm_motion *m, scalar t, const scalar *z)
 {
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
-    if (status) ordernm_arguments(m, t, z, &c); /* where a loop has lost rank, as the step has predicted */
+    if (status) ordernm_arguments(m, t, z, &c); /* a loop has lost rank: uses the predicted state */
     c.switches = m->switches;
     return ORDERNM_VALUES_OF(m, switches)(&c);
 }
 
-/* How fast a switching function changes along rates. Returns what a function returned. */
+/* Rate of a switching function along rates of the state. Returns the status of a function. */
 int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, int k, scalar *found)
 {
     ordernm_call c;
@@ -92,8 +93,8 @@ int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const sca
     return status;
 }
 
-/* The switch by whose function the time of a crossed one follows, and how fast that changes: itself; but where its function is zero behind
- * another one that is crossed there, as that of sign(max(0, x)) is, that one. Returns what a function returned. */
+/* The switch that determines the time of a crossed one, and the rate of its function. It is the switch itself, unless its function is
+ * zero after another switch crossed there, as in sign(max(0, x)): then it is that one. Returns the status of a function. */
 int ordernm_timing_switch(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, const scalar *crossed, int k, scalar *speed,
     int *by)
 {
@@ -105,7 +106,7 @@ int ordernm_timing_switch(ordernm_motion *m, scalar t, const scalar *z, const sc
     return *by == k ? 0 : ordernm_switch_speed(m, t, z, rate, *by, speed);
 }
 
-/* The derivatives of a switching function along all directions at a fixed time, LANES numbers for each group. */
+/* Derivatives of a switching function along all directions at a fixed time, LANES numbers for each group. */
 int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     ordernm_call c;
@@ -121,8 +122,8 @@ int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k)
     return status;
 }
 
-/* A switch without a mode, whose function has been zero and leaves zero where another one changes its mode: max(0, x) > 0 where x > 0 does.
- * It has the mode that the function goes to. Returns what a function returned. */
+/* A switch without a mode, whose function leaves zero where another switch changes its mode, as max(0, x) > 0 does with x > 0. It takes
+ * the mode of the sign that the function takes. Returns the status of a function. */
 static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     scalar speed;
@@ -133,7 +134,7 @@ static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
     return status;
 }
 
-/* Gives switches other than those crossed the modes that their functions have. Those of which nobody knows the side stay. */
+/* Gives switches other than the crossed ones the modes of their functions, unless the side is unknown. */
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed)
 {
     int status = ordernm_switching(m, t, z);
@@ -156,7 +157,7 @@ int ordernm_rates_jump(const ordernm_motion *m, const scalar *before, const scal
     return 0;
 }
 
-/* How far switching functions are from zero at the beginning of a step, on the side of their modes. */
+/* Distances of switching functions from zero at the start of a step, on the side of their modes. */
 int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
 {
     const int status = ordernm_switching(m, t, z);
@@ -167,8 +168,8 @@ int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
     return status;
 }
 
-/* The modes at the beginning. Where a switching function is zero there, it is asked where it goes to with either mode. Returns 0, what
- * a function returned, or SLIDES with the switch in the results. */
+/* The modes at the start. Where a switching function is zero, its rates with all modes are compared. Returns 0, the status of a function,
+ * or SLIDES with the switch in the results. */
 int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
 {
     const scalar reach = AT_ZERO*(m->problem->end - m->problem->start);
@@ -185,8 +186,8 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
             m->modes[k] = mode_of(m, k);
             continue;
         }
-        const int side = g > 0.0 ? 1 : -1; /* with the other branch of prescribed motion loops may not close */
-        scalar way[3]; /* with the mode -1, 0, 1 */
+        const int side = g > 0.0 ? 1 : -1; /* with the other branch of prescribed motion, loops may not close */
+        scalar way[3]; /* with the modes -1, 0, 1 */
         for (int n = 0; n < 3; ++n) {
             const int mode = n == 0 ? side : n == 1 ? 0 : -side;
             m->modes[k] = mode;
@@ -207,7 +208,7 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     return 0;
 }
 
-/* A switching function comes to zero and turns, at the state in m->trial: derivatives do not exist where rates jump there. */
+/* A switching function has an extremum at zero, at the state in m->trial: there are no derivatives if rates jump there. */
 void ordernm_touch(ordernm_motion *m, scalar t, int k)
 {
     const scalar mode = m->modes[k];
@@ -219,8 +220,8 @@ void ordernm_touch(ordernm_motion *m, scalar t, int k)
     if (!status && ordernm_rates_jump(m, one, other)) m->results->grazed = k + 1;
 }
 
-/* Rates that are held may have no value beyond a switch, such as a root of what is negative there. Such a step is made in whichever
- * branches its states are in, once smaller steps have not helped. Returns whether modes have been let go. */
+/* Held rates may be undefined after a switch, such as the root of a negative number. If smaller steps have not helped, a step is made
+ * without held modes, in the actual branches of its states. Returns whether this is to be done. */
 int ordernm_let_go(ordernm_motion *m)
 {
     int held = 0;
@@ -235,7 +236,7 @@ int ordernm_let_go(ordernm_motion *m)
     return held && !ordernm_rates(m, m->t, m->z, m->rate[0]);
 }
 
-/* What was let go for a step is held again. Returns what a function returned. */
+/* Holds the modes again after such a step. Returns the status of a function. */
 int ordernm_hold_again(ordernm_motion *m)
 {
     int status = 0, any = 0;
@@ -253,7 +254,7 @@ int ordernm_hold_again(ordernm_motion *m)
         if (free && kind[k] <= ORDERNM_ROOT && m->switches[k] != 0.0 && fabs(m->switches[k]) <= ROUNDED
             && (status = ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, &speed))) return status;
         if (speed == 0.0) continue;
-        if (free || kind[k] == ORDERNM_TURN) m->modes[k] = mode_of(m, k); /* angles are those near where the step begins */
+        if (free || kind[k] == ORDERNM_TURN) m->modes[k] = mode_of(m, k); /* reference angles are those near the start of the step */
         m->switched |= free && m->modes[k] != 0.0;
         if (kind[k] <= ORDERNM_ROOT && m->let_go[k]*m->modes[k] < 0.0) m->results->not_held = k + 1;
         m->let_go[k] = 0.0;
@@ -261,7 +262,7 @@ int ordernm_hold_again(ordernm_motion *m)
     return 0;
 }
 
-/* How long a step may be, by how fast angles turn that jump at half a turn. Returns what a function returned. */
+/* Limits the step size by the rates of half-turn angles. Returns the status of a function. */
 int ordernm_limit_turns(ordernm_motion *m)
 {
     m->turning = 0.0;
@@ -276,22 +277,22 @@ int ordernm_limit_turns(ordernm_motion *m)
     return 0;
 }
 
-/* At a knot of the inputs switching functions may jump; its time depends on nothing. */
+/* At a knot of the inputs, switching functions may jump; its time has no derivatives. */
 int ordernm_follow_inputs(ordernm_motion *m)
 {
     return ordernm_follow(m, m->t, m->z, 0);
 }
 
-/* ---- In rows of steps. ---- */
+/* ---- Rows of steps. ---- */
 
-/* Modes as they are kept with a step, and whether the switch has just been crossed. */
+/* Stores modes in a row of steps, and whether the switches have just been crossed. */
 void ordernm_keep_modes(const ordernm_motion *m, scalar *row)
 {
     const int n = m->system->nswitches;
     for (int k = 0; k < n; ++k) row[k] = m->modes[k], row[n + k] = m->crossed[k] != 0.0;
 }
 
-/* Modes from such a row. */
+/* Modes from a row of steps. */
 void ordernm_take_modes(ordernm_motion *m, const scalar *row)
 {
     const int n = m->system->nswitches;

@@ -7,8 +7,8 @@
 
 #include <string.h>
 
-/* The adjoint before the switches that are crossed where the next step begins, whose modes are those of a row; the modes at hand are
- * those before. Functionals may depend on the time of the last one. */
+/* The adjoint before the switches crossed at the start of the next step, whose modes are in a row; the current modes are those before.
+ * Functionals may depend on the time of the last switch. */
 int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, const scalar *row)
 {
     ordernm_motion *const m = a->motion;
@@ -40,7 +40,7 @@ int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, c
     return status;
 }
 
-/* The adjoint before a step of size h that ends or begins at the zero of a root, see powers.c: the same, f+ at its end. */
+/* The adjoint before a step of size h that starts or ends at the zero of a root, see powers.c: the same, with f+ at its end. */
 int ordernm_root_transposed(ordernm_adjoint *a, int k, scalar h)
 {
     ordernm_motion *const m = a->motion;

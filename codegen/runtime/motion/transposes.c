@@ -1,9 +1,9 @@
-/* One state on the way back: the transposes of its rates, outputs, switches and of what is done between steps. */
+/* The adjoint of one state: transposes of its rates, outputs, switches, and of the adjustments between steps. */
 #include "backwards.h"
 
 #include <string.h>
 
-/* Adds what transposes gave, c->dq and so on, to an adjoint of the state and to the gradients of a group. */
+/* Adds the results of transposes, c->dq and so on, to an adjoint of the state and to the gradients of a group. */
 static void add(ordernm_adjoint *a, int n, const ordernm_call *c, scalar t, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
@@ -29,7 +29,7 @@ static void add(ordernm_adjoint *a, int n, const ordernm_call *c, scalar t, scal
     }
 }
 
-/* Where transposes write; what a function does not know of stays zero. */
+/* Memory for results of transposes; entries that a function does not set remain zero. */
 static void clear(ordernm_adjoint *a, ordernm_call *c)
 {
     const ordernm_system *const s = a->motion->system;
@@ -41,14 +41,14 @@ static void clear(ordernm_adjoint *a, ordernm_call *c)
     c->dq = a->dq, c->du = a->du, c->dp = a->dp, c->dinputs = a->dinputs;
 }
 
-/* A state whose loops have been closed before. */
+/* A state whose loops were closed before. */
 static void closed(ordernm_adjoint *a, scalar t, const scalar *z, scalar *q, ordernm_call *c)
 {
     ordernm_arguments(a->motion, t, z, c);
     if (!a->motion->identity) c->q = q;
 }
 
-/* nu = f_z^T kappa at a state, and the gradients' parts; of independent coordinates and speeds. */
+/* nu = f_z^T kappa at a state, for independent coordinates and speeds; adds the contributions to gradients. */
 int ordernm_rates_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
@@ -80,7 +80,7 @@ int ordernm_rates_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *
     return 0;
 }
 
-/* Adds to nu what the rates of integrals, weighed by those entries of kappa, depend on at a state. */
+/* Adds to nu the derivatives of the rates of integrals at a state, weighted by the corresponding entries of kappa. */
 int ordernm_integrals_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *q, const scalar *kappa, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
@@ -100,7 +100,7 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, scalar t, const scal
     return status;
 }
 
-/* The adjoint of a state from weights of its outputs, of a group of functionals, [nfunctionals][ntimes][noutputs], at one time. */
+/* The adjoint of a state from weights of its outputs at one time, [nfunctionals][ntimes][noutputs], for a group of functionals. */
 static int outputs_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, const scalar *weights, long ntimes, long time,
     scalar *nu)
 {
@@ -128,14 +128,14 @@ static int outputs_transposed(ordernm_adjoint *a, int n, scalar t, const scalar 
     return 0;
 }
 
-/* The same at the last time that is left. */
+/* The same at the last remaining time. */
 int ordernm_sample_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *nu)
 {
     const ordernm_gradients *const g = a->gradients;
     return outputs_transposed(a, n, t, z, g->weights, g->ntimes, --a->sampled[n], nu);
 }
 
-/* Adds what is weighed behind a jump where the step at hand begins. */
+/* Adds the weights after a jump at the start of the current step. */
 int ordernm_sample_behind(ordernm_adjoint *a)
 {
     const ordernm_motion *const m = a->motion;
@@ -152,7 +152,7 @@ int ordernm_sample_behind(ordernm_adjoint *a)
     return 0;
 }
 
-/* The adjoint of a group before a switch where rates jump by -`jump`, whose switching function changes at a speed. */
+/* The adjoint of a group before a switch where rates jump by -`jump`, with the rate `speed` of its switching function. */
 int ordernm_switch_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, int k, const scalar *jump, scalar speed,
     int timed)
 {
@@ -178,7 +178,7 @@ int ordernm_switch_transposed(ordernm_adjoint *a, int n, scalar t, const scalar 
     return status;
 }
 
-/* The transpose of what is done between steps to joints with independent and dependent speeds. */
+/* The transpose of the adjustments between steps, for joints with both independent and dependent speeds. */
 static int transposed_settling(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *lambda)
 {
     ordernm_motion *const m = a->motion;
@@ -211,7 +211,7 @@ int ordernm_settling_transposed(ordernm_adjoint *a, scalar t, const scalar *z)
     return status;
 }
 
-/* Of weights of all entries of the state at the end, which was completed there, those of its independent entries. */
+/* Weights of the independent entries of the state at the end, from weights of all its entries. */
 int ordernm_completion_transposed(ordernm_adjoint *a, int n, scalar *lambda)
 {
     ordernm_motion *const m = a->motion;
@@ -229,7 +229,7 @@ int ordernm_completion_transposed(ordernm_adjoint *a, int n, scalar *lambda)
     }
     c.full_u = m->udot;
     c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
-    m->precise = s->precise != 0; /* conditions are poor where independents change */
+    m->precise = s->precise != 0; /* condition numbers are large where independent coordinates change */
     const int status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c);
     if (!status) add(a, n, &c, m->t, lambda);
     memset(a->weights_q, 0, s->nq*width*sizeof(scalar));

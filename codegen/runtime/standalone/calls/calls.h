@@ -2,30 +2,30 @@
  * file and defines
  *
  *     number              scalar type of the package
- *     Q, U, ..., RESULTS  places of pointers in x, arguments and seeds first; size[] has the entries of these
+ *     Q, U, ..., RESULTS  indices of pointers in x, arguments and seeds first; size[] are their numbers of entries
  *     ARGUMENTS, FIRST_SEED, CHECKED, KEPT, UNFIT, NOT_FINITE, FEW_LACK
  *     MOST_WIDTHS, MOST_SEEDS, MOST_RESULTS
- *     QUATERNIONS         places of quaternions in q, if there are any
- *     FEW_ELSEWHERE       if functions along few directions are in another library
+ *     QUATERNIONS         indices of quaternions in q, if there are any
+ *     FEW_ELSEWHERE       if functions for few directions are in another library
  *     CALL(name), OVER    names of the functions defined here
  *
- * x holds pointers. Bits of given say which arguments and seeds are there: p and inputs that are not come from their defaults,
- * seeds are zero. CHECKED among them: no numbers are looked at.
- * Directions are rows: x[DQ] points to [k][NQ]. x[STEPS], if it is not 0, points to longs: how far directions lie apart in
- * memory, for seeds and results by their places in x.
- * Returned is what the function returns; UNFIT if an argument is not finite or a quaternion is too short for a
- * rotation; NOT_FINITE if a result is not; FEW_LACK if a function is in a library that is not open. */
+ * x contains pointers. Bits of `given` mark the arguments and seeds that are present. Missing p and inputs have their default
+ * values; missing seeds are zero. With the bit CHECKED, numbers are not tested.
+ * Directions are rows: x[DQ] points to [k][NQ]. x[STEPS], if not 0, points to longs: the distances of directions in memory, for
+ * seeds and results by their indices in x.
+ * Calls return the status of the function; UNFIT if an argument is not finite or a quaternion is too short; NOT_FINITE if a
+ * result is not finite; FEW_LACK if a function is in a library that is not open. */
 #include <string.h>
 
 #if defined(__OPTIMIZE__) && defined(__GNUC__) && !defined(__clang__)
-/* It only carries numbers: more than this takes the compiler longer and no call less. */
+/* This code only copies numbers: a higher level takes longer to compile, without faster calls. */
 #pragma GCC optimize ("O1")
 #endif
 
 static int all_finite(const number *x, long n)
 {
     const number *const end = x + n;
-    number a = 0, b = 0, c = 0, d = 0; /* four sums side by side, since each waits for itself */
+    number a = 0, b = 0, c = 0, d = 0; /* four independent sums, because each addition has a latency */
     for (; end - x >= 4; x += 4) {
         a += 0*x[0];
         b += 0*x[1];
@@ -52,7 +52,7 @@ static int unfit(number *const *x, long given, number t, long k)
     return 0;
 }
 
-/* One call. Seeds and results along `width` directions lie in lanes; arguments that are not given have their defaults. */
+/* One call. Seeds and results along `width` directions are in lanes; missing arguments have their defaults. */
 typedef struct {
     number *const *x;
     number *lanes;
@@ -61,27 +61,27 @@ typedef struct {
     double t;
 } call;
 
-/* A function of the header: for how many directions at once there is one, fewest first; seeds, which lie in lanes; how many entries
- * its results have, and minus that of results along directions, which lie behind the seeds. Zeros end the lists. */
+/* A function of the header: its numbers of directions, increasing; its seeds, stored in lanes; the numbers of entries of its results,
+ * negative for results along directions, which follow the seeds. Zeros end the lists. */
 typedef struct {
     int (*run)(const call *c);
     int widths[MOST_WIDTHS], seeds[MOST_SEEDS], results;
     long entries[MOST_RESULTS];
 } function;
 
-/* How far the directions of a seed or result with n entries lie apart in memory. */
+/* Distance of the directions of a seed or result with n entries in memory. */
 static long step_of(number *const *x, long at, long n)
 {
     return x[STEPS] ? ((const long *)x[STEPS])[at] : n;
 }
 
-/* The bit by which OVER says that the lanes hold a seed already: it is the same for all states. */
+/* The bit with which OVER marks a seed that is already in the lanes, because all states share it. */
 static long kept(int seed)
 {
     return (long)KEPT << (seed - FIRST_SEED);
 }
 
-/* m rows of a seed, from row start on, with the direction as last index; zeros where there is none. */
+/* m rows of a seed, from row `start` on, with the direction as the last index; zeros if it is missing. */
 static void spread(number *lanes, number *const *x, long given, int seed, long start, long m, int width)
 {
     const long n = size[seed], step = step_of(x, seed, n);
@@ -98,14 +98,14 @@ static void gather(number *rows, long step, const number *lanes, long n, long m,
         for (int l = 0; l < m; ++l) rows[l*step + i] = lanes[i*width + l];
 }
 
-/* Calls a function along k directions, in turns, or once where it has none. */
+/* Calls a function along k directions, several at a time, or once if it has none. */
 static int run(const function *f, number *const *x, long given, double t, long k)
 {
     if (unfit(x, given, t, k)) return UNFIT;
     call c = {x, x[LANES], 0, x[given >> P & 1 ? P : DEFAULT_P], x[given >> INPUTS & 1 ? INPUTS : DEFAULT_INPUTS], t};
     long start = 0;
     do {
-        const int *width = f->widths; /* without directions there are values still, by the function that is there at first */
+        const int *width = f->widths; /* without directions, values are still computed, by the first available function */
         while (width[0] && width[1] && (start == k || width[0] < k - start)) ++width;
 #ifdef FEW_ELSEWHERE
         void *const *const few = (void *const *)x[FEW];
@@ -144,12 +144,12 @@ static int run(const function *f, number *const *x, long given, double t, long k
         return run(&f, x, given, t, k); \
     }
 
-/* State after state, from number *n to the one before end, up to one that fails: pointers move on, which and by what pairs say. */
+/* Calls a function for states *n to end - 1 or until it fails: the pairs `moves` contain pointers and their strides. */
 int OVER(int (*function)(number *const *, long, double, long), number **x, const long (*moves)[2], long count, long given,
     const double *t, long k, long *n, long end)
 {
     int status = 0;
-    long same = 0; /* the seeds that do not move */
+    long same = 0; /* seeds that all states share */
     for (int seed = FIRST_SEED; seed < ARGUMENTS; ++seed) same |= kept(seed);
     for (long i = 0; i < count; ++i)
         if (moves[i][0] >= FIRST_SEED && moves[i][0] < ARGUMENTS) same &= ~kept((int)moves[i][0]);

@@ -1,14 +1,13 @@
-/* Calls the functions of NAME_calls.c from Python with the arguments as they were passed: one state, or a few states along one
- * axis, in NumPy arrays, lists or numbers by name. Compiled once for a user's Python and NumPy.
+/* Calls the functions of NAME_calls.c from Python with a user's arguments: one state, or a few states along one axis, in NumPy
+ * arrays, lists or numbers by name. Compiled once per Python and NumPy version.
  *
- * A call copies arguments and seeds into memory of its own, so that results may overwrite them, releases the lock of the
- * interpreter while it computes, and returns a tuple of arrays. It returns None, without an exception, for everything that takes
- * a closer look: other types or shapes, numbers that are not finite, singular states. The caller then takes the general path,
- * which converts, or raises with the reason. */
+ * A call copies arguments and seeds into its own memory, so that results may overwrite them. It releases the interpreter's lock
+ * while it computes, and returns a tuple of arrays. It returns None, without an exception, for everything else: other types or
+ * shapes, numbers that are not finite, singular states. Then the general path in Python converts the arguments, or raises. */
 #include "direct_call.h"
 #include "direct_states.h"
 
-/* Where the numbers of an array begin and end. */
+/* The memory range of an array. */
 static void extent(PyArrayObject *x, const char **begin, const char **end)
 {
     *begin = *end = PyArray_BYTES(x);
@@ -38,7 +37,7 @@ static int shape_of(const returned *r, long states, long k, npy_intp *shape)
     return nd;
 }
 
-/* The caller's arrays as a tuple, a new reference; NULL where results may not be written there. */
+/* The caller's arrays as a tuple (a new reference); NULL if results cannot be written to them. */
 static PyObject *places(const Call *c, PyObject *out, long states, long k)
 {
     const int alone = !c->nseeds && c->nreturned == 1;
@@ -59,7 +58,7 @@ refused:
     return NULL;
 }
 
-/* New arrays for results, a tuple; NULL where there is no memory. */
+/* New arrays for results, as a tuple; NULL without memory. */
 static PyObject *new_arrays(const Call *c, long states, long k)
 {
     PyObject *const found = PyTuple_New(c->nreturned);
@@ -92,12 +91,12 @@ static void copy_arrays(PyObject *to, PyObject *from)
     }
 }
 
-/* What changes from state to state: a pointer of the table, and its step. */
+/* A pointer of the table and its stride between states. */
 typedef struct {
     long at, step;
 } moving;
 
-/* A derivative of one of several states, [k][size], and where its rows belong in [k][states][size]. */
+/* A derivative of one of several states, [k][size], and the location of its rows in [k][states][size]. */
 typedef struct {
     char *from, *to;
     long size;
@@ -131,7 +130,7 @@ static void move(job *j, long at, long step)
     j->moves[j->nmoves++] = (moving){at, step};
 }
 
-/* Copy arguments and seeds behind `at`; returns where free memory begins, NULL where they are not plain. */
+/* Copies arguments and seeds to `at`; returns the end of the used memory, or NULL if they are not plain. */
 static char *take_all(const Call *c, job *j, PyObject *given, PyObject *seeds, long states, long k, char *at)
 {
     const long n = states ? states : 1;
@@ -172,7 +171,7 @@ static char *take_all(const Call *c, job *j, PyObject *given, PyObject *seeds, l
     return at;
 }
 
-/* Point the results to arrays, or to memory behind `at`. */
+/* Points results to arrays, or to memory at `at`. */
 static void place_results(const Call *c, job *j, PyObject *arrays, long states, long k, char *at)
 {
     for (long i = 0; i < c->nresults; ++i) {
@@ -261,7 +260,7 @@ none:
     Py_RETURN_NONE;
 }
 
-/* ---- how a call is made ------------------------------------------------------------------------------------------------- */
+/* ---- creation of calls -------------------------------------------------------------------------------------------------- */
 
 static int read_taken(PyObject *list, taken *to, long *n)
 {

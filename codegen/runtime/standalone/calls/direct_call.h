@@ -1,4 +1,4 @@
-/* What a call of direct_call.c is, and how it takes arguments and seeds. */
+/* A call of direct_call.c, and its conversion of arguments and seeds. */
 #ifndef ORDERNM_DIRECT_CALL_H
 #define ORDERNM_DIRECT_CALL_H
 
@@ -13,7 +13,7 @@
 
 enum { MOST_TAKEN = 16, MOST_RESULTS = 16, MOST_ARRAYS = 32, MOST_POINTERS = 48, MOST_AXES = 3, TIME = 4, KEPT = 1 << 19, KEPT_OF_STATES = 1 << 23 };
 
-/* Memory of calls, reused; the interpreter's lock guards the list. */
+/* Reusable memory of calls; the interpreter's lock protects the list. */
 typedef struct block {
     struct block *next;
     size_t size;
@@ -56,19 +56,19 @@ static block *take_block(pool *p, size_t size)
 
 /* An argument or a seed. */
 typedef struct {
-    long slot, size, needed; /* -1: the place of t, which is passed as a number */
-    PyObject *names;         /* places of entries by name, or NULL */
-    const char *rest;        /* entries that a mapping leaves out; NULL for zeros */
-    long array;              /* its place in NAME_states, -1 if it has none */
+    long slot, size, needed; /* -1: t, which is passed by value */
+    PyObject *names;         /* indices of entries by name, or NULL */
+    const char *rest;        /* values of entries that a mapping leaves out; NULL for zeros */
+    long array;              /* its index in NAME_states, or -1 */
 } taken;
 
-/* A result of the C function: its entries, whether it has one row a direction, and its place among the results that are
- * returned; -1 for memory that is not, -2 for none. */
+/* A result of the C function: its number of entries, whether it has one row per direction, and its index among the returned results; -1
+ * if it is not returned, -2 if it is not computed. */
 typedef struct {
     long size, derived, place, array;
 } result;
 
-/* A result that is returned: its shape behind the axes of directions and states; zeros are not computed. */
+/* A returned result: its shape after the axes of directions and states; zeros are not computed. */
 typedef struct {
     int derived, zeros, nd;
     npy_intp shape[MOST_AXES], size;
@@ -86,7 +86,7 @@ typedef struct {
     size_t item;
     long needed, work, lanes, few, few_along, at_work, at_lanes, at_results;
     long ntaken, nseeds, nresults, nreturned;
-    PyObject *large; /* says how large batches are computed; NULL where they are not, or state after state */
+    PyObject *large; /* decides how large batches are computed; NULL if never several states at once */
     long narrays, work_of_states;
     void *pointers[MOST_POINTERS];
     taken takes[MOST_TAKEN], seeds[MOST_TAKEN];
@@ -115,7 +115,7 @@ static int number(PyObject *x, double *value)
     else if (PyLong_CheckExact(x)) *value = PyLong_AsDouble(x);
     else return 0;
     if (*value != -1.0 || !PyErr_Occurred()) return 1;
-    PyErr_Clear(); /* an integer beyond all doubles */
+    PyErr_Clear(); /* an integer too large for a double */
     return 0;
 }
 
@@ -165,7 +165,7 @@ static void take_row(const Call *c, const char *from, npy_intp step, long n, cha
     for (long i = 0; i < n; ++i) memcpy(to + i*c->item, from + i*step, c->item);
 }
 
-/* An argument, as [rows][size]: one row that all states share, or one for each. Returns the rows; 0 where it is not plain. */
+/* An argument, as [rows][size]: one row for all states, or one for each. Returns the number of rows; 0 if it is not plain. */
 static long take(const Call *c, const taken *a, PyObject *x, long states, char *to)
 {
     if (!PyArray_CheckExact(x)) {
@@ -207,7 +207,7 @@ static long take_seed(const Call *c, const taken *a, PyObject *x, long k, long s
     return rows;
 }
 
-/* How many states and directions there are: 0 states for a single one, without an axis. */
+/* Numbers of states and directions; 0 states for a single one without an axis. */
 static int count(const Call *c, PyObject *given, PyObject *seeds, long *states, long *k)
 {
     *states = *k = 0;

@@ -1,4 +1,4 @@
-/* A large batch: several states at once by a function of NAME_states.c, which reads and writes the arrays where they are. */
+/* A large batch: several states at once by a function of NAME_states.c, which reads and writes the arrays in place. */
 #ifndef ORDERNM_DIRECT_STATES_H
 #define ORDERNM_DIRECT_STATES_H
 
@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-/* NAME_states of the package's header; the workspace lies behind the last array that there is. */
+/* NAME_states of the package's header; the workspace follows the last array. */
 typedef struct {
     void *at;
     long state, direction, entry;
@@ -21,14 +21,14 @@ typedef struct {
 typedef int (*over_states)(batch *);
 typedef int (*on_threads)(over_states, batch *, int);
 
-/* How the batch is computed: by which function, on how many threads, and by which function of NAME_threads.c if there are several. */
+/* How a batch is computed: the function, the number of threads, and for several threads the function of NAME_threads.c. */
 typedef struct {
     over_states run;
     on_threads share;
     int threads;
 } way;
 
-/* Asks the run time for it; run is NULL for one state after another. Returns 0 for the general path, -1 with an exception. */
+/* Asks the run time; `run` is NULL for one state after another. Returns 0 for the general path, -1 with an exception. */
 static int ask_way(const Call *c, long states, long k, way *w)
 {
     unsigned long long run, share;
@@ -43,7 +43,7 @@ static int ask_way(const Call *c, long states, long k, way *w)
     return 1;
 }
 
-/* Where the states, and directions, of an array lie; 0 where it cannot be read there. */
+/* Strides of an array between states and between directions; 0 if it cannot be read in place. */
 static int lay(const Call *c, const taken *a, PyObject *x, long states, int along, strided *s)
 {
     PyArrayObject *const array = (PyArrayObject *)x;
@@ -57,7 +57,7 @@ static int lay(const Call *c, const taken *a, PyObject *x, long states, int alon
     return 1;
 }
 
-/* Lay out arguments, seeds and results. `t` has room for a number. */
+/* Sets up arguments, seeds and results. `t` is memory for one number. */
 static int lay_all(const Call *c, PyObject *given, PyObject *seeds, PyObject *arrays, long states, long k, char *t, batch *b)
 {
     for (long i = 0; i < c->ntaken; ++i) {
@@ -94,7 +94,7 @@ static int lay_all(const Call *c, PyObject *given, PyObject *seeds, PyObject *ar
     return 1;
 }
 
-/* Computes a batch into arrays; 0 where it cannot, or where a number is not finite or a state singular. */
+/* Computes a batch into arrays; 0 if impossible, if a number is not finite or a state is singular. */
 static int compute_states(const Call *c, const way *w, PyObject *given, PyObject *seeds, PyObject *arrays, long states, long k)
 {
     double t = 0.0;

@@ -1,14 +1,14 @@
-/* on_threads.h: runs a function over a batch of states on several threads. NAME_threads.c of a package includes this file and defines
+/* on_threads.h: runs a function for a batch of states on several threads. NAME_threads.c of a package includes this file and defines
  *
- *     MOST_LANES          states in the longest vectors
+ *     MOST_LANES          largest number of SIMD lanes
  *     BATCH               struct of a batch, NAME_states
  *     WORKSPACE           size of the workspace of each thread
- *     EACH_ARRAY(DO)      DO(array) for each member of BATCH that is an array with a step from state to state
+ *     EACH_ARRAY(DO)      DO(array) for each member of BATCH that is an array with a stride between states
  *     ON_THREADS          name of the function defined here, NAME_on_threads
  *
- * Threads are kept, so that a batch of a tenth of a millisecond is worth sharing: they look for the next one for a while before
- * they sleep. Each has a share of the states, the same every time for the sake of its cache, and takes them chunk by chunk, then
- * those of others. A batch is open while there are chunks. A thread that comes too late for it is not waited for. */
+ * Threads wait actively for the next batch before they sleep, so that sharing pays for batches of 0.1 ms. Each thread has a share of
+ * the states, always the same one because of its cache. It takes its share chunk by chunk, then chunks of others. A batch is open
+ * while there are chunks left. The caller does not wait for threads that come too late. */
 #ifndef _POSIX_C_SOURCE
 #define _POSIX_C_SOURCE 200809L
 #endif
@@ -20,22 +20,22 @@
 
 #ifdef __cplusplus
 #include <atomic>
-using namespace std; /* atomic_long and what works on it */
+using namespace std; /* atomic_long and its functions */
 #else
 #include <stdalign.h>
 #include <stdatomic.h>
 #endif
 
 enum { MOST_THREADS = 256, CHUNKS = 8 /* per thread */, EVEN = MOST_LANES, LEAST = 4*EVEN };
-static const long LOOKING = 100000; /* ns that a thread looks for work before it sleeps */
+static const long LOOKING = 100000; /* ns that a thread searches for work before it sleeps */
 
-/* The open batch: what is called, on what, in which chunks, by how many. */
+/* The open batch: its function, data, chunks and number of threads. */
 static int (*called)(BATCH *);
 static const BATCH *whole;
 static long chunk;
 static int wanted;
 
-/* The states of each thread, of which those before untaken are being worked on, and the first one that it found singular. */
+/* The states of each thread (those before `untaken` are in work or done), and the first singular state that it found. */
 static struct {
     alignas(128) atomic_long untaken;
     long end, failed;
@@ -43,12 +43,12 @@ static struct {
 } shares[MOST_THREADS];
 
 static atomic_uint open_batch;    /* its number, 0 if none is open */
-static atomic_int inside;         /* threads that may be reading what is above */
-static atomic_int busy, sleeping; /* whether a batch is being worked on; threads that sleep */
+static atomic_int inside;         /* threads that may be reading the data above */
+static atomic_int busy, sleeping; /* whether a batch is in work; number of sleeping threads */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t opened = PTHREAD_COND_INITIALIZER;
-static unsigned batches; /* how many there have been */
-static int threads;      /* that have been started */
+static unsigned batches; /* number of batches so far */
+static int threads;      /* number of started threads */
 
 static void pause_briefly(void)
 {
@@ -64,7 +64,7 @@ static long now(void)
     return t.tv_sec*1000000000L + t.tv_nsec;
 }
 
-/* Works on states of the open batch from begin on. */
+/* Computes states of the open batch from `begin` on. */
 static void take_chunk(int thread, long begin, long end)
 {
     BATCH b = *whole;
@@ -81,7 +81,7 @@ static void take_chunk(int thread, long begin, long end)
     }
 }
 
-/* Works on the open batch until nothing is untaken. */
+/* Computes chunks of the open batch until all are taken. */
 static void take_chunks(int thread)
 {
     for (int further = 0; further < wanted; ++further) {
@@ -91,7 +91,7 @@ static void take_chunks(int thread)
     }
 }
 
-/* What every thread does: helps with a batch when one is open that it has not seen. */
+/* The loop of every thread: takes part in each new open batch. */
 static void *help(void *number)
 {
     const int thread = (int)(intptr_t)number;
@@ -102,7 +102,7 @@ static void *help(void *number)
         for (long looks = 1; !(next = atomic_load(&open_batch)) || next == seen; ++looks) {
             pause_briefly();
             if (looks % 64) continue;
-            sched_yield(); /* the core may be the caller's */
+            sched_yield(); /* the caller may need this core */
             if (now() - begin < LOOKING) continue;
             pthread_mutex_lock(&lock);
             atomic_fetch_add(&sleeping, 1);
@@ -112,7 +112,7 @@ static void *help(void *number)
             break;
         }
         atomic_fetch_add(&inside, 1);
-        next = atomic_load(&open_batch); /* the one that was seen may have been closed before this thread was inside */
+        next = atomic_load(&open_batch); /* the batch may have been closed before `inside` was increased */
         if (next && next != seen) {
             if (thread < wanted) take_chunks(thread);
             seen = next;
@@ -122,7 +122,7 @@ static void *help(void *number)
     return 0;
 }
 
-/* A process that was forked has none of the threads, and locks as they were. */
+/* After a fork: the child process has none of the threads, and locks may be held. */
 static void begin_anew(void)
 {
     static const pthread_mutex_t fresh_lock = PTHREAD_MUTEX_INITIALIZER;
@@ -136,8 +136,8 @@ static void begin_anew(void)
     atomic_store(&busy, 0);
 }
 
-/* Starts threads until there are `more` beside the caller, or fewer if the system gives no more. Signals go to the threads of
- * the program only. */
+/* Starts threads until there are `more` in addition to the caller, or as many as the system permits. Only threads of the program receive
+ * signals. */
 static void start(int more)
 {
     static int prepared;
@@ -156,7 +156,7 @@ static void start(int more)
 int ON_THREADS(int (*function)(BATCH *), BATCH *b, int count)
 {
     if (count > MOST_THREADS) count = MOST_THREADS;
-    if (count < 2 || b->count < 2*LEAST || atomic_exchange(&busy, 1)) return function(b); /* another caller has the threads */
+    if (count < 2 || b->count < 2*LEAST || atomic_exchange(&busy, 1)) return function(b); /* another caller uses the threads */
     if (threads < count - 1) start(count - 1);
     called = function;
     whole = b;
@@ -170,7 +170,7 @@ int ON_THREADS(int (*function)(BATCH *), BATCH *b, int count)
         shares[i].failed = -1;
         shares[i].code = shares[i].infinite = 0;
     }
-    if (!++batches) ++batches; /* 0 is none */
+    if (!++batches) ++batches; /* 0 means none */
     atomic_store(&open_batch, batches);
     if (atomic_load(&sleeping)) {
         pthread_mutex_lock(&lock);
@@ -179,7 +179,7 @@ int ON_THREADS(int (*function)(BATCH *), BATCH *b, int count)
     }
     take_chunks(0);
     atomic_store(&open_batch, 0);
-    for (long looks = 1; atomic_load(&inside); ++looks) { /* at most for a chunk, unless its thread has lost its core */
+    for (long looks = 1; atomic_load(&inside); ++looks) { /* at most one chunk, unless its thread has lost its core */
         pause_briefly();
         if (looks % 64 == 0) sched_yield();
     }
