@@ -1,4 +1,4 @@
-"""The part of a package for C programmers beside functions: indices by name, defaults, initial state, a first program."""
+"""Parts of a package for C programmers besides the functions: indices by name, defaults, initial state, an example program."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from .model.model import Model
 from .runtime.standalone.calls.functions import STATE, shapes_of
 
 CLOSING = ("closure", "completion")
-"""Functions that make states consistent; the first program does not show these."""
+"""Functions that make states consistent; the example program does not print their results."""
 
 NAMES = 1000
-"""If a model has more names of one sort, none of them becomes an index, since nobody writes them by hand."""
+"""If a model has more names of one sort, they get no indices, since nobody types them by hand."""
 NUMBERS = 10_000
-"""A longer initial state is not written."""
+"""Maximum length of an initial state that is written."""
 LINE = 100
 
 
 def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Ready lines for the templates of a package's ``NAME_model.h`` and ``README.md``."""
+    """Lines for the templates of a package's ``NAME_model.h`` and ``README.md``."""
     return {
         "rows": _rows(model),
         "indices": _indices(model, manifest),
@@ -41,7 +41,7 @@ def _some(names: Sequence[str], limit: int = 12) -> str:
 
 
 def _indices(model: Model, manifest: Mapping[str, Any]) -> list[str]:
-    """The enum of ``NAME_Q_crank = 0`` ...; a dot in a name becomes ``_``, and names that are then equal have none."""
+    """The enum ``NAME_Q_crank = 0`` ...; dots in names become ``_``, and names that then coincide are left out."""
     outputs = [o.name for o in model.outputs] if any("output" in name for name in manifest["functions"]) else []
     sorts = [
         ("Q", model.coordinate_names), ("U", model.speed_names), ("P", model.parameter_names), ("INPUT", model.inputs),
@@ -52,7 +52,7 @@ def _indices(model: Model, manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _enumerators(model: Model, sort: str, names: Sequence[str]) -> dict[int, str]:
-    """Enumerators by place."""
+    """Enumerators by index."""
     if len(names) > NAMES:
         return {}
     words = [name.replace(".", "_") for name in names]
@@ -61,13 +61,13 @@ def _enumerators(model: Model, sort: str, names: Sequence[str]) -> dict[int, str
 
 
 def _index(model: Model, sort: str, names: Sequence[str], name: str) -> str:
-    """The enumerator of a name, or its number."""
+    """The enumerator of a name, or its index."""
     place = names.index(name)
     return _enumerators(model, sort, names).get(place, str(place))
 
 
 def _tables(model: Model, manifest: Mapping[str, Any]) -> list[list[str]]:
-    """Arrays of constants, line by line."""
+    """Arrays of constants, as lines."""
     name = model.name.upper()
     tables = []
     if model.parameters:
@@ -100,7 +100,7 @@ def _unit(unit: str) -> str:
 
 
 def _filled(words: Iterable[str]) -> list[str]:
-    """Words with commas between them, in lines."""
+    """Comma-separated words, in lines."""
     lines = [""]
     for word in words:
         if len(lines[-1]) + len(word) > LINE:
@@ -130,12 +130,12 @@ def _rows(model: Model) -> list[str]:
 
 
 def _as_markdown(text: str) -> str:
-    """Text that Markdown shows as it is: ``N*m*s`` has no emphasis. An underscore within a word means nothing there."""
+    """Escapes Markdown characters: ``N*m*s`` has no emphasis. An underscore within a word has no effect."""
     return re.sub(r"[\\`*\[\]<>|~&$#]|(?<!\w)_|_(?!\w)", r"\\\g<0>", text)
 
 
 def _loops_or_couplings(manifest: Mapping[str, Any]) -> str:
-    """What a model that has couplings calls the two together, or couplings alone."""
+    """The noun for loops and couplings in a model with couplings."""
     return "coupling" if len(manifest["couplings"]) == len(manifest["loops"]) else "loop or coupling"
 
 
@@ -150,7 +150,7 @@ def _codes(manifest: Mapping[str, Any]) -> list[str]:
         (
             manifest.get("elements", ()),
             "force element",
-            "this one has no direction, since its ends coincide or the like",
+            "its direction is not defined, for example because its attachment points coincide",
         ),
     ):
         if names:
@@ -164,7 +164,7 @@ def _codes(manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _usage(manifest: Mapping[str, Any]) -> list[str]:
-    """Calls from Python, of the functions that are there."""
+    """Example calls from Python, for the existing functions."""
     calls = {
         "accelerations": "udot = solver.accelerations(q, u)",
         "sensitivities": "udot, dudot = solver.sensitivities(q, u, dq=np.eye(solver.nq))    # one direction per row",
@@ -174,14 +174,14 @@ def _usage(manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _shown(manifest: Mapping[str, Any]) -> str:
-    """The function that a first program calls: the accelerations, or another one of a state."""
+    """The function called by the example program: the accelerations, or another function of a state."""
     functions = manifest["functions"]
     of_state = [n for n, f in functions.items() if not f.get("seeds") and {"q", "u"} <= set(f["arguments"]) <= {*STATE}]
     return "accelerations" if "accelerations" in functions else ([n for n in of_state if n not in CLOSING] or [""])[0]
 
 
 def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
-    """A whole C program: a closed state where there are loops, its accelerations, and one derivative of them."""
+    """A complete C program: closes the loops, computes accelerations, and one derivative of them."""
     name, NAME = model.name, model.name.upper()
     functions, shown = manifest["functions"], _shown(manifest)
     if not shown or not model.nq:
@@ -217,7 +217,7 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, result: str, count: str) -> list[str]:
-    """The main function of that program: the state, and the first entries of the result and its derivative along a direction."""
+    """The main function of that program: the state, and the first entries of the result and of a derivative."""
     name, NAME, functions = model.name, model.name.upper(), manifest["functions"]
     given, call = functions[shown]["arguments"], _arguments(manifest, shown)
     turned = [f"q[{_index(model, 'Q', model.coordinate_names, n)}]" for n in manifest["independent_names"][:1]]
@@ -257,7 +257,7 @@ def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, res
 
 
 def _arguments(manifest: Mapping[str, Any], function: str) -> str:
-    """What a function is called with, at time zero."""
+    """Arguments of a function call, at time zero."""
     return ", ".join("0.0" if a == "t" else a for a in manifest["functions"][function]["arguments"])
 
 

@@ -1,4 +1,4 @@
-"""The solver of a model that ``ordernm simulate`` is given: generated into a cache, where it is found again."""
+"""The solver for a model of ``ordernm simulate``: generated into a cache and reused."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from .runtime import Solver
 
 KEPT = 20
-"""Generated packages that are kept for models that are simulated again."""
+"""Number of generated packages kept in the cache."""
 
 SOURCES = (".py", ".jinja", ".c", ".h")
-"""Files of the generator that its output depends on."""
+"""Suffixes of the generator's files that affect its output."""
 
 NEEDED = ("numpy", "sympy", "scipy", "jinja2", "PyYAML", "pydantic")
-"""Packages that its output depends on."""
+"""Python packages that affect the output."""
 
 
 def read(file: str, status: StatusLine) -> Model | Path:
@@ -47,9 +47,9 @@ def read(file: str, status: StatusLine) -> Model | Path:
 def solver_of(
     model: Model | Path, status: StatusLine, partitions: int = 1, frames: bool = False, reactions: bool = False
 ) -> Iterator[Solver]:
-    """The solver of a generated package, or of a model: generated into a cache, where it is found again.
+    """The solver of a generated package, or of a model, for which it is generated into the cache or reused.
 
-    Where there is no cache that only this user can write to, a temporary folder serves.
+    Without a cache that is safe from other users, a temporary folder is used.
     """
     from .runtime import load
 
@@ -67,7 +67,7 @@ def solver_of(
 
 
 def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, frames: bool, reactions: bool) -> None:
-    """Generate and compile the solver, unless it is there."""
+    """Generates and compiles the solver, unless it exists."""
     from .generation import generate
     from .runtime import PackageError
     from .runtime.standalone.files.manifest import check_files, read_manifest
@@ -76,9 +76,9 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, f
     with contextlib.suppress(PackageError, OSError):
         if all(trusted(file) for file in folder.rglob("*")):
             check_files(folder, read_manifest(folder), ("",))
-            os.utime(folder)  # used just now, so it is kept
+            os.utime(folder)  # marks it as recently used
             return
-    shutil.rmtree(folder, ignore_errors=True)  # one that is damaged would be refused
+    shutil.rmtree(folder, ignore_errors=True)  # generate would refuse a damaged folder
     mask = os.umask(0o077)
     try:
         generate(model, folder, progress=status, partitions=partitions, frames=frames, reactions=reactions)
@@ -88,11 +88,11 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, f
 
 
 def _cached(model: Model, partitions: int, frames: bool, reactions: bool) -> Path | None:
-    """Where the package of a model is kept; None if nothing can be kept: a warning says why, but for a user without a home.
+    """The cache folder for the package of a model; None, with a warning, if there is no cache (without one if the user has no
+    home).
 
-    The name holds a digest of all that the package depends on: every file of the model as it was read, the generator, the
-    packages that it computes and prints with, and the options. Compiled libraries have flags, compiler and processor in names
-    of their own.
+    The folder's name contains a digest of everything that affects the package: the model's files as read, the generator, the
+    versions of Python packages, and the options. Names of compiled libraries contain flags, compiler and processor.
     """
     from .runtime.standalone.files.user_cache import make_private, user_cache
 
@@ -100,21 +100,21 @@ def _cached(model: Model, partitions: int, frames: bool, reactions: bool) -> Pat
     key.update(_generator())
     try:
         place = make_private(user_cache() / "simulated")
-    except RuntimeError:  # a user without a home
+    except RuntimeError:  # a user without a home directory
         return None
     except OSError as error:
-        warnings.warn(f"nothing is kept for the next time: {error}", RuntimeWarning, stacklevel=1)
+        warnings.warn(f"the solver is not kept for the next run: {error}", RuntimeWarning, stacklevel=1)
         return None
     if not os.access(place, os.W_OK | os.X_OK):
         warnings.warn(
-            f"nothing is kept for the next time: no permission to write in {place}", RuntimeWarning, stacklevel=1
+            f"the solver is not kept for the next run: no permission to write in {place}", RuntimeWarning, stacklevel=1
         )
         return None
     return place / f"{model.name}-{key.hexdigest()[:16]}"
 
 
 def _generator() -> bytes:
-    """A digest of the generator, also between two versions, and of the versions of what it needs."""
+    """A digest of the generator's source files and of the versions of the packages that it needs."""
     package = Path(__file__).parent
     found = hashlib.sha256(sys.version.encode())
     for folder in (package, package.parent / "templates"):
@@ -128,7 +128,7 @@ def _generator() -> bytes:
 
 
 def _forget_old(place: Path) -> None:
-    """Keep the packages that were used last."""
+    """Keeps the packages used most recently."""
     with contextlib.suppress(OSError):
         found = sorted((p for p in place.iterdir() if not p.name.startswith(".")), key=lambda p: p.stat().st_mtime)
         for old in found[:-KEPT]:

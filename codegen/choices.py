@@ -1,4 +1,4 @@
-"""How many choices of independent coordinates a motion needs: one, until it meets a dead point."""
+"""The number of partitions that a motion needs: one, until it meets a dead point."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ if TYPE_CHECKING:
     from .runtime import Solver, Trajectory
 
 PARTITIONS = (2, 4)
-"""Numbers of choices of independent coordinates that are generated when a motion meets a dead point with fewer."""
+"""Numbers of partitions to generate when a motion meets a dead point with fewer."""
 
 
 def more_choices(solver: Solver, trajectory: Trajectory, held: int) -> int | None:
-    """The number of choices that may take a motion further; None where it has not ended at a dead point, or there are no more.
+    """The number of partitions that may continue a motion; None if it did not end at a dead point, or there are no more.
 
     Parameters
     ----------
     solver : Solver
-        Generated with `held` choices.
+        A solver generated with `held` partitions.
     trajectory : Trajectory
-        What it has simulated.
+        Its motion.
     """
     if not _met_dead_point(trajectory) or len(solver.partitions) < held:
         return None
@@ -27,7 +27,7 @@ def more_choices(solver: Solver, trajectory: Trajectory, held: int) -> int | Non
 
 
 def _met_dead_point(trajectory: Trajectory) -> bool:
-    """Whether the motion has ended where another choice of independent coordinates may serve."""
+    """Whether the motion ended where other independent coordinates may help."""
     from .runtime.standalone.motion.reasons import DEAD_POINT
     from .runtime.standalone.trajectory.trajectory import FINISHED, INTERRUPTED
 

@@ -1,7 +1,7 @@
 """The command line: ``generate model.yaml`` and ``ordernm COMMAND``.
 
-Exit codes: 0 ok, 1 the model is wrong, 2 usage, 3 compiling failed, 4 the numbers failed; 128 and the number of the signal that
-ended the work, 130 for Ctrl-C.
+Exit codes: 0 ok, 1 error in the model, 2 wrong usage, 3 compilation failed, 4 numerical failure; 128 plus the number of a signal
+that ended the command, 130 for Ctrl-C.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from .terminal import StatusLine, width, write_lines
 from .version import __version__
 
 COMPUTING = ("simulate", "report", "bench")
-"""Commands that may have large matrices."""
+"""Commands that may use large matrices."""
 
 PROBLEMS = 50
-"""Problems of a model that are listed."""
+"""Maximum number of a model's problems that are listed."""
 
 NEW_MODEL = """\
-# {name}: a pendulum to begin with; docs/model_format.md describes every key.
+# {name}: a first pendulum; docs/model_format.md describes every key.
 model: {name}
 gravity: [0, 0, -9.81]                # m/s^2 in the ground frame
 parameters:
@@ -53,9 +53,11 @@ outputs:
 def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", help="model file (YAML)")
     parser.add_argument("-o", "--output", metavar="DIR", help="package to write (default: ./generated/NAME)")
-    parser.add_argument("--target", choices=("c", "numpy", "both"), default="c", help="what the package's Solver uses")
+    parser.add_argument(
+        "--target", choices=("c", "numpy", "both"), default="c", help="code that the package's Solver runs"
+    )
     parser.add_argument("--scalar", choices=("float64", "float32"), default="float64",
-                        help="scalar type of the C; in float32 there are no motions")  # fmt: skip
+                        help="scalar type of the C code; float32 packages do not integrate motions")  # fmt: skip
     parser.add_argument("--layout", choices=("auto", "kinds", "unrolled"), default="auto",
                         help="one C function per kind of link, or one per link")  # fmt: skip
     parser.add_argument(
@@ -63,15 +65,15 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         choices=range(1, len(OTHERS) + 2),
         default=1,
-        help="hold other choices of independent coordinates, to change to at dead points",
+        help="number of choices of independent coordinates, which are exchanged at dead points",
     )
     parser.add_argument(
         "--reactions",
         action="store_true",
-        help="the solver also gives what joints and loops transmit, with derivatives",
+        help="include wrenches transmitted by joints and loops, with derivatives",
     )
     parser.add_argument(
-        "--frames", action="store_true", help="the solver also gives the motions of all bodies and of points in them"
+        "--frames", action="store_true", help="include motions of all bodies and of points fixed in them"
     )
     parser.add_argument(
         "--functions",
@@ -85,32 +87,32 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     compiling.add_argument(
         "--compile-all",
         action="store_true",
-        help="compile all functions now; else those that are not called by nearly everybody are compiled when first called",
+        help="compile all functions now; otherwise, less common ones are compiled at their first call",
     )
     parser.add_argument("-v", "--verbose", action="store_true", help="print passes and operations of every sweep")
     add_force(parser)
 
 
 def _problem(text: object) -> None:
-    """Say on stderr what is wrong."""
+    """Prints an error message to stderr."""
     write_lines(str(text).splitlines(), sys.stderr)
 
 
 def _tolerate_terminal() -> None:
-    """A terminal without unicode shows ``?`` for what it lacks, and streams may be closed; it is no reason to fail."""
+    """Terminals without Unicode show ``?``, and closed streams are replaced, so that neither causes an error."""
     for name, mode in (
         ("stdin", "r"),
         ("stdout", "w"),
         ("stderr", "w"),
-    ):  # in the order of their numbers, which are free
+    ):  # in the order of their file descriptors, which are free
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
-    with contextlib.suppress(AttributeError):  # a stream that somebody put in the place of stdout
+    with contextlib.suppress(AttributeError):  # stdout may be replaced by another stream
         sys.stdout.reconfigure(errors="replace")  # type: ignore[union-attr]
 
 
 def _wrong(error: Any) -> None:
-    """Print what is wrong with a model, the first `PROBLEMS`."""
+    """Prints the first `PROBLEMS` problems of a model."""
     from .summary import first
 
     for line in first(error.problems, PROBLEMS, "and {} more problems; these first"):
@@ -147,13 +149,13 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
 def _verdict(report: Any) -> int:
     bad = {name: e for name, e in report.errors.items() if not e <= report.agreement}
     if bad:
-        _problem(f"the numbers differ from the generic engine's: {bad}; please report this with the model")
+        _problem(f"the results differ from those of the generic engine: {bad}; please report this with the model")
         return NUMBERS_FAILED
     return OK
 
 
 def print_report(report: Any, verbose: bool = False) -> None:
-    """Print what `generate` made."""
+    """Prints the report of `generate`."""
     lines = report.lines(verbose, width(sys.stdout))
     remarks = {f"  {remark}" for remark in report.remarks}
     name = f"{report.name}  {report.folder}"
@@ -162,7 +164,7 @@ def print_report(report: Any, verbose: bool = False) -> None:
 
 
 def run_check(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm check``: read a model, close its loops, and say what is wrong with it."""
+    """``ordernm check``: reads a model, closes its loops, and lists problems."""
     from .summary import counted, first
 
     model = _load(options.model, status)
@@ -184,7 +186,7 @@ def _load(file: str, status: StatusLine) -> Any:
 
 
 def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) -> list[str]:
-    """What is chosen for the loops of a model, in words, on request with their regions; ModelError if they cannot be closed."""
+    """Describes the choice of dependent coordinates, on request with regions; ModelError if loops cannot be closed."""
     if not model.loops:
         return []
     from .loops.description import describe
@@ -207,7 +209,7 @@ def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) ->
 
 
 def run_show(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm show``: what a model holds, or a generated package."""
+    """``ordernm show``: the contents of a model or of a generated package."""
     from .listing import list_model, list_package
 
     if Path(options.model).is_dir():
@@ -219,14 +221,14 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
     lines = list_model(model, options.verbose)
     try:
         lines += [f"  {line}" for line in _choice(model, options.model, status, regions=True)]
-    finally:  # what there is, also where it does not close
+    finally:  # also if loops cannot be closed
         status.close()
         write_lines(lines, sys.stdout)
     return OK
 
 
 def run_new(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm new``: write a first model file."""
+    """``ordernm new``: writes a first model file."""
     from .model import ModelError, parse_model
     from .runtime.standalone.files.whole_file import write_whole
 
@@ -234,8 +236,8 @@ def run_new(options: argparse.Namespace, status: StatusLine) -> int:
     text = NEW_MODEL.format(name=path.stem)
     try:
         parse_model(text, str(path))
-    except ModelError:  # the name is all that may be wrong with it: with blanks, a word of Python or C, ...
-        raise Failure(f"{path.stem!r} cannot name a model; call the file after one, such as pendulum.yaml") from None
+    except ModelError:  # only the name can be wrong, such as a keyword of Python or C
+        raise Failure(f"{path.stem!r} is not a valid model name; choose a file name such as pendulum.yaml") from None
     try:
         if os.path.lexists(path) and not options.force:
             raise Failure(f"{path} exists; choose another name, or --force to replace it")
@@ -247,7 +249,7 @@ def run_new(options: argparse.Namespace, status: StatusLine) -> int:
 
 
 def run_import(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm import``: a robot's file becomes a model file; what is left out is listed."""
+    """``ordernm import``: converts a robot file to a model file, and lists what is left out."""
     from .importing.command import ExistsError, run
     from .summary import counted
 
@@ -270,7 +272,7 @@ def run_import(options: argparse.Namespace, status: StatusLine) -> int:
 
 
 def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm simulate``: a motion, its table, its file and its picture; Ctrl-C leaves what was computed until then."""
+    """``ordernm simulate``: computes a motion, its table, file and plot; Ctrl-C keeps the motion computed so far."""
     from .simulating import simulate
 
     remarks: list[str] = []
@@ -285,7 +287,7 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
 
 
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm report``: speed against error of a model, or of all models of a folder."""
+    """``ordernm report``: speed and error of a model, or of all models in a folder."""
     from .reporting.command import run
 
     lines, problems, code = run(options, status)
@@ -297,7 +299,7 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
 
 
 def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm bench``: problems with known answers, measured."""
+    """``ordernm bench``: measures problems with known solutions."""
     from .bench.command import bench
 
     lines, failures = bench(options, status)
@@ -309,7 +311,7 @@ def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
 
 
 def _how_it_ended(run: Any, received: Sequence[int]) -> int:
-    """The exit code of a simulation, and a line on stderr where it is none of success."""
+    """The exit code of a simulation; prints a line on stderr unless it was successful."""
     from .runtime.standalone.trajectory.trajectory import INTERRUPTED
 
     where = f"at t = {run.reached:.6g} of {run.end:.6g} s"
@@ -330,10 +332,9 @@ def _how_it_ended(run: Any, received: Sequence[int]) -> int:
 
 
 def _be_short_lived(command: str) -> None:
-    """A command's expressions live until it ends, which is soon: looking for cycles in them took a third of its time.
+    """Saves time in commands, which end soon: without garbage collection, which took a third of it.
 
-    Nor does it look through all installed packages for plugins of Pydantic's, which would not say more of a model, or start
-    threads for matrices where it has small ones only.
+    Also disables Pydantic's search for plugins in installed packages, and threads for matrices in commands with small ones only.
     """
     gc.disable()
     if command not in COMPUTING:
@@ -343,7 +344,7 @@ def _be_short_lived(command: str) -> None:
 
 
 def _expected() -> dict[type[Exception], int]:
-    """Errors of a package, of compilers and of extras that are not installed, each with its exit code."""
+    """Exit codes for errors of packages, of compilers, and of missing optional packages."""
     from .runtime.standalone import errors
 
     return {
@@ -355,7 +356,7 @@ def _expected() -> dict[type[Exception], int]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    """Run a command; its errors become messages and exit codes."""
+    """Runs a command; converts its errors to messages and exit codes."""
     command, status = options.command, StatusLine(sys.stderr)
     try:
         from .model.errors import ModelError
@@ -397,7 +398,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _forget_output() -> None:
-    """Nobody takes what stdout still holds: do not try again when the process ends."""
+    """Redirects stdout, so that its remaining content causes no error at the end of the process."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -408,7 +409,7 @@ def generate_main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _ended(run: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None, program: str) -> int:
-    """The exit code of a program; Ctrl-C is a message also before a command runs, while Python imports its modules."""
+    """The exit code of a program; handles Ctrl-C also while modules are being imported."""
     try:
         return run(arguments)
     except KeyboardInterrupt:
@@ -444,7 +445,7 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 
 def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
-    """All commands of ``ordernm`` with their options; of a `wanted` one only modules for its options are imported."""
+    """The parser of all ``ordernm`` commands; imports only the modules for the options of `wanted`, if it is given."""
     parser = argparse.ArgumentParser(prog="ordernm", description="Multibody solvers with exact design sensitivities.")
     parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -452,15 +453,15 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
     _generate_arguments(generate)
     generate.set_defaults(run=run_generate)
     for name, run, module, help_text in (
-        ("simulate", run_simulate, ".simulating", "compute a motion, with derivatives by parameters"),
-        ("import", run_import, ".importing.command", "make a model file of a robot's: URDF, MJCF, SDF"),
+        ("simulate", run_simulate, ".simulating", "simulate a motion, with derivatives by parameters"),
+        ("import", run_import, ".importing.command", "convert a robot file to a model file: URDF, MJCF, SDF"),
         (
             "report",
             run_report,
             ".reporting.command",
-            "measure a model's speed and errors: a page with figures, and its numbers",
+            "measure a model's speed and errors: a page with figures, and its data",
         ),
-        ("bench", run_bench, ".bench.command", "measure accuracy and speed on problems with known answers"),
+        ("bench", run_bench, ".bench.command", "measure accuracy and speed on problems with known solutions"),
     ):
         command = commands.add_parser(name, help=help_text)
         if wanted in (None, name):
@@ -477,8 +478,8 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
             getattr(showing, f"add_{name}_arguments")(command)
             command.set_defaults(run=getattr(showing, f"run_{name}"))
     for name, run, help_text in (
-        ("check", run_check, "read a model file and list what is wrong with it"),
-        ("show", run_show, "print what a model file, or a generated package, holds"),
+        ("check", run_check, "read a model file and list its problems"),
+        ("show", run_show, "print the contents of a model file or a generated package"),
         ("new", run_new, "write a first model file"),
     ):
         command = commands.add_parser(name, help=help_text)
@@ -487,7 +488,7 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
             command.add_argument("-v", "--verbose", action="store_true",
                                  help="list all bodies of a large model, all functions of a package")  # fmt: skip
         if run is run_new:
-            command.add_argument("--force", action="store_true", help="replace a file of that name")
+            command.add_argument("--force", action="store_true", help="replace an existing file")
         command.set_defaults(run=run)
     return parser
 

@@ -1,4 +1,4 @@
-"""Compiling a package's first library while the rest of the package is still being written."""
+"""Compiles a package's first library while the rest of the package is still being written."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from .runtime.standalone.files.user_cache import PRIVATE, in_cache
 
 
 class CompilingAhead:
-    """Compiles a copy of a package's C in a thread, if it is not compiled already; a context that stops what still runs.
+    """Compiles a copy of a package's C code in a thread, unless it is already compiled. As a context, it stops the thread at the
+    end.
 
-    What goes wrong here is passed over: the package is compiled in its place then, and whoever waits for it is told there.
+    Errors are ignored here: the package is then compiled in its folder, and errors are reported there.
 
     Parameters
     ----------
     folder : Path
-        Where the package will be.
+        The future folder of the package.
     everything : bool
-        Compile all functions.
+        Whether to compile all functions.
     """
 
     def __init__(self, folder: Path, everything: bool) -> None:
@@ -40,16 +41,16 @@ class CompilingAhead:
         self._copy: Path | None = None
 
     def begin(self, files: Mapping[str, str], manifest: Mapping[str, Any]) -> None:
-        """Compile.
+        """Starts the compilation.
 
         Parameters
         ----------
         files : mapping of str to str
-            All of the C that is generated, and perhaps others.
+            All generated C files; other files are ignored.
         manifest : mapping
             See `codegen.manifest.manifest`.
         """
-        if CFLAGS in os.environ:  # other flags may have the compiler write down where the C was
+        if CFLAGS in os.environ:  # other flags may make the compiler record the path of the source
             return
         with contextlib.suppress(OSError, CompileError):
             self._copy = Path(tempfile.mkdtemp(prefix="ordernm-"))
@@ -63,7 +64,7 @@ class CompilingAhead:
             if self._build.compiler and self._build.found() is None:
                 self._build.places = [self._copy]
                 self._thread.start()
-                # who goes on at once keeps the interpreter, and the compiler's start waits for a tenth of a second
+                # without waiting, this thread would hold the interpreter and delay the compiler by a tenth of a second
                 self._build.stop.begun.wait()
 
     def _compile(self) -> None:
@@ -75,7 +76,7 @@ class CompilingAhead:
             self._build.stop.begun.set()
 
     def place(self) -> None:
-        """Wait for the library and put it into the package."""
+        """Waits for the library and puts it into the package."""
         if self._thread.is_alive():
             self._thread.join()
         if self._library is not None:

@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are first asked for."""
+"""Imports names of a package at their first use."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -6,14 +6,14 @@ from typing import Any
 
 
 def deferred(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
-    """What a package has for ``__getattr__``.
+    """Returns a function for ``__getattr__`` of a package.
 
     Parameters
     ----------
     package : str
-        Its ``__name__``.
+        The package's ``__name__``.
     places : mapping of str to str
-        For each name, the module of the package that has it.
+        The module that defines each name.
     """
 
     def found(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""How a command ends: its exit code, and signals that end it at once, except while it writes what it has computed."""
+"""The end of a command: its exit code, and signals, which are deferred while it writes its results."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from types import FrameType
 
 OK, MODEL_WRONG, USAGE, COMPILING_FAILED, NUMBERS_FAILED = 0, 1, 2, 3, 4
 SIGNALLED = 128
-"""To which the number of a signal is added."""
+"""Exit code of a command that was ended by a signal, plus the signal's number."""
 
 REPEATED = 1.0
-"""Seconds within which a further signal says nothing new: ``timeout`` signals a process and then its group."""
+"""Seconds within which a further signal is ignored, because ``timeout`` signals a process and then its group."""
 
 
 class Failure(Exception):
-    """A command that ends with a message, which the command's name precedes.
+    """An error message of a command; the command's name precedes it.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Failure(Exception):
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal asks the process to end.
+    """A signal requests the end of the process.
 
     Attributes
     ----------
@@ -42,14 +42,14 @@ class Terminated(KeyboardInterrupt):
 
 
 class Ending:
-    """What handles signals to end while a command runs.
+    """Handles signals that request the end of a command.
 
     Attributes
     ----------
     received : list of int
-        Numbers of the signals that came.
+        Numbers of the received signals.
     deferred : bool
-        Signals are noted only.
+        Whether signals are only recorded.
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class Ending:
         self._last = -REPEATED
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        """The handler: raises `Terminated` unless signals are deferred, or another one has just come."""
+        """The signal handler: raises `Terminated`, unless signals are deferred or the signal repeats the previous one."""
         now = time.monotonic()
         repeated, self._last = now - self._last < REPEATED, now
         self.received.append(number)
@@ -67,16 +67,16 @@ class Ending:
 
     @contextlib.contextmanager
     def handling(self) -> Iterator[Ending]:
-        """Handle the signals that ask to end, but for those that somebody ignores or handles already."""
+        """Handles these signals, except those that are ignored or handled already."""
         usual = {
             signal.SIGTERM: signal.SIG_DFL,
             signal.SIGHUP: signal.SIG_DFL,
             signal.SIGINT: signal.default_int_handler,
         }
         before = {}
-        with contextlib.suppress(ValueError):  # not in the main thread: whoever runs it there has handlers of their own
+        with contextlib.suppress(ValueError):  # not in the main thread, where the application has its own handlers
             for number, handler in usual.items():
-                if signal.getsignal(number) == handler:  # nohup ignores one: that stays
+                if signal.getsignal(number) == handler:  # a signal ignored by nohup stays ignored
                     before[number] = signal.signal(number, self.handle)
         try:
             yield self

@@ -1,4 +1,4 @@
-"""Where commands begin: what they need is imported here, so that Ctrl-C meanwhile is no traceback either."""
+"""Entry points of the commands. They import the commands here, so that Ctrl-C during the import causes no traceback."""
 
 import sys
 

@@ -1,9 +1,9 @@
-"""The folder of a package: refused where it holds something else, replaced as a whole, put right after a kill.
+"""The folder of a package: refused if it contains foreign files, replaced as a whole, restored after a kill.
 
-A package is written beside its place, under a hidden name, and exchanged with what stands there in one step, so that there is a
-package at any time. Where the system cannot exchange two folders, the old one is moved away first: a kill between the two moves
-leaves it under its hidden name, and the next run moves it back. Whoever writes such a folder holds a lock on it, which the
-system takes back when the process ends: so folders in use are known from leftovers.
+A package is written to a hidden folder beside the target, and then exchanged with it in one step, so that there is always a
+complete package. If the system cannot exchange folders, the old one is moved away first. A kill between the two moves leaves it
+under its hidden name, and the next run moves it back. The writer holds a lock on its hidden folder, which the system releases
+when the process ends; so leftovers can be distinguished from folders in use.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ from typing import Any
 from .ending import Failure
 
 OTHERS = ("_second", "_third", "_fourth")
-"""What the names of files and C functions of further partitions have after the model's."""
+"""Suffixes of the model's name for files and C functions of further partitions."""
 
 ATTEMPTS = 20
-"""Attempts to take a place that other processes take meanwhile."""
+"""Maximum number of attempts to replace a folder that other processes replace at the same time."""
 
 
 class FolderError(Failure, ValueError):
-    """The output folder cannot be written, or holds something that `generate` did not write."""
+    """The output folder cannot be written, or contains files that `generate` did not write."""
 
 
 def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
-    """Raise `FolderError` unless the folder is absent, empty, or an earlier output and nothing else.
+    """Raises `FolderError` unless the folder is absent, empty, or contains only a previous package.
 
     Parameters
     ----------
     folder : Path
     force : bool
-        Whatever it holds; generated files are replaced then, and others stay.
+        Accept any content: generated files are replaced, and others stay.
 
     Returns
     -------
     list of str
-        What is to stay.
+        Names of files to keep.
     """
     try:
         if not folder.exists():
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-                folder.stat()  # raises for a link that leads to itself, which `resolve` does before Python 3.13 only
+                folder.stat()  # raises for a link to itself, which `resolve` only does before Python 3.13
             _refuse_unwritable(folder)
             return []
         if not folder.is_dir():
@@ -62,22 +62,22 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
         if folder.resolve() in (
             here,
             *here.parents,
-        ):  # the folder is replaced as a whole: the shell would stand in nothing
-            raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
+        ):  # the folder is replaced as a whole, which would remove the shell's working directory
+            raise FolderError(f"{folder} is, or contains, the working directory; give another folder with -o")
         manifest: Any = None
         with contextlib.suppress(OSError, ValueError, RecursionError):
             manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
         listed = manifest.get("files", ()) if isinstance(manifest, dict) else ()
         listed = {str(n) for n in listed} if isinstance(listed, list) else set()
         found = list(_names(folder, {str(above) for n in listed for above in PurePath(n).parents}))
-    except (OSError, RuntimeError) as error:  # a link that leads to itself
+    except (OSError, RuntimeError) as error:  # a link to itself
         raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
     if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
         if force or not found:
             return found
         raise FolderError(
-            f"{folder} holds something that generate did not write; choose another folder with -o, or --force to replace "
-            f"files of the same names and leave the others"
+            f"{folder} contains files that generate did not write; choose another folder with -o, or --force to replace "
+            f"files of the same names and keep the others"
         )
     others = "|".join(OTHERS)
     own = re.compile(
@@ -86,14 +86,14 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
     foreign = sorted(n for n in found if n not in listed and not own.fullmatch(n))
     if foreign and not force:
         raise FolderError(
-            f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
-            f"writing anew would lose; move that away, choose another folder with -o, or --force to leave it there"
+            f"{folder} contains {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''} besides generated files, which "
+            f"would be lost; move them away, choose another folder with -o, or --force to keep them"
         )
     return foreign
 
 
 def unwritable(file: Path) -> str | None:
-    """Why a file of that name cannot be written; None if nothing is known to stand in its way."""
+    """Why a file cannot be written; None if no obstacle is known."""
     folder = file.resolve().parent
     if file.is_dir():
         return f"{file} is a folder; give the name of a file"
@@ -105,7 +105,7 @@ def unwritable(file: Path) -> str | None:
 
 
 def _names(folder: Path, own: set[str], above: str = "") -> Iterator[str]:
-    """What is in a folder; of its folders that a package has, such as those of the run time, what is in these."""
+    """Names of the entries of a folder; includes the contents of subfolders that belong to a package."""
     for path in folder.iterdir():
         name = above + path.name
         if name in own and path.is_dir():
@@ -115,7 +115,7 @@ def _names(folder: Path, own: set[str], above: str = "") -> Iterator[str]:
 
 
 def _refuse_unwritable(folder: Path) -> None:
-    """Raise `FolderError` where nothing can be put in the folder's place; better said before a minute's work than after it."""
+    """Raises `FolderError` if the folder cannot be created, before any work is done."""
     above = folder.resolve().parent
     while not above.exists():
         above = above.parent
@@ -128,12 +128,12 @@ def _refuse_unwritable(folder: Path) -> None:
 
 
 def write_folder(folder: Path, files: dict[str, str], keep: Sequence[str] = ()) -> bool:
-    """Write a package as a whole: it is complete beside its place before it takes it.
+    """Writes a package as a whole: it is completed in a hidden folder, then moved to its place.
 
-    A folder that holds these very files stays as it is, with its compiled library: False is returned. Where only files have
-    changed that are not compiled, libraries are taken along; so is what else is to be kept, unless a file has its name.
+    Returns False if the folder already contains the same files; it then keeps its compiled library. If only files have changed
+    that are not compiled, libraries are kept. Files named in `keep` stay, unless a new file has the same name.
     """
-    folder = folder.resolve()  # a link to a folder stays one
+    folder = folder.resolve()  # a symbolic link is kept
     new = {name: text.encode() for name, text in files.items()}
     with contextlib.suppress(OSError):
         if all((folder / name).read_bytes() == content for name, content in new.items()):
@@ -152,10 +152,10 @@ def write_folder(folder: Path, files: dict[str, str], keep: Sequence[str] = ()) 
 
 
 def _keep_libraries(old: Path, new: Path) -> None:
-    """Take compiled libraries along where the C has not changed."""
+    """Copies compiled libraries if the C code has not changed."""
     not_compiled = {
         f"{source.stem}_model.h" for source in new.glob("*.c")
-    }  # defaults and the initial state, for callers
+    }  # defaults and the initial state, for callers only
     for source in new.glob("*.[ch]"):
         if source.name in not_compiled:
             continue
@@ -168,7 +168,7 @@ def _keep_libraries(old: Path, new: Path) -> None:
 
 
 def _keep_others(old: Path, new: Path, names: Sequence[str]) -> None:
-    """Take files and folders along, but for those that are there anew."""
+    """Copies files and folders, except those that exist in the new folder."""
     for name in names:
         source, target = old / name, new / name
         if os.path.lexists(target) and not source.is_dir():
@@ -181,17 +181,17 @@ def _keep_others(old: Path, new: Path, names: Sequence[str]) -> None:
 
 
 def put_right(folder: Path) -> None:
-    """Move a package back that a killed run had moved away, and remove what killed runs have left beside it.
+    """Moves a package back that a killed run had moved away, and removes leftovers of killed runs.
 
-    What a living process is at work on stays.
+    Folders in use by running processes stay.
     """
     try:
         folder = folder.resolve()
-    except (OSError, RuntimeError):  # a link that leads to itself: `refuse_foreign` says so
+    except (OSError, RuntimeError):  # a link to itself, which `refuse_foreign` reports
         return
     hidden = re.compile(rf"\.{re.escape(folder.name)}-(new|old)-\d+-[0-9a-f]+")
     with contextlib.suppress(OSError), os.scandir(folder.parent) as entries:
-        # moved away ones first
+        # restore moved packages first
         for name in sorted((e.name for e in entries if hidden.fullmatch(e.name)), key=lambda n: "-new-" in n):
             left = folder.with_name(name)
             with _locked(left) as free:
@@ -205,7 +205,8 @@ def put_right(folder: Path) -> None:
 
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[bool | None]:
-    """Hold the lock of a folder meanwhile; False: it is gone, or another holds it. None: the file system has no locks."""
+    """Holds the lock of a folder; False: it does not exist, or another process holds the lock. None: no locks on this file
+    system."""
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError:
@@ -219,21 +220,21 @@ def _locked(folder: Path) -> Iterator[bool | None]:
         except OSError:
             yield None
         else:
-            yield folder.exists()  # who had it before may have removed it
+            yield folder.exists()  # its previous owner may have removed it
     finally:
         os.close(handle)
 
 
 @contextlib.contextmanager
 def _workshop(folder: Path) -> Iterator[Path]:
-    """A hidden folder beside one, locked, and removed in the end with all that is in it."""
+    """A locked hidden folder beside `folder`, removed at the end with its contents."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     for _ in range(ATTEMPTS):
         place = _beside(folder, "new")
         place.mkdir()
         try:
             with _locked(place) as held:
-                if held is not False:  # nobody took it for a leftover before it was locked
+                if held is not False:  # no process removed it as a leftover before it was locked
                     yield place
                     return
         finally:
@@ -246,10 +247,10 @@ def _beside(folder: Path, what: str) -> Path:
 
 
 def _take_place(new: Path, folder: Path) -> None:
-    """Put a finished folder where another may stand, also while other processes do the same."""
+    """Moves a finished folder to its place, even if other processes do the same."""
     for attempt in range(ATTEMPTS):
         try:
-            os.rename(new, folder)  # where nothing stands, or an empty folder
+            os.rename(new, folder)  # works if the place is empty
             return
         except OSError as error:
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
@@ -264,7 +265,7 @@ def _take_place(new: Path, folder: Path) -> None:
 
 
 def _replace(new: Path, folder: Path) -> bool:
-    """Move a folder away and another into its place; False: a third one was quicker."""
+    """Moves the old folder away and the new one into its place; False if another process was faster."""
     old = _beside(folder, "old")
     with contextlib.suppress(FileNotFoundError):
         os.rename(folder, old)
@@ -276,12 +277,12 @@ def _replace(new: Path, folder: Path) -> bool:
             os.rename(old, folder)
         return False
     finally:
-        if folder.exists():  # else the old one stays, to be moved back
+        if folder.exists():  # otherwise the old one stays, to be restored
             shutil.rmtree(old, ignore_errors=True)
 
 
 def exchange(one: Path, other: Path) -> bool:
-    """Let two folders change places in one step; False where the system or the file system cannot."""
+    """Exchanges two folders in one step; False if the system or the file system cannot."""
     call = _exchange_call()
     if call is None:
         return False

@@ -1,4 +1,4 @@
-"""Generate a solver: expand the model, write the package, compile it, check it against the generic engine."""
+"""Generates a solver: expands the model, writes the package, compiles it, compares it with the generic engine."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ LAYOUTS = ("auto", "kinds", "unrolled")
 TARGETS = ("c", "numpy", "both")
 CHECK_STATES = 3
 CHECK_DRAWS = 12
-"""Random states that are drawn, at most, to find those where the model's expressions have a value."""
+"""Maximum number of random states, until enough of them have defined forces."""
 CHECK_LIMIT = 200
-"""Models of more bodies are not checked against the generic engine, which is slow."""
+"""Larger models, by number of bodies, are not compared with the generic engine, which is slow."""
 
 
 def generate(
@@ -115,7 +115,7 @@ def generate(
     >>> report.nq, report.nu, report.parameters
     (2, 2, 6)
     """
-    # long: what it takes is described
+    # long: the parameters are described in full
     from .emit.c import C
 
     scalars = [s.name for s in C.scalars]
@@ -127,7 +127,9 @@ def generate(
     elif functions is not None:
         functions = _names(functions)
     if scalar != scalars[0] and target != "c":
-        raise ValueError(f"scalar is {scalar!r}, which the C target has alone; target is {target!r}, and 'c' is needed")
+        raise ValueError(
+            f"scalar is {scalar!r}, which only the C target supports; target is {target!r}, but must be 'c'"
+        )
     if isinstance(partitions, bool) or partitions not in range(1, len(OTHERS) + 2):
         raise ValueError(f"partitions is {partitions!r}; allowed are 1 to {len(OTHERS) + 1}")
     progress = progress or silent
@@ -139,7 +141,7 @@ def generate(
             file = Path(model)
             model = load_model(file)
             origin = {"file": file.name}
-            if file.is_file():  # what comes from a pipe is read once
+            if file.is_file():  # a pipe can be read only once
                 origin["sha256"] = model.digest
     path = (Path("generated") / model.name if folder is None else Path(folder)).absolute()
     put_right(path)
@@ -183,7 +185,7 @@ def generate(
         if alone:
             report.remarks.append(
                 f"partitions: {model.name} has no closed loops, so there is one choice of independent coordinates, "
-                f"and not {partitions}"
+                f"not {partitions}"
             )
         if compile and target != "numpy":
             with _timed(seconds, "compile"):
@@ -198,7 +200,7 @@ def generate(
 def _compile(
     path: Path, parts: Sequence[dict[str, Any]], ahead: CompilingAhead, report: Report, progress: Progress
 ) -> None:
-    """Compile every partition, of the first what is not compiled ahead."""
+    """Compiles every partition; of the first one, only what was not compiled ahead."""
     from .runtime.standalone.errors import NoCompilerError
     from .runtime.standalone.files.build import first_build
 
@@ -212,13 +214,13 @@ def _compile(
     except NoCompilerError as error:
         if ahead.everything:
             raise
-        report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
+        report.remarks.append(f"{error}; the NumPy target (--target numpy) is used until then; it is slower")
 
 
 def add_others(
     model: Model, layout: str, source: Any, partitions: int, progress: Progress = silent, **chosen: Any
 ) -> None:
-    """Add the solvers of other partitions, as many as there are, to the files and the manifest of the first.
+    """Adds the solvers of other partitions, as many as exist, to the files and the manifest of the first one.
 
     Parameters
     ----------
@@ -254,7 +256,7 @@ def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 
 def package_files(source: Any, target: str, origin: dict[str, str] | None) -> dict[str, str]:
-    """The files of a package beside the solver's source; `origin` is the model file, if there is one."""
+    """The files of a package besides the solver's source; `origin` is the model file, if there is one."""
     from .emit.repetition import json_text
     from .emit.templates import render
     from .runtime.sections import carried_files
@@ -297,17 +299,17 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
 
 
 def _names(functions: object) -> list[str]:
-    """Names of functions, in a list."""
+    """Names of functions, as a list."""
     found = []
     for name in functions if isinstance(functions, Iterable) and not isinstance(functions, bytes) else [functions]:
         if not isinstance(name, str):
-            raise ValueError(f"functions holds {name!r}; names are needed, such as ('accelerations', 'gradients')")
+            raise ValueError(f"functions contains {name!r}, expected names such as ('accelerations', 'gradients')")
         found.append(name)
     return found
 
 
 def check_solver(model: Model, report: Report) -> None:
-    """Compare the written solver with the generic engine at three random states; fills `Report.errors`."""
+    """Compares the generated solver with the generic engine at three random states; sets `Report.errors`."""
     if len(model.bodies) > CHECK_LIMIT:
         report.remarks.append(f"not checked against the generic engine: more than {CHECK_LIMIT} bodies")
         return
@@ -317,7 +319,7 @@ def check_solver(model: Model, report: Report) -> None:
     from .runtime import AssemblyError, SingularJointError, load
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been reported
+        warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been reported already
         solver = load(report.folder)
     if not {"sensitivities", "accelerations"} & solver.operations.keys():
         report.remarks.append(
@@ -327,7 +329,7 @@ def check_solver(model: Model, report: Report) -> None:
     unchecked = "warning: not checked against the generic engine: "
     try:
         initial = solver.initial
-    except (AssemblyError, SingularJointError) as singular:  # of a loop; of a joint, a loop or a force
+    except (AssemblyError, SingularJointError) as singular:  # a singular loop, joint or force
         report.remarks.append(f"{unchecked}at the initial configuration {singular}")
         return
     engine, rng = RecursiveEngine(model), np.random.default_rng(1)
@@ -345,7 +347,7 @@ def check_solver(model: Model, report: Report) -> None:
         report.errors = {name: max(errors[name] for errors in found) for name in found[0]}
     else:
         report.remarks.append(
-            f"{unchecked}of {CHECK_DRAWS} random states near the initial one {why}; give other initial values"
+            f"{unchecked}at {CHECK_DRAWS} random states near the initial one, {why}; give other initial values"
         )
 
 
@@ -363,7 +365,7 @@ def _drawn(model: Model, solver: Solver, initial: Any, rng: Any) -> tuple[tuple[
 def _errors(
     model: Model, solver: Solver, engine: RecursiveEngine, state: tuple[Any, ...], seeds: dict[str, Any]
 ) -> dict[str, float] | str:
-    """Largest relative errors at a state; why there is nothing to compare, empty where only a force has no value."""
+    """Largest relative errors at a state; or the reason why they are not available, empty if a force is undefined there."""
     import numpy as np
 
     from .runtime import AssemblyError, SingularJointError
@@ -374,11 +376,13 @@ def _errors(
             q, u = solver.assemble(q, u, None, inputs, t)
         except (AssemblyError, SingularJointError) as open_loop:
             return f"none of them can be assembled, the last because {open_loop}"
-    q, u, inputs = (x.astype(solver.parameters.dtype).astype(float) for x in (q, u, inputs))  # as the solver reads them
+    q, u, inputs = (
+        x.astype(solver.parameters.dtype).astype(float) for x in (q, u, inputs)
+    )  # as the solver rounds them
     state = q, u, None, inputs, t
     derivatives = "sensitivities" in solver.operations
     with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # states where a force has no value are left out below
+        warnings.simplefilter("ignore", RuntimeWarning)  # states with undefined forces are left out below
         try:
             given = solver.sensitivities(*state, **seeds) if derivatives else (solver.accelerations(*state),)
         except SingularJointError as singular:
@@ -389,8 +393,8 @@ def _errors(
             return f"the generic engine finds no accelerations, the last because {singular}"
         expected = [np.asarray(x) for x in of_engine]
     if not all(np.isfinite(x).all() for x in expected):
-        return ""  # a force such as log(q.a - 1) has no value there
-    # where large terms cancel in a derivative, their rounding is measured against udot and the other directions
+        return ""  # a force such as log(q.a - 1) is undefined there
+    # if large terms cancel in a derivative, the errors are relative to udot and the other directions
     floors = 1e-6, max(1e-6, 1e-3 * max(float(np.max(np.abs(y), initial=0.0)) for y in expected))
     found = {}
     for name, x, y, floor in zip(("udot", "dudot"), given, expected, floors, strict=False):

@@ -1,4 +1,4 @@
-"""What a model, or a generated package, holds: lines for a reader."""
+"""Lists the contents of a model or a generated package as lines of text."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .model.outputs import MEASURES
 from .summary import counted
 
 FEW, FIRST = 40, 10
-"""A section of at most `FEW` entries is shown as a whole, of a longer one the first `FIRST`. Of more than `FEW` bodies, those
-that are alike are gathered."""
+"""Sections with at most `FEW` entries are shown completely, longer ones with their first `FIRST` entries. If there are more than
+`FEW` bodies, equal ones share a line."""
 LEVELS = 12
-"""Levels of the tree that are indented."""
+"""Maximum number of indentation levels of the tree."""
 LONG = 32
-"""Expressions longer than this are shown by their value at the default parameters."""
+"""Longer expressions are shown by their value at the default parameters."""
 
 
 def list_model(model: Model, verbose: bool = False) -> list[str]:
@@ -30,7 +30,7 @@ def list_model(model: Model, verbose: bool = False) -> list[str]:
     Parameters
     ----------
     verbose : bool
-        List every entry, also of a large model.
+        Whether to list every entry of a large model.
     """
     return _Listing(model, verbose).lines()
 
@@ -41,7 +41,7 @@ class _Listing:
     Parameters
     ----------
     verbose : bool
-        All entries, or the first of long sections.
+        Whether to show all entries of long sections.
     """
 
     def __init__(self, model: Model, verbose: bool):
@@ -128,7 +128,7 @@ class _Listing:
         return MEASURES[o.measure].words(o, self)
 
     def bodies(self) -> list[str]:
-        """The tree; of a large model one line for all bodies that are alike."""
+        """The tree of bodies; in large models, equal bodies share a line."""
         model = self.model
         if self.verbose or len(model.bodies) <= FEW:
             depth = {GROUND: 0}
@@ -160,7 +160,7 @@ class _Listing:
         return self.section("body", entries)
 
     def element(self, e: ForceElement) -> str:
-        """A force element on bodies: where it acts, and its coefficients by their keys."""
+        """A force element on bodies: attachment points, and coefficients by their keys."""
         ends = [self.face(x) if isinstance(x, Face) else self.point(x) for x in e.ends]
         where = f"from {ends[0]} to {', '.join(ends[1:])}" if len(ends) > 1 else f"on {', '.join(ends)}"
         about = f" about {self.axis(e.axis)}" if e.axis else ""
@@ -168,10 +168,10 @@ class _Listing:
         for key, value in zip(e.keys, e.coefficients, strict=True):
             stem, listed, _ = key.partition("[")
             keyed.setdefault(stem + listed, []).append(self.long(value))
-        if len(keyed) > 1:  # of several lists those of zeros say nothing
+        if len(keyed) > 1:  # among several lists, those with zeros only are omitted
             keyed = {key: values for key, values in keyed.items() if not key.endswith("[") or set(values) != {"0"}}
-        told = [self._keyed(key, values) for key, values in keyed.items()]
-        return f"{e.name}: {where}{about}; {', '.join([*told, *e.remarks])}"
+        parts = [self._keyed(key, values) for key, values in keyed.items()]
+        return f"{e.name}: {where}{about}; {', '.join([*parts, *e.remarks])}"
 
     @staticmethod
     def _keyed(key: str, values: list[str]) -> str:
@@ -195,8 +195,8 @@ class _Listing:
     def armature(self, joint: Joint) -> str:
         if not joint.armature:
             return ""
-        told = [self.short(e) for e in joint.armature[: len(joint.kind.armature_units())]]
-        return f", armature {told[0] if len(told) == 1 else '[' + ', '.join(told) + ']'}"
+        values = [self.short(e) for e in joint.armature[: len(joint.kind.armature_units())]]
+        return f", armature {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}"
 
     def turned(self, rotation: Iterable[tuple[Vector, Expression]]) -> str:
         turns = [f"{self.short(angle)} about {self.axis(axis)}" for axis, angle in rotation]
@@ -243,7 +243,7 @@ class _Listing:
         return self.number(expression) if expression.is_number else str(expression)
 
     def number(self, expression: Expression) -> str:
-        """The value at the default parameters, to six digits."""
+        """The value at the default parameters, with six digits."""
         return f"{float(expression.evaluate(self.defaults)):.6g}"
 
 
@@ -252,17 +252,17 @@ def _is_zero(expression: Expression) -> bool:
 
 
 def list_package(folder: Path, verbose: bool = False) -> list[str]:
-    """What a generated package was made from, what it uses and which functions it has; then the lines of its model.
+    """The origin, target and functions of a generated package, and the lines of its model.
 
     Parameters
     ----------
     verbose : bool
-        List functions also where the package has all.
+        Whether to list the functions if the package has all of them.
 
     Raises
     ------
     FolderError
-        The folder holds no package.
+        If the folder contains no package.
     """
     from .folders import FolderError
     from .runtime.standalone.files.manifest import read_manifest
@@ -283,7 +283,7 @@ def list_package(folder: Path, verbose: bool = False) -> list[str]:
 
 
 def _functions(manifest: Mapping[str, Any], verbose: bool) -> list[str]:
-    """The members that a package's Solver has by its functions, where it has not all of them, and what was left out."""
+    """The methods of a package's Solver, and those left out, if not all were generated."""
     made = list(dict.fromkeys(f.get("member", name) for name, f in manifest["functions"].items()))
     left_out = manifest.get("left_out", ())
     if not left_out and not verbose:
@@ -294,7 +294,7 @@ def _functions(manifest: Mapping[str, Any], verbose: bool) -> list[str]:
 
 
 def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
-    """What computes when the package is loaded on this machine."""
+    """The code in use when the package is loaded on this machine."""
     if manifest.get("target") == "numpy":
         return "NumPy computes"
     from .runtime import CompileError

@@ -1,4 +1,4 @@
-"""What `model.json` says of a solver to the run time: names, functions, operations."""
+"""The content of `model.json` for the run time: names, functions, operations."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from .program.plan import Plan
 from .program.procedure import WIDTHS, Array, Formulas, Procedure, Single, walk
 
 OUTSIDE = "start"
-"""What constants, sines and cosines are called among the sweeps."""
+"""Name of the stage for constants, sines and cosines, listed like a sweep."""
 
 
 def operations(program: Program, plan: Plan, procedures: tuple[Procedure, ...]) -> dict[str, Any]:
-    """Operations per call of every sweep, and of the model's own formulas: once, and per direction.
+    """Operations per call of every sweep and of the model's own formulas: once, and per direction.
 
-    A sweep over directions that serves for values, such as ``solve_in_1``, has one direction in what it does once. Where C runs
-    a sweep as one function, the operations of this are counted; NumPy's functions of its links have a few more.
+    A sweep over directions that is run for values, such as ``solve_in_1``, has one direction in its operations per call. If C
+    runs a sweep as one function, its operations are counted; NumPy's functions for single links have a few more.
     """
     result: dict[str, Any] = {}
     steps = [s for p in procedures for s in walk(p.steps)]
@@ -87,7 +87,7 @@ def manifest(
     divided: bool = False,
     scalar: str = "float64",
 ) -> dict[str, Any]:
-    """What ``model.json`` says for the run time; `divided`: some sweeps stand in parts, see `libraries`."""
+    """The content of ``model.json`` for the run time; `divided`: some sweeps are split into parts, see `libraries`."""
     model = system.model
     functions = _functions(procedures, operations)
     independent_q, independent_u = system.independent
@@ -134,7 +134,7 @@ def manifest(
 
 
 def _initial(model: Model) -> tuple[list[float], list[float]]:
-    """Initial values of all coordinates and speeds at the parameters' defaults."""
+    """Initial values of all coordinates and speeds at the default parameters."""
 
     def value(given: Expression | None, otherwise: float) -> float:
         return otherwise if given is None else float(given.evaluate(model.defaults))
@@ -144,7 +144,7 @@ def _initial(model: Model) -> tuple[list[float], list[float]]:
 
 
 def _functions(procedures: tuple[Procedure, ...], operations: Mapping[str, Any]) -> dict[str, Any]:
-    """What users call: arguments, results and sweeps, and of functions over directions seeds and widths."""
+    """Functions for users: arguments, results and sweeps; for functions along seeds also seeds and widths."""
     functions: dict[str, Any] = {}
     for f in procedures:
         if f.internal:
@@ -163,7 +163,7 @@ def _names(arrays: tuple[Array, ...]) -> list[str]:
 
 
 def _switches(model: Model, procedures: tuple[Procedure, ...]) -> dict[str, Any]:
-    """Where forces and outputs change their branch, in words, where motions see it."""
+    """Descriptions of switches of forces and outputs, if the package integrates motions."""
     found = model.switches.found
     if not any(p.name == "switches" for p in procedures):
         return {}
@@ -171,7 +171,7 @@ def _switches(model: Model, procedures: tuple[Procedure, ...]) -> dict[str, Any]
 
 
 def _branching_motion(model: Model) -> dict[str, Any]:
-    """Prescribed motion that has branches, as expression trees: at other parameters its velocity may jump."""
+    """Prescribed motion with branches, as expression trees: its velocity may jump at other parameters."""
     moving = {"t", *model.inputs}
     found = [
         {"name": x.name, "names": sorted(x.value.names), "tree": x.value.tree}
@@ -182,14 +182,14 @@ def _branching_motion(model: Model) -> dict[str, Any]:
 
 
 def _couplings(model: Model) -> dict[str, list[str]]:
-    """Those of the loops that are couplings, where there are any."""
+    """Names of loops that are couplings, if there are any."""
     names = [loop.name for loop in model.loops if loop.is_coupling]
     return {"couplings": names} if names else {}
 
 
 def _elements(system: System) -> dict[str, Any]:
-    """Force elements on bodies, where there are any: names, types, how many coefficients of each are in which array, and what is
-    said where one has no direction."""
+    """Force elements on bodies, if there are any: names, types, numbers of coefficients by array, and messages about undefined
+    directions."""
     if not system.elements:
         return {}
     return {
@@ -204,19 +204,19 @@ def _elements(system: System) -> dict[str, Any]:
 
 
 def _singular_outputs(system: System) -> dict[str, Any]:
-    """Outputs that have a value where they have no derivative, such as distances of points that coincide, where there are any."""
+    """Outputs that may have a value but no derivative, such as distances of coincident points, if there are any."""
     found = pivoted_outputs(system.model)
     return {"singular_outputs": found} if found else {}
 
 
 def _of_free(system: System, q: tuple[float, ...]) -> list[float]:
-    """Of coordinates of the model with nothing prescribed, those that are not."""
+    """Coordinates that are not prescribed, from those of the model without prescribed motion."""
     model = system.model
     return [x for x, name in zip(q, model.released.coordinate_names, strict=False) if name not in model.motion]
 
 
 def _closures(system: System) -> dict[str, Any]:
-    """Loops that are closed together, the speeds that they make dependent, and their characteristic lengths, m."""
+    """Loops that are closed together, their dependent speeds and characteristic lengths, m."""
     if system.partition is None:
         return {}
     ears = system.partition.ears
@@ -229,7 +229,7 @@ def _closures(system: System) -> dict[str, Any]:
 
 
 def _redundancy(system: System) -> dict[str, Any]:
-    """Conditions that were dropped and parameters that open others, where there are any."""
+    """Dropped conditions, and parameters that open others, if there are any."""
     chosen, model = system.partition, system.model
     if chosen is None:
         return {}
@@ -254,6 +254,6 @@ def _bodies(model: Model, functions: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _joint_link(system: System, body: int) -> int:
-    """The link whose joint carries a body: -1 for a body that is fixed to what carries it."""
+    """The link whose joint carries a body; -1 for a body that is fixed to its parent."""
     link, steps = system.carriers[body]
     return -1 if steps else int(link)

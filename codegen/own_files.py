@@ -1,4 +1,4 @@
-"""Files that commands write: only one that ordernm has written, by the mark in it, is replaced without ``--force``."""
+"""Files written by commands: only files with ordernm's mark are replaced without ``--force``."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from .runtime.standalone.files.whole_file import MARK
 MARKS = (
     MARK.encode(), b"ordernm wrote this file, and replaces it when told to write it again", b'"format": "ordernm trajectory"',
 )  # fmt: skip
-"""Marks in files of ordernm: the present one, the former one, and that of trajectories."""
+"""Marks in files of ordernm: the current one, the former one, and that of trajectories."""
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
-    """The option ``--force``."""
+    """Adds the option ``--force``."""
     parser.add_argument("--force", action="store_true", help="also replace files that ordernm did not write")
 
 
 def refuse_foreign_file(path: Path, force: bool = False, option: str = "--force") -> None:
-    """Raise `FolderError` where a file cannot be written, or holds something that ordernm did not write.
+    """Raises `FolderError` if a file cannot be written, or is not from ordernm.
 
     Parameters
     ----------
     path : Path
-        What is to be written. An empty file, and what is no file (``/dev/null``, a pipe), may be written to.
+        The file to write. Empty files and special files (``/dev/null``, a pipe) may be written to.
     force : bool
-        Do not look at what is in it.
+        Whether to accept any content.
     option : str
-        The option that replaces a file of others, for the message.
+        The option that replaces foreign files, for the message.
     """
     why_not = unwritable(path)
     if why_not is not None:
@@ -40,7 +40,7 @@ def refuse_foreign_file(path: Path, force: bool = False, option: str = "--force"
 
 
 def is_own(path: Path) -> bool:
-    """Whether nothing would be lost by replacing a file: there is none, it is empty, no regular file, or has a mark of ours."""
+    """Whether a file may be replaced without loss: it is absent, empty, not a regular file, or has ordernm's mark."""
     if not path.is_file() or path.stat().st_size == 0:
         return True
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:

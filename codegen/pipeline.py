@@ -1,4 +1,4 @@
-"""From a model to the files of its solver: analyse, expand, simplify, lay out, print. The stages, one below the other."""
+"""From a model to the files of its solver: the stages analyse, expand, simplify, lay out, print, in this order."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ class Source:
     manifest : dict
         See `codegen.manifest.manifest`.
     seconds : dict of str to float
-        By stage.
+        Time of each stage, s.
     passes : list of (str, Operations, float)
-        After every pass: operations of all blocks, and seconds.
+        Operations of all blocks after each pass, and the time of the pass.
     choice : list of str
-        What was chosen for closed loops, in words.
+        Description of the choice of dependent coordinates in closed loops.
     chosen : Partition or None
-        The same as data.
+        The choice itself.
     """
 
     files: dict[str, str]
@@ -87,7 +87,7 @@ def write_solver(
     printed: Printed | None = None,
     scalar: str = "float64",
 ) -> Source:
-    """Expand a model and print its solver.
+    """Expands a model and prints its solver.
 
     Parameters
     ----------
@@ -95,26 +95,26 @@ def write_solver(
     layout : {"auto", "kinds", "unrolled"}
         One C function per kind of link, or one per link.
     chosen : Partition, optional
-        Of the model's speeds, where it has loops; found if left out.
+        Partition of the model's speeds, if it has loops; chosen automatically if left out.
     reactions : bool
-        The solver has a function for the wrenches that joints and loops transmit.
+        Whether to include functions for the wrenches that joints and loops transmit.
     progress : callable
-        Hears what is being done; see `codegen.generation.generate`.
+        Receives progress reports; see `codegen.generation.generate`.
     functions : collection of str, optional
-        Those that the solver has, all if left out; see `codegen.mechanics.procedures.procedures`.
+        Functions of the solver, all if left out; see `codegen.mechanics.procedures.procedures`.
     frames : bool
-        The solver has functions for the frames of all bodies.
+        Whether to include functions for the frames of all bodies.
     printed : callable, optional
-        Called with the files and the manifest when all of the C is printed, before the rest is.
+        Called with the files and the manifest as soon as all C code is printed.
     scalar : str
         The scalar type of the C; see `codegen.emit.target.Scalar`.
 
     Raises
     ------
     ModelError
-        The model has no solver, or a target cannot write it.
+        If the model has no solver, or a target cannot write it.
     TargetError
-        There is no such scalar type.
+        If the scalar type does not exist.
     """
     of = C.scalar(scalar)
     with limited(of.limits):
@@ -135,7 +135,7 @@ def _written(
     printed: Printed | None,
     scalar: Scalar,
 ) -> Source:
-    """The stages, one after the other; see `write_solver`."""
+    """Runs the stages in order; see `write_solver`."""
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
 
@@ -146,7 +146,7 @@ def _written(
         clock = now
 
     if not model.nu and not model.prescribed:
-        raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
+        raise ModelError([model.problem("bodies", "no joint has a degree of freedom, so nothing can move")])
     if model.loops and chosen is None:
         chosen = _dependents(model, progress)
         lap("partition")
@@ -185,7 +185,7 @@ def _written(
 
 
 def _dependents(model: Model, progress: Progress) -> Partition:
-    """The choice of dependent coordinates of a model with loops."""
+    """The choice of dependent coordinates for a model with loops."""
     progress("choosing dependent coordinates", 0, 0)
     try:
         return partition(model)
@@ -202,9 +202,9 @@ def _in_c(
     scalar: Scalar,
     lacks: dict[str, list[str]],
 ) -> tuple[CWriter, dict[str, Any], dict[str, str], dict[str, Any]]:
-    """The C that is compiled first: its writer, what templates are rendered with, the files, and the manifest.
+    """The C code that is compiled first: its writer, the variables of the templates, the files, and the manifest.
 
-    `lacks`: entries of the manifest on functions that were not chosen.
+    `lacks`: entries of the manifest about functions that were not selected.
     """
     model, procedures = system.model, tuple(for_target(p, True) for p in asked)
     writer = CWriter(model, plan, procedures, scalar, RESERVED)
@@ -230,7 +230,7 @@ def _in_c(
 def write_apart(
     context: dict[str, Any], model: Model, made: Mapping[str, Any], procedures: tuple[Procedure, ...]
 ) -> dict[str, str]:
-    """C files that are compiled apart, when they are needed."""
+    """C files of separate libraries, which are compiled when needed."""
     name, files = model.name, {}
     if context["functions_over_states"]:
         files[f"{name}_states.c"] = write_states(context)
@@ -254,7 +254,7 @@ def write_long(
     functions: Collection[str] | None = None,
     frames: bool = False,
 ) -> str:
-    """The NumPy module of a solver whose numbers have more digits than doubles; see `write_solver`."""
+    """The NumPy module of a solver with constants of more digits than doubles have; see `write_solver`."""
     with long_numbers(digits):
         system, _ = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
         _, plan, asked = expanded(system, reactions, functions=functions, frames=frames)
@@ -262,5 +262,5 @@ def write_long(
 
 
 def one_by_one(asked: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """Functions as NumPy has them: columns of matrices one after the other."""
+    """Functions for NumPy, which computes columns of matrices one after another."""
     return tuple(for_target(p, False) for p in asked if not p.internal)

@@ -1,7 +1,7 @@
 """Data classes that take little time to define.
 
-The standard `dataclasses.dataclass` compiles up to six functions for each class, which is half of what importing the generator
-took. This one compiles ``__init__`` alone; comparing, hashing and showing are the same functions for all classes.
+The standard `dataclasses.dataclass` compiles up to six functions for each class, which took half of the generator's import time.
+This one compiles only ``__init__``; the functions for comparison, hash and repr are shared by all classes.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ else:
     from reprlib import recursive_repr
 
     def dataclass(cls=None, /, *, eq=True, frozen=False, **options):
-        """What `dataclasses.dataclass` makes of a class, with two differences.
+        """Like `dataclasses.dataclass`, with two differences.
 
-        Of a `frozen` one no attribute may be set, which type checkers see and nothing stops at run time. It is hashable all the
-        same. There is no order.
+        For a `frozen` class, type checkers report assignments to attributes, but nothing prevents them at run time; it is
+        hashable all the same. There are no order comparisons.
         """
         if cls is None:
             return partial(dataclass, eq=eq, frozen=frozen, **options)
@@ -29,7 +29,7 @@ else:
         own = vars(cls)
         found = {"__repr__": _shown, **(_comparing(made, frozen) if eq else {})}
         for name, function in found.items():
-            if own.get(name) is None:  # of a class that compares, Python sets the hash to None
+            if own.get(name) is None:  # in a class with __eq__, Python sets __hash__ to None
                 setattr(made, name, function)
         return made
 
@@ -39,7 +39,7 @@ else:
         return f"{type(self).__qualname__}({', '.join(values)})"
 
     def _comparing(made, frozen):
-        """How instances are compared, by their values in a tuple, and hashed where they do not change."""
+        """Comparison of instances by a tuple of their values, and a hash for frozen classes."""
         names = [f.name for f in fields(made) if f.compare]
         values = attrgetter(*names) if names else lambda self: ()
 

@@ -1,4 +1,4 @@
-"""Input signals over time in files: a table of numbers with names (CSV), or arrays with names (NPZ)."""
+"""Input signals over time from files: a table of numbers with names (CSV), or named arrays (NPZ)."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .runtime.standalone.arrays import Array
 
 SUFFIXES = (".csv", ".npz")
 TIMES = ("t", "time")
-"""What the column, or array, of times is called."""
+"""Names of the column or array of times."""
 
 
 class SignalFileError(ValueError):
-    """A file is none of signals; the message says where, what was found and what is expected."""
+    """A file contains no valid signals; the message gives the position, what was found and what is expected."""
 
 
 def is_signal_file(text: str) -> bool:
-    """Whether an argument of the command line names a file, and is no ``NAME=VALUE``."""
+    """Whether a command-line argument is a file name rather than ``NAME=VALUE``."""
     return Path(text).suffix.lower() in SUFFIXES
 
 
 def read_signals(path: str) -> tuple[Array, dict[str, Array]]:
-    """Times (n,), rising, and signals (n,) by name.
+    """Increasing times (n,), and signals (n,) by name.
 
     Raises
     ------
@@ -38,15 +38,13 @@ def read_signals(path: str) -> tuple[Array, dict[str, Array]]:
     times = [name for name in columns if name in TIMES]
     if len(times) != 1:
         found = ", ".join(columns) or "nothing"
-        raise SignalFileError(f"{path}: has {found}; one of them has to be the times, called t or time, s")
+        raise SignalFileError(f"{path}: has {found}; one of them must be the times, named t or time, s")
     t = columns.pop(times[0])
     if not columns:
-        raise SignalFileError(
-            f"{path}: has times and no signal; add one column, or array, for each input, with its name"
-        )
+        raise SignalFileError(f"{path}: has times but no signal; add one column or array for each input, with its name")
     if not t.size:
         raise SignalFileError(
-            f"{path}: has no numbers, only names; give one time at least, with a number for each signal"
+            f"{path}: has names but no numbers; give at least one time, with a number for each signal"
         )
     for name, x in ((times[0], t), *columns.items()):
         if x.shape != t.shape or t.ndim != 1:
@@ -56,7 +54,7 @@ def read_signals(path: str) -> tuple[Array, dict[str, Array]]:
             raise SignalFileError(f"{path}: {name}[{i}] is {x[i]}, expected finite numbers")
     if len(t) > 1 and (np.diff(t) <= 0).any():
         i = int(np.argmax(np.diff(t) <= 0))
-        raise SignalFileError(f"{path}: time {t[i + 1]:g} follows {t[i]:g}; times must rise")
+        raise SignalFileError(f"{path}: time {t[i + 1]:g} follows {t[i]:g}; times must increase")
     return t, columns
 
 
@@ -67,12 +65,14 @@ def _read_csv(path: str) -> dict[str, Array]:
     except OSError as error:
         raise SignalFileError(f"{path}: {error.strerror or error}") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise SignalFileError(f"{path}: no table of text: {error}") from None
+        raise SignalFileError(f"{path}: not a text table: {error}") from None
     if not rows:
-        raise SignalFileError(f"{path}: is empty; the first line has names, such as t,motor")
+        raise SignalFileError(f"{path}: is empty; the first line must contain names, such as t,motor")
     names = [x.strip() for x in rows[0][1]]
     if any(_number(x) is not None for x in names) or not all(names):
-        raise SignalFileError(f"{path}:{rows[0][0]}: {','.join(names)}: the first line has names, such as t,motor")
+        raise SignalFileError(
+            f"{path}:{rows[0][0]}: {','.join(names)}: the first line must contain names, such as t,motor"
+        )
     if len(set(names)) < len(names):
         raise SignalFileError(f"{path}:{rows[0][0]}: {', '.join(names)}: each name may be given once")
     found = np.empty((len(rows) - 1, len(names)))
@@ -102,13 +102,13 @@ def _read_npz(path: str) -> dict[str, Array]:
     except OSError as error:
         raise SignalFileError(f"{path}: {error.strerror or error}") from None
     except (ValueError, TypeError, EOFError, MemoryError, KeyError, AttributeError, zipfile.BadZipFile) as error:
-        raise SignalFileError(f"{path}: no archive of arrays of numbers: {error}") from None
+        raise SignalFileError(f"{path}: not an archive of numerical arrays: {error}") from None
 
 
 def joined(
     signals: Mapping[str, tuple[Array, Array]], between: Mapping[str, str], otherwise: str
 ) -> dict[str, tuple[Any, ...]]:
-    """Signals as `Solver.simulate` takes them, each joined as it is said for it, or as for the others."""
+    """Signals as arguments of `Solver.simulate`, each with its kind of interpolation."""
     return {name: (t, x, between.get(name, otherwise)) for name, (t, x) in signals.items()}
 
 

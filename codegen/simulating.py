@@ -1,7 +1,7 @@
-"""``ordernm simulate``: from a model file, or a generated package, to a motion, its table, its file and its picture.
+"""``ordernm simulate``: from a model file or a generated package to a motion, its table, file and plot.
 
-What is written is checked before the work begins: a name that cannot be written to, or an extra that is not installed, is
-reported before a long simulation, not after it.
+Output files are checked before the work starts, so that an unwritable file or a missing optional package is reported before a
+long simulation.
 """
 
 from __future__ import annotations
@@ -26,45 +26,45 @@ if TYPE_CHECKING:
     from .runtime import Solver, Trajectory
 
 SAMPLES, MOST_SAMPLES = 201, 10_000_000
-"""Times in a trajectory, if nobody says how many, and at most."""
+"""Default and maximum number of times in a trajectory."""
 
 METHODS = ("dop853", "rk4", "radau")
 
 TOLERANCE = 1e-9
-"""Relative and absolute, if nobody gives others."""
+"""Default relative and absolute tolerance."""
 
 ROWS, COLUMNS = 24, 6
-"""Rows and columns of derivatives in the table of final values."""
+"""Maximum number of rows, and of derivative columns, in the table of final values."""
 
 
 class RequestError(Failure, ValueError):
-    """The command line requests something that cannot be done."""
+    """The command line requests something impossible."""
 
 
 class MotionError(Failure, ArithmeticError):
-    """The motion cannot be computed: a loop does not close, a joint is singular, steps become too small."""
+    """The motion cannot be computed: a loop does not close, a joint is singular, or steps become too small."""
 
     code = NUMBERS_FAILED
 
 
 BETWEEN = ("linear", "hold", "cubic", "quintic")
-"""How values of signals in files are joined."""
+"""Kinds of interpolation for signals in files."""
 
 
 @dataclasses.dataclass
 class Run:
-    """What a simulation gave.
+    """The result of a simulation.
 
     Attributes
     ----------
     trajectory : Trajectory
     end : float
-        The time that it was to reach, s.
+        Requested end time, s.
     written : list of Path
     failed : OSError, ValueError or None
-        What could not be written, though the simulation went well.
+        Error while writing a file; the simulation itself succeeded.
     lines : list of str
-        What is printed of it.
+        Lines to print.
     """
 
     trajectory: Trajectory
@@ -75,28 +75,28 @@ class Run:
 
     @property
     def reached(self) -> float:
-        """How far the motion came, s; its last sample may lie before."""
+        """Time reached by the motion, s; its last sample may be earlier."""
         return float(self.trajectory.stats["t"])
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What ``ordernm simulate`` takes."""
+    """Adds the arguments of ``ordernm simulate``."""
     parser.add_argument("model", help="model file (YAML), or generated package")
-    parser.add_argument("-t", "--time", type=float, metavar="SECONDS", help="how long, from time 0 on")
+    parser.add_argument("-t", "--time", type=float, metavar="SECONDS", help="end of the motion, which starts at 0")
     sampled = parser.add_mutually_exclusive_group()
     sampled.add_argument(
         "--samples",
         type=int,
         metavar="N",
-        help=f"N times from 0 to the end, equally far apart (default: {SAMPLES})",
+        help=f"number of equidistant times from 0 to the end (default: {SAMPLES})",
     )
     sampled.add_argument(
         "--at",
         metavar="T,...",
-        help="these times, such as 0,0.1,0.5; 0, and the end where -t gives it, are added if they are not there",
+        help="these times, such as 0,0.1,0.5; 0 and the end given by -t are added if missing",
     )
     parser.add_argument(
-        "--sensitivities", metavar="NAME,...", default="", help="parameters that the motion is differentiated by"
+        "--sensitivities", metavar="NAME,...", default="", help="parameters by which the motion is differentiated"
     )
     parser.add_argument(
         "-p",
@@ -104,27 +104,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        help="a design parameter, if not as in the model",
+        help="value of a design parameter (default: as in the model)",
     )
     parser.add_argument(
         "--inputs",
         metavar="NAME=VALUE|FILE",
         action="append",
         default=[],
-        help="a constant input, or signals over time: a .csv whose first line has names (t, and inputs), or a .npz of "
-        "arrays with these names; inputs that are not given are 0",
+        help="a constant input, or signals over time: a .csv file whose first line has names (t and inputs), or a .npz file of "
+        "arrays with these names; missing inputs are 0",
     )
     parser.add_argument(
         "--between",
         metavar="[NAME=]KIND",
         action="append",
         default=[],
-        help=f"how values of signals are joined: {', '.join(BETWEEN)} (default: {BETWEEN[0]}); of one input, or of all",
+        help=f"interpolation of signals: {', '.join(BETWEEN)} (default: {BETWEEN[0]}); for one input or for all",
     )
     parser.add_argument("--method", choices=METHODS, default=METHODS[0], help="the integrator (default: %(default)s)")
-    parser.add_argument(
-        "--step", type=float, metavar="SECONDS", help="the step of rk4, the first step of other methods"
-    )
+    parser.add_argument("--step", type=float, metavar="SECONDS", help="step of rk4, first step of other methods")
     for name, kind in (("rtol", "relative"), ("atol", "absolute")):
         parser.add_argument(
             f"--{name}", type=float, help=f"{kind} tolerance of dop853 and radau (default: {TOLERANCE:g})"
@@ -135,25 +133,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str], width: int | None = None) -> Run:
-    """Run the command, except for printing.
+    """Runs the command, except for printing.
 
     Parameters
     ----------
     options : argparse.Namespace
-        With the `Ending` of the command as ``ending``: once the motion has ended signals are deferred, so that what has been
-        computed is written.
+        Contains the `Ending` of the command as ``ending``: at the end of the motion signals are deferred, so that results are
+        written.
     remarks : list of str
-        Takes what was warned of, also where an error ends the work.
+        Receives warnings, also if an error ends the work.
     width : int, optional
-        Columns of the lines to print.
+        Maximum width of the printed lines.
 
     Raises
     ------
     RequestError, ImportError
-        Before the work, for what cannot be; the former also for arguments that `Solver.simulate` refuses.
+        Before the work, for impossible requests; also for arguments that `Solver.simulate` rejects.
     MotionError
     ModelError, FolderError, SingularJointError, CompileError, NoCompilerError, PackageError, TargetsDifferError
-        Those of `codegen.generate` and `codegen.load`.
+        Errors of `codegen.generate` and `codegen.load`.
     """
     times = times_of(options)
     ending: Ending = options.ending
@@ -161,13 +159,13 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
     sensitivities = tuple(name.strip() for name in options.sensitivities.split(",") if name.strip())
     if options.sensitivities and not sensitivities:
         raise RequestError(
-            f"--sensitivities {options.sensitivities}: expected are names of parameters, with commas between"
+            f"--sensitivities {options.sensitivities}: expected names of parameters, separated by commas"
         )
     steps = _steps(options)
     writers = _writers(options)
 
     def progress(t: float, end: float) -> None:
-        ending.deferred = t >= end  # until then the integrator keeps what there is
+        ending.deferred = t >= end  # before the end, the integrator keeps partial results
         status.share(f"simulating, t = {t:.4g} of {end:.4g} s", t / end if end else 1.0)
 
     def moved(solver: Solver) -> Trajectory:
@@ -184,11 +182,11 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         done = Run(trajectory, times[-1])
         for path, write in writers if len(trajectory) else ():
             status(f"writing {path}", 0, 0)
-            try:  # what fails here costs no other file, and not the table
-                refuse_foreign_file(path, options.force)  # once more: a motion may take hours
+            try:  # an error here affects neither other files nor the table
+                refuse_foreign_file(path, options.force)  # tested again, because a motion may take hours
                 write(trajectory)
                 done.written.append(path)
-            except (OSError, ValueError) as error:  # a model without coordinates cannot be drawn
+            except (OSError, ValueError) as error:  # a model without coordinates cannot be plotted
                 done.failed = done.failed or error
         done.lines = lines_of(done, width)  # units are read from the package, which may be in a temporary folder
     return done
@@ -201,7 +199,7 @@ def _with_choices(
     moved: Callable[[Solver], Trajectory],
     stack: contextlib.ExitStack,
 ) -> Trajectory:
-    """The motion; at dead points it is begun again with more choices of independent coordinates."""
+    """The motion; if it ends at a dead point, it is repeated with more choices of independent coordinates."""
     with _remarks(remarks):
         model = read(options.model, status)
         solver = stack.enter_context(solver_of(model, status))
@@ -210,14 +208,14 @@ def _with_choices(
     while not isinstance(model, Path) and (more := more_choices(solver, trajectory, held)):
         options.ending.deferred, held = False, more
         again = [
-            f"the dependent coordinates were hardly determined at t = {trajectory.stats['t']:.6g} s, as at a dead point: "
-            f"made a solver with {held} choices of independent coordinates, and began again"
+            f"the dependent coordinates were poorly determined at t = {trajectory.stats['t']:.6g} s, as at a dead point: "
+            f"generated a solver with {held} choices of independent coordinates, and repeated the motion"
         ]
         try:
             with _remarks(again):
                 solver = stack.enter_context(solver_of(model, status, partitions=held))
                 trajectory = moved(solver)
-        except KeyboardInterrupt:  # before the second motion began: the first one is kept
+        except KeyboardInterrupt:  # before the second motion has results: keeps the first one
             break
         remarks[:] = again
     return trajectory
@@ -225,7 +223,7 @@ def _with_choices(
 
 @contextlib.contextmanager
 def _remarks(remarks: list[str]) -> Iterator[None]:
-    """What Python warns of meanwhile, each remark once."""
+    """Collects Python's warnings, each one once."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         try:
@@ -236,7 +234,7 @@ def _remarks(remarks: list[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def motion_errors() -> Iterator[None]:
-    """Sort what `Solver.simulate` raises: the request is wrong, or the motion cannot be computed."""
+    """Distinguishes errors of `Solver.simulate`: the request is wrong, or the motion cannot be computed."""
     from numpy.linalg import LinAlgError
 
     from .runtime import AssemblyError, CompileError, NoCompilerError
@@ -247,7 +245,7 @@ def motion_errors() -> Iterator[None]:
         raise
     except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:  # the first two are ValueErrors
         raise MotionError(str(error)) from None
-    except (ValueError, KeyError, AttributeError) as error:  # the last: a package without simulate
+    except (ValueError, KeyError, AttributeError) as error:  # AttributeError: a package without simulate
         raise RequestError(str(error)) from None
 
 
@@ -255,41 +253,43 @@ def motion_errors() -> Iterator[None]:
 
 
 def times_of(options: argparse.Namespace) -> list[float]:
-    """The times of the trajectory, from 0 to the end, s."""
+    """Times of the trajectory, from 0 to the end, s."""
     end = None if options.time is None else _positive("-t", options.time)
     if options.at is None:
         if end is None:
-            raise RequestError("how long? give -t SECONDS, or times by --at")
+            raise RequestError("the end of the motion is missing; give -t SECONDS, or times by --at")
         n = SAMPLES if options.samples is None else options.samples
         if n < 2:
-            raise RequestError(f"--samples is {n}; at least 2 are needed, for the beginning and the end")
+            raise RequestError(f"--samples is {n}; at least 2 are needed, for the start and the end")
         if n > MOST_SAMPLES:
             raise RequestError(f"--samples is {n}; at most {MOST_SAMPLES} are allowed")
         return [end * i / (n - 1) for i in range(n)]
     if options.samples is not None:
-        raise RequestError("--samples and --at both say which times; give one of them")
+        raise RequestError("--samples and --at both define the times; give only one of them")
     times: list[float] = []
     for text in options.at.split(","):
         try:
             t = float(text)
         except ValueError:
-            raise RequestError(f"--at: {text.strip()!r} is no number; expected is --at 0,0.1,0.5") from None
+            raise RequestError(
+                f"--at: {text.strip()!r} is not a number; expected a list such as --at 0,0.1,0.5"
+            ) from None
         if not (math.isfinite(t) and t >= 0):
-            raise RequestError(f"--at: {text.strip()} is no time; times are from 0 on")
+            raise RequestError(f"--at: {text.strip()} is not a valid time; times must not be negative")
         if times and t <= times[-1]:
-            raise RequestError(f"--at: {t:g} follows {times[-1]:g}; times must rise")
+            raise RequestError(f"--at: {t:g} follows {times[-1]:g}; times must increase")
         times.append(t)
     if end is not None and times[-1] > end:
         raise RequestError(f"--at: {times[-1]:g} is after the end, -t {end:g}")
     times += [end] if end is not None and times[-1] < end else []
     times = times if times[0] == 0 else [0.0, *times]
     if len(times) < 2:
-        raise RequestError("--at 0 is the initial state alone; give a later time")
+        raise RequestError("--at 0 is only the initial state; give a later time")
     return times
 
 
 def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
-    """``NAME=VALUE``, several of them or with commas, as a mapping."""
+    """Converts ``NAME=VALUE``, repeated or separated by commas, to a mapping."""
     found: dict[str, float] = {}
     for part in (x for several in given for x in several.split(",")):
         name, is_there, text = (x.strip() for x in part.partition("="))
@@ -299,7 +299,7 @@ def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
             value = math.nan
         if not (name and is_there and math.isfinite(value)):
             raise RequestError(
-                f"{option} {part}: expected is NAME=VALUE with a finite number, such as {option} length=1.2"
+                f"{option} {part}: expected NAME=VALUE with a finite number, such as {option} length=1.2"
             )
         if name in found:
             raise RequestError(f"{option}: {name} is given twice, as {found[name]:g} and {value:g}")
@@ -308,13 +308,13 @@ def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
 
 
 def inputs_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Inputs by name, constants and signals."""
+    """Constants and signals by the names of inputs."""
     from .signal_files import SUFFIXES, SignalFileError, is_signal_file, joined, read_signals
 
     for text in options.inputs:
         if "=" not in text and not is_signal_file(text):
             raise RequestError(
-                f"--inputs {text}: expected is NAME=VALUE with a finite number, or a file of signals, {' or '.join(SUFFIXES)}"
+                f"--inputs {text}: expected NAME=VALUE with a finite number, or a signal file, {' or '.join(SUFFIXES)}"
             )
     files = [x for x in options.inputs if is_signal_file(x)]
     inputs: dict[str, Any] = dict(numbers_by_name("--inputs", [x for x in options.inputs if x not in files]))
@@ -322,12 +322,12 @@ def inputs_of(options: argparse.Namespace) -> dict[str, Any]:
     for part in (x.strip() for several in options.between for x in several.split(",")):
         name, _, kind = part.rpartition("=")
         if kind not in BETWEEN:
-            raise RequestError(f"--between {part}: expected is one of {', '.join(BETWEEN)}, or NAME= and one of them")
+            raise RequestError(f"--between {part}: expected one of {', '.join(BETWEEN)}, or NAME= and one of them")
         if name in kinds:
             raise RequestError(f"--between: {f'{name} is' if name else 'the kind of all inputs is'} given twice")
         kinds[name] = kind
     if kinds and not files:
-        raise RequestError("--between is for signals, and --inputs names no .csv or .npz file")
+        raise RequestError("--between applies to signals, but --inputs names no .csv or .npz file")
     signals = {}
     for path in files:
         try:
@@ -339,19 +339,19 @@ def inputs_of(options: argparse.Namespace) -> dict[str, Any]:
                 raise RequestError(f"--inputs {path}: {name} is given twice")
             signals[name] = (t, x)
     if unknown := [name for name in kinds if name and name not in signals]:
-        raise RequestError(f"--between {unknown[0]}: no file has this signal; there are {', '.join(signals)}")
+        raise RequestError(f"--between {unknown[0]}: no file has this signal; available are {', '.join(signals)}")
     return inputs | joined(signals, kinds, kinds.get("", BETWEEN[0]))
 
 
 def _steps(options: argparse.Namespace) -> dict[str, Any]:
-    """What `Solver.simulate` takes for the sizes of steps: tolerances, and a step where one is given."""
+    """Arguments of `Solver.simulate` for step sizes: tolerances, and a step if given."""
     given = {name: getattr(options, name) for name in ("rtol", "atol", "step") if getattr(options, name) is not None}
     given = {name: _positive(f"--{name}", value) for name, value in given.items()}
     if options.method != "rk4":
         return {"rtol": TOLERANCE, "atol": TOLERANCE} | given
     if tolerances := [f"--{name}" for name in given if name != "step"]:
         raise RequestError(
-            f"--method rk4 has constant steps and no error control: leave out {' and '.join(tolerances)}"
+            f"--method rk4 has constant steps and no error control; leave out {' and '.join(tolerances)}"
         )
     if "step" not in given:
         raise RequestError("--method rk4 takes constant steps: give --step SECONDS, such as --step 0.001")
@@ -360,12 +360,12 @@ def _steps(options: argparse.Namespace) -> dict[str, Any]:
 
 def _positive(option: str, value: float) -> float:
     if not (math.isfinite(value) and value > 0):
-        raise RequestError(f"{option} is {value:g}; expected is a positive number")
+        raise RequestError(f"{option} is {value:g}; expected a positive number")
     return value
 
 
 def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajectory], object]]]:
-    """The files to write, each with what writes it; RequestError or ImportError for what cannot be written."""
+    """The files to write, with functions that write them; RequestError or ImportError if this is impossible."""
     from .runtime.standalone.trajectory import files as trajectory_files
     from .runtime.standalone.trajectory import plot as trajectory_plot
 
@@ -383,17 +383,17 @@ def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajecto
     if options.plot is not None:
         found.append((Path(options.plot), lambda x: x.plot(path=options.plot)))
     if options.force and not found:
-        raise RequestError("--force is for the files of -o and --plot, and neither is given")
+        raise RequestError("--force applies to the files of -o and --plot, but neither is given")
     for path, _ in found:
         refuse_foreign_file(path, options.force)
     return found
 
 
-# -- what is printed -----------------------------------------------------------------------------------------------------
+# -- printed lines -------------------------------------------------------------------------------------------------------
 
 
 def lines_of(run: Run, width: int | None) -> list[str]:
-    """The trajectory in a few lines, and the final values of outputs (of coordinates, if there are none) with derivatives."""
+    """A summary of the trajectory, and the final values of outputs (or of coordinates, without outputs) with derivatives."""
     from .summary import table
 
     x = run.trajectory

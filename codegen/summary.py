@@ -1,4 +1,4 @@
-"""What `generate` did, as data and as text."""
+"""The report of `generate`, as data and as text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 SHOWN = 20
-"""Warnings that a report shows, and half the lines about loops; the others are counted."""
+"""Maximum number of warnings in a report, and half of that of lines about loops; the rest is counted."""
 
 
 @dataclass(slots=True, repr=False)
@@ -151,7 +151,7 @@ class Report:
         return lines + [f"  {remark}" for remark in self.remarks]
 
     def _operations(self) -> list[str]:
-        """What accelerations and their derivatives cost, of those that the solver has."""
+        """The cost of accelerations and their derivatives, if the solver has them."""
         lines, n, udot = [], max(self.links, 1), 0
         if "accelerations" in self.sweeps:
             udot = self.flops("accelerations")
@@ -190,13 +190,13 @@ def counted(n: int, one: str, many: str = "") -> str:
 
 
 def first(lines: Iterable[object], limit: int, more: str) -> list[str]:
-    """The first `limit` lines, and how many more there are."""
+    """The first `limit` lines, and the number of further ones."""
     found = [str(line) for line in lines]
     return found if len(found) <= limit else [*found[:limit], more.format(len(found) - limit)]
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | None = None) -> list[str]:
-    """Rows as aligned lines; where they are wider than `width`, each row as a list of its entries by name."""
+    """Rows as aligned lines; if these are wider than `width`, each row becomes a list of named entries."""
     cells = [[str(x) for x in row] for row in (header, *rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
     if width is None or sum(widths) + 2 * len(widths) + 1 <= width:

@@ -1,4 +1,4 @@
-"""What a terminal needs and a pipe does not: colour, lines of its width, and one line that says what is being done."""
+"""Output for terminals: colour, line width, and a status line."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from collections.abc import Iterable
 from typing import Any, TextIO
 
 PATIENCE = 2.0
-"""Seconds after which a terminal says what takes so long."""
+"""Seconds after which a terminal shows the status line."""
 FRAMES = "|/-\\"
 BAR = 24
-"""Characters of a bar that shows how much is done."""
+"""Characters of the progress bar."""
 STYLES = {"bold": 1, "warning": 33}
 
 
 def is_terminal(stream: TextIO | Any) -> bool:
-    """Whether a person may be looking at what is written there."""
+    """Whether the stream is a terminal."""
     try:
         return bool(stream.isatty())
-    except (AttributeError, ValueError):  # somebody's own stream, or a closed one
+    except (AttributeError, ValueError):  # a replaced or closed stream
         return False
 
 
 def can_move(stream: TextIO | Any) -> bool:
-    """Whether a line there can be taken back."""
+    """Whether a line can be erased on the stream."""
     return (
         is_terminal(stream) and os.environ.get("TERM", "dumb") not in ("dumb", "unknown") and not os.environ.get("CI")
     )
 
 
 def can_colour(stream: TextIO | Any) -> bool:
-    """Whether colours are shown there, and are not forbidden by ``NO_COLOR``."""
+    """Whether the stream shows colours, unless ``NO_COLOR`` forbids them."""
     return can_move(stream) and not os.environ.get("NO_COLOR")
 
 
 def width(stream: TextIO | Any) -> int | None:
-    """Columns of a terminal; None for a file or pipe, whose lines are as long as they are."""
+    """Columns of a terminal; None for files and pipes, whose lines are not wrapped."""
     if not is_terminal(stream):
         return None
     return max(20, shutil.get_terminal_size().columns)
 
 
 def wrapped(line: str, columns: int | None) -> list[str]:
-    """A line broken between words into lines of at most `columns`; later ones are indented further."""
+    """Wraps a line between words at `columns`; continuation lines have a larger indent."""
     if columns is None or len(line) <= columns:
         return [line]
     indent = " " * min(len(line) - len(line.lstrip()) + 4, columns // 2)
@@ -63,7 +63,7 @@ def wrapped(line: str, columns: int | None) -> list[str]:
 
 
 def write_lines(lines: Iterable[str], stream: TextIO | Any, styles: Iterable[str] = ()) -> None:
-    """Print lines, broken between words where a terminal ends, the first of them in the styles given (see `STYLES`)."""
+    """Prints lines, wrapped on terminals; the first ones in the given styles (see `STYLES`)."""
     columns, colour = width(stream), can_colour(stream)
     for line, style in itertools.zip_longest(lines, styles, fillvalue=""):
         for part in wrapped(line, columns):
@@ -71,9 +71,9 @@ def write_lines(lines: Iterable[str], stream: TextIO | Any, styles: Iterable[str
 
 
 class StatusLine:
-    """One line of a terminal that says what is being done, after `PATIENCE` seconds; it is removed at the end.
+    """A line on a terminal that shows the current work after `PATIENCE` seconds, and is erased at the end.
 
-    Call it as `codegen.generate` calls ``progress``. Where nobody looks it only remembers, for `where`.
+    Call it like ``progress`` of `codegen.generate`. Without a terminal it only stores the state, for `where`.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class StatusLine:
         self.stage, self.step, self.steps, self._share = stage, step, steps, None
 
     def share(self, stage: str, share: float) -> None:
-        """Say what is being done, and which part of it is done, from 0 to 1: a bar shows it."""
+        """Shows the current work with a progress bar; `share` is from 0 to 1."""
         self(stage, 0, 0)
         self._share = min(1.0, max(0.0, share))
 
@@ -113,7 +113,7 @@ class StatusLine:
         self.close()
 
     def close(self) -> None:
-        """Take the line away."""
+        """Erases the line."""
         if self._timer is not None:
             self._timer.cancel()
         with self._lock:

@@ -72,11 +72,12 @@ def test_a_motion_by_files_is_that_of_python(files: Path, capsys) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "is empty"), ("t,push\n0,1\n0.5\n", r"bad.csv:3: 1 values, expected 2"), ("0,1\n1,2\n", "first line has names"),
+        ("", "is empty"), ("t,push\n0,1\n0.5\n", r"bad.csv:3: 1 values, expected 2"),
+        ("0,1\n1,2\n", "first line must contain names"),
         ("t,push\n0,x\n", r"bad.csv:2: push is 'x', expected a finite number"), ("t,push\n0,nan\n", "expected a finite number"),
-        ("t,push\n1,1\n0,2\n", "time 0 follows 1; times must rise"), ("push,way\n1,2\n", "the times, called t or time"),
+        ("t,push\n1,1\n0,2\n", "time 0 follows 1; times must increase"), ("push,way\n1,2\n", "the times, named t or time"),
         ("t\n0\n1\n", "no signal"), ("t,push,push\n0,1,2\n", "each name may be given once"), ("t,push\n", "has no numbers"),
-        ("t,,push\n0,1,2\n", "first line has names"), ("t,time,push\n0,1,2\n", "called t or time"),
+        ("t,,push\n0,1,2\n", "first line must contain names"), ("t,time,push\n0,1,2\n", "named t or time"),
         ("t;push\n0;1\n", "t;push is '0;1', expected a finite number"),
     ],
 )  # fmt: skip
@@ -88,15 +89,15 @@ def test_bad_tables_are_refused_with_their_lines(files: Path, text: str, says: s
 
 def test_bad_archives_are_refused(files: Path) -> None:
     for content, says in (
-        (b"", "no archive"), (b"PK\x03\x04 damaged", "no archive"), (b"no archive at all", "no archive"),
+        (b"", "not an archive"), (b"PK\x03\x04 damaged", "not an archive"), (b"no archive at all", "not an archive"),
     ):  # fmt: skip
         Path("bad.npz").write_bytes(content)
         with pytest.raises(RequestError, match=says):
             asked("bad.npz")
     for arrays, says in (
-        ({"t": T, "push": T[:-1]}, r"push has shape \(20,\), expected \(21,\)"), ({"push": T}, "called t or time"),
-        ({"t": T, "push": np.array(["a"] * 21)}, "no archive of arrays of numbers"),
-        ({"t": T, "push": T + 1j}, "no archive of arrays of numbers: Cannot cast .*complex"),
+        ({"t": T, "push": T[:-1]}, r"push has shape \(20,\), expected \(21,\)"), ({"push": T}, "named t or time"),
+        ({"t": T, "push": np.array(["a"] * 21)}, "not an archive of numerical arrays"),
+        ({"t": T, "push": T + 1j}, "not an archive of numerical arrays: Cannot cast .*complex"),
         ({"t": T, "push": T * np.nan}, "finite numbers"),
     ):  # fmt: skip
         np.savez("bad.npz", **arrays)
@@ -107,9 +108,9 @@ def test_bad_archives_are_refused(files: Path) -> None:
 def test_what_is_asked_for_twice_or_of_nothing_is_refused(files: Path) -> None:
     for inputs, between, says in (
         (["push=1", "signals.csv"], [], "push is given twice"), (["signals.csv", "signals.npz"], [], "given twice"),
-        (["push=1"], ["cubic"], "names no .csv or .npz file"), (["signals.csv"], ["wave"], "expected is one of linear, hold"),
+        (["push=1"], ["cubic"], "names no .csv or .npz file"), (["signals.csv"], ["wave"], "expected one of linear, hold"),
         (["signals.csv"], ["other=cubic"], "no file has this signal"),
-        (["signals.txt"], [], r"or a file of signals, \.csv or \.npz"),
+        (["signals.txt"], [], r"or a signal file, \.csv or \.npz"),
         (["signals.csv"], ["cubic", "hold"], "given twice"),
     ):  # fmt: skip
         with pytest.raises(RequestError, match=says):

@@ -287,7 +287,7 @@ def test_a_dead_point_makes_a_second_choice_of_independents(tmp_path, monkeypatc
     model.write_text(SLIDER, encoding="utf-8")
     assert run(model, "-t", "3", "--samples", "31", "-o", tmp_path / "run.npz") == 0
     said = capsys.readouterr()
-    assert "as at a dead point: made a solver with 2 choices of independent coordinates" in said.err
+    assert "as at a dead point: generated a solver with 2 choices of independent coordinates" in said.err
     assert "poorly determined there" not in said.err
     found = Trajectory.load(tmp_path / "run.npz")
     assert np.ptp(found["q.crank"]) > 4 * np.pi
@@ -305,29 +305,29 @@ def test_remarks_of_models_and_python_are_warnings(here, capsys, stand_in):
 # ---- what is wrong ---------------------------------------------------------------------------------------------------
 
 WRONG = {
-    "": "how long? give -t SECONDS, or times by --at",
-    "-t 0": "-t is 0; expected is a positive number",
+    "": "the end of the motion is missing; give -t SECONDS, or times by --at",
+    "-t 0": "-t is 0; expected a positive number",
     "-t -1": "-t is -1",
     "-t nan": "-t is nan",
     "-t inf": "-t is inf",
     "-t 1 --samples 1": "--samples is 1; at least 2 are needed",
-    "--samples 5": "how long?",
-    "--at 0,x": "--at: 'x' is no number; expected is --at 0,0.1,0.5",
+    "--samples 5": "the end of the motion is missing",
+    "--at 0,x": "--at: 'x' is not a number; expected a list such as --at 0,0.1,0.5",
     "--at 0,1,": "--at: '' is no number",
-    "--at 0,1,1": "--at: 1 follows 1; times must rise",
-    "--at 0": "--at 0 is the initial state alone",
-    "--at nan": "--at: nan is no time",
+    "--at 0,1,1": "--at: 1 follows 1; times must increase",
+    "--at 0": "--at 0 is only the initial state",
+    "--at nan": "--at: nan is not a valid time",
     "-t 1 --at 0,2": "--at: 2 is after the end, -t 1",
     "-t 1 --samples 100000000000": "--samples is 100000000000; at most 10000000 are allowed",
-    "-t 1 --sensitivities ,": "--sensitivities ,: expected are names of parameters",
-    "-t 1 --rtol 0": "--rtol is 0; expected is a positive number",
+    "-t 1 --sensitivities ,": "--sensitivities ,: expected names of parameters",
+    "-t 1 --rtol 0": "--rtol is 0; expected a positive number",
     "-t 1 --atol nan": "--atol is nan",
-    "-t 1 -p length": "-p length: expected is NAME=VALUE with a finite number",
-    "-t 1 -p length=": "-p length=: expected is NAME=VALUE",
-    "-t 1 -p length=long": "-p length=long: expected is NAME=VALUE",
-    "-t 1 -p =2": "-p =2: expected is NAME=VALUE",
-    "-t 1 -p length=inf": "-p length=inf: expected is NAME=VALUE with a finite number",
-    "-t 1 --inputs torque": "--inputs torque: expected is NAME=VALUE",
+    "-t 1 -p length": "-p length: expected NAME=VALUE with a finite number",
+    "-t 1 -p length=": "-p length=: expected NAME=VALUE",
+    "-t 1 -p length=long": "-p length=long: expected NAME=VALUE",
+    "-t 1 -p =2": "-p =2: expected NAME=VALUE",
+    "-t 1 -p length=inf": "-p length=inf: expected NAME=VALUE with a finite number",
+    "-t 1 --inputs torque": "--inputs torque: expected NAME=VALUE",
     "-t 1 -p length=1 -p length=2": "length is given twice, as 1 and 2",
     "-t 1 -p lenght=1": "did you mean 'length'",
     "-t 1 --inputs torqe=1": "did you mean 'torque'",
@@ -559,7 +559,7 @@ def test_a_pipe_without_a_cache(here, monkeypatch, capsys, tmp_path):
     assert run(f"/dev/fd/{reading}", "-t", 0.1, "--sensitivities", "length") == 0
     os.close(reading)
     out, err = capsys.readouterr()
-    assert "height" in out and "nothing is kept for the next time" in err
+    assert "height" in out and "the solver is not kept for the next run" in err
 
 
 def test_the_cache_is_made_for_the_user_alone(here, monkeypatch, tmp_path, capsys):

@@ -252,7 +252,7 @@ def test_unknown_options_are_refused(model, tmp_path, option):
 
 @pytest.mark.parametrize("functions", [3, True, b"x", [["accelerations"]], ("accelerations", 3)])
 def test_functions_that_are_no_names_are_refused(model, tmp_path, functions):
-    with pytest.raises(ValueError, match=r"functions holds .*; names are needed, such as"):
+    with pytest.raises(ValueError, match=r"functions contains .*, expected names such as"):
         generate(model, tmp_path / "rod", functions=functions)
     assert not (tmp_path / "rod").exists()
 

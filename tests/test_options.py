@@ -225,7 +225,7 @@ def test_an_empty_name_is_refused(recorded, capsys, command):
 TOGETHER = {
     "simulate swing.yaml -t 1 --method rk4": "--step",
     "simulate swing.yaml -t 1 --method rk4 --step 0.1 --rtol 1e-3": "leave out --rtol",
-    "simulate swing.yaml -t 1 --method rk4 --step 0": "--step is 0; expected is a positive number",
+    "simulate swing.yaml -t 1 --method rk4 --step 0": "--step is 0; expected a positive number",
     "simulate swing.yaml --samples 3 --at 1": "not allowed with",
     "generate swing.yaml --compile-all --target numpy": "--compile-all compiles the C",
     "generate swing.yaml --compile-all --no-compile": "not allowed with",

@@ -206,7 +206,7 @@ def test_motions_and_fine_tolerances_are_refused(pair):
         single.equilibrium(tolerance=1e-12)
     with pytest.raises(UnknownFunctionError, match=r"double precision.* leave out simulate"):
         codegen.pipeline.write_solver(load_model(EXAMPLES / "arm.yaml"), functions=["simulate"], scalar="float32")
-    with pytest.raises(ValueError, match="the C target has alone"):
+    with pytest.raises(ValueError, match="only the C target supports"):
         codegen.generate(EXAMPLES / "arm.yaml", target="numpy", scalar="float32")
     with pytest.raises(ValueError, match="allowed are float64, float32"):
         codegen.generate(EXAMPLES / "arm.yaml", scalar="half")
