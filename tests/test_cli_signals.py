@@ -76,7 +76,7 @@ def test_a_motion_by_files_is_that_of_python(files: Path, capsys) -> None:
         ("0,1\n1,2\n", "first line must contain names"),
         ("t,push\n0,x\n", r"bad.csv:2: push is 'x', expected a finite number"), ("t,push\n0,nan\n", "expected a finite number"),
         ("t,push\n1,1\n0,2\n", "time 0 follows 1; times must increase"), ("push,way\n1,2\n", "the times, named t or time"),
-        ("t\n0\n1\n", "no signal"), ("t,push,push\n0,1,2\n", "each name may be given once"), ("t,push\n", "has no numbers"),
+        ("t\n0\n1\n", "no signal"), ("t,push,push\n0,1,2\n", "each name may be given once"), ("t,push\n", "has names but no numbers"),
         ("t,,push\n0,1,2\n", "first line must contain names"), ("t,time,push\n0,1,2\n", "named t or time"),
         ("t;push\n0;1\n", "t;push is '0;1', expected a finite number"),
     ],

@@ -1,7 +1,6 @@
-"""How anything is measured: contestants that take turns, compared before they are timed, and their tables and figures.
+"""Measurement of accuracy and speed: contestants are compared, then timed in turns; tables and figures of the results.
 
-``clock`` lets contestants take turns, ``compiled`` makes contestants of C functions, ``core`` and ``machine`` say on what they
-run, ``accuracy`` and ``operations`` compare and count, ``tables`` and ``drawing`` show; ``models`` has shipped
-models of any size.
-`ordernm bench`, `ordernm report` and the scripts in ``benchmarks`` stand on this.
+`clock` times contestants in turns, and `compiled` makes contestants from C functions. `core` and `machine` describe the hardware,
+`accuracy` and `operations` compare and count, `tables` and `drawing` show results. `models` contains shipped models of any size.
+`ordernm bench`, `ordernm report` and the scripts in ``benchmarks`` use this package.
 """

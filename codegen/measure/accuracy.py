@@ -1,4 +1,4 @@
-"""Errors: differences from a reference in any numbers, relative to its largest entry."""
+"""Errors: differences from a reference in any number type, relative to its largest entry."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import mpmath
 import numpy as np
 
 SMALLEST = 1e-30
-"""A reference below it is zero but for rounding; errors are absolute then."""
+"""A smaller reference is zero up to rounding; errors are then absolute."""
 
 DIGITS = 50
-"""Of differences from references in extended precision."""
+"""Decimal digits for differences from references in extended precision."""
 
 
 def largest(x: Any) -> Any:
-    """The largest entry by its size; zero where there are none."""
+    """The largest magnitude of an entry; zero for an empty array."""
     return max((abs(e) for e in np.ravel(x)), default=0)
 
 
@@ -27,7 +27,7 @@ def relative(x: Any, exact: Any, size: Any = None) -> float:
     x : array_like of float or of mpmath's numbers
     exact : array_like of float or of mpmath's numbers
     size : number, optional
-        What errors are relative to, in place of the largest entry.
+        Reference size of the errors, in place of the largest entry.
     """
     x, exact = np.ravel(x), np.ravel(exact)
     if len(x) != len(exact):
@@ -42,5 +42,5 @@ def relative(x: Any, exact: Any, size: Any = None) -> float:
 
 
 def by_direction(x: Any, exact: Any) -> list[float]:
-    """`relative` of each row."""
+    """The relative error of each row."""
     return [relative(a, b) for a, b in zip(x, exact, strict=True)]

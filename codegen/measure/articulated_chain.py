@@ -1,9 +1,8 @@
-"""The articulated-body algorithm for CHAIN(n) on any scalars: what one would write by hand for a symbolic tool.
+"""The articulated-body algorithm for CHAIN(n) with any scalar type, as one would write it by hand for a symbolic tool.
 
-Shares nothing with the generator: with CasADi's SX scalars it is the graph that `chain_against_casadi.py` prints to C and
-compares with; with floats or mpmath numbers it is another witness of the numbers. Structural zeros and ones cost nothing,
-symmetric blocks are computed once, and everything is about the joint, in body axes, so that rotations are about x or y and all
-inertias of the rods are constants.
+It shares nothing with the generator. With CasADi's SX scalars it gives the graph that `chain_against_casadi.py` prints to C; with
+floats or mpmath numbers it is an independent reference. Structural zeros and ones cost nothing, and symmetric blocks are computed
+once. All quantities are about the joint, in body axes, so rotations are about x or y, and the rods' inertias are constant.
 
 Blocks of a spatial inertia: ``J`` (3x3, symmetric) about the joint, ``H`` = m [c]x, ``M`` (3x3, symmetric);
 moment = J alpha + H a, force = H^T alpha + M a.
@@ -28,14 +27,14 @@ def known(x: Any, value: int) -> bool:
 
 
 def mul(x: Any, y: Any) -> Any:
-    """x y, without a product where one of them is a structural zero or one."""
+    """x y, without a product if one of them is a structural zero or one."""
     if known(x, 0) or known(y, 1):
         return x
     return y if known(y, 0) or known(x, 1) else x * y
 
 
 def add(x: Any, y: Any) -> Any:
-    """x + y, without a sum where one of them is a structural zero."""
+    """x + y, without a sum if one of them is a structural zero."""
     return y if known(x, 0) else x if known(y, 0) else x + y
 
 
@@ -74,19 +73,19 @@ def symmetric(entry: Callable[[int, int], Any]) -> Matrix:
 
 
 def turned(R: Matrix, A: Matrix) -> Matrix:
-    """R A R^T of a symmetric A."""
+    """R A R^T for a symmetric A."""
     RA = product(R, A)
     return symmetric(lambda i, j: dot(RA[i], R[j]))
 
 
 def rotation(axis: int, c: Any, s: Any) -> Matrix:
-    """Body to parent."""
+    """Rotation matrix, parent components from body components."""
     return [[1, 0, 0], [0, c, -s], [0, s, c]] if axis == X else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
 
 
 @dataclass(frozen=True)
 class Rod:
-    """Length, and the blocks of inertia about the hinge."""
+    """A rod: its length, and the blocks of its inertia about the hinge."""
 
     L: Any
     J: Matrix
@@ -116,7 +115,7 @@ def accelerations(
     bias, pushed = _velocities(rod, axes, R, u)
     solved = _articulated(rod, axes, R, bias, pushed)
 
-    # Outward: accelerations; the ground rises by g.
+    # outward: accelerations; gravity is replaced by an acceleration g of the ground
     udot = []
     alpha: Vector = [0, 0, 0]
     acceleration: Vector = [0, 0, g]
@@ -134,7 +133,7 @@ def accelerations(
 
 
 def _velocities(rod: Rod, axes: Sequence[int], R: list[Matrix], u: Vector) -> tuple[list[Wrench], list[Wrench]]:
-    """Outward: velocities (of the hinge point), from which bias accelerations and bias forces come."""
+    """Outward sweep: velocities of the hinge points, and from these bias accelerations and bias forces."""
     bias: list[Wrench] = []
     pushed: list[Wrench] = []
     w, v = [0, 0, 0], [0, 0, 0]
@@ -156,7 +155,7 @@ def _velocities(rod: Rod, axes: Sequence[int], R: list[Matrix], u: Vector) -> tu
 def _articulated(
     rod: Rod, axes: Sequence[int], R: list[Matrix], bias: list[Wrench], pushed: list[Wrench]
 ) -> list[tuple[Vector, Vector, Any, Any]]:
-    """Inward: articulated inertias and forces; of each joint its column, 1/pivot and minus its moment."""
+    """Inward sweep: articulated inertias and forces; returns for each joint its column, 1/pivot and minus its moment."""
     L, J, H, M = rod.L, rod.J, rod.H, rod.M
     moment, force = pushed[-1]
     solved: list[Any] = [None] * len(axes)
@@ -174,7 +173,7 @@ def _articulated(
         Ma = symmetric(lambda i, j: M[i][j] - gm[i] * hm[j])  # noqa: B023
         angular, linear = bias[k]
         torque = plus(plus(moment, plus(times(Ja, angular), times(Ha, linear))), [x * -moment[a] for x in gj])
-        torque[a] = 0  # what the joint cannot carry; there is no joint force
+        torque[a] = 0  # the joint cannot transmit this moment; there is no joint force
         thrust = plus(
             plus(force, plus(times(transposed(Ha), angular), times(Ma, linear))), [x * -moment[a] for x in gm]
         )

@@ -1,4 +1,4 @@
-"""Times that mean something on a machine that others share: contestants take turns, the least time of each counts."""
+"""Reliable times on a shared machine: contestants are timed in turns, and the smallest time of each counts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 Timed = Callable[[], float]
-"""Does some work and returns the seconds that count; or a clock."""
+"""Does some work and returns its time in seconds; or returns the time."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ def turns(
 
 @dataclass(frozen=True)
 class Rounds:
-    """Times of one contestant by rounds, so that ratios compare the same moments.
+    """Times of one contestant by rounds, so that ratios compare times of the same period.
 
     Attributes
     ----------

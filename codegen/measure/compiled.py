@@ -1,9 +1,9 @@
-"""Contestants in C: compiled at several levels of optimisation, called in a loop in C, compared and timed in turns.
+"""Contestants in C: compiled at several optimisation levels, called in a loop in C, compared and timed in turns.
 
-Times of the same C differ by a quarter between translation units and drift with the machine. So every contestant is a library of
-its own at each of its levels, and all take turns: a round gives, for each, the least of many batches of about two milliseconds;
-times are medians over the rounds at the best level, ratios medians of those of single rounds. The clock counts the CPU time of
-the thread.
+Times of the same C code differ by a quarter between translation units, and drift with the machine. So every contestant is a
+separate library at each level, and all are timed in turns. A round gives, for each, the smallest time of many batches of about
+two milliseconds. Times are medians over the rounds at the best level, and ratios are medians of those of single rounds. The clock
+counts the CPU time of the thread.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 LEVELS = ("-O1", "-O2", "-O3")
 INSTRUCTIONS = {"native": (), "avx2": ("-mno-avx512f",), "sse2": ("-mno-avx512f", "-mno-avx")}
-"""Flags that leave out what a machine may not have."""
+"""Flags that exclude instructions."""
 
 CLOCK = """\
 #include <time.h>
@@ -64,13 +64,13 @@ class Contestant:
     call : str
         The call, its arguments written ``a[0]``, ``a[1]``, ...
     arrays : mapping of str to array, or sequence of arrays
-        What these point at, by name or by number: arguments, results and workspace, float64.
+        The arguments by name or number: arguments, results and workspace, float64.
     levels : sequence of str
-        Optimisation levels to compile at.
+        Optimisation levels.
     libraries : sequence of Path
-        Shared libraries to link with, compiled elsewhere.
+        Shared libraries to link, compiled elsewhere.
     instructions : str
-        Which of the machine's instructions it may use, of `INSTRUCTIONS`, beside what nobody may.
+        Set of permitted instructions, a key of `INSTRUCTIONS`, in addition to the restriction for all contestants.
     """
 
     name: str
@@ -95,21 +95,21 @@ class Variant:
         self._pointers = (POINTER * len(self.arrays))(*(x.ctypes.data_as(POINTER) for x in self.arrays.values()))
 
     def seconds(self, repetitions: int = 1) -> float:
-        """Call it some times, and return the seconds of all calls."""
+        """Calls the function several times, and returns the total time in seconds."""
         return float(self.run(ctypes.c_long(repetitions), self._pointers))
 
 
 @dataclass(frozen=True)
 class Workshop:
-    """What all contestants share: the folder that keeps what is compiled, the instructions, the compiler and its flags.
+    """Settings common to all contestants: folder of compiled code, instructions, compiler and flags.
 
     Attributes
     ----------
     folder : Path
     instructions : str
-        Of `INSTRUCTIONS`.
+        A key of `INSTRUCTIONS`.
     flags : sequence of str
-        The same for everybody; no ``-ffast-math``.
+        Compiler flags for all contestants; no ``-ffast-math``.
     """
 
     folder: Path
@@ -118,26 +118,26 @@ class Workshop:
 
     @classmethod
     def of_packages(cls, folder: Path) -> Workshop:
-        """With the flags of generated packages."""
+        """A workshop with the flags of generated packages."""
         return cls(folder, flags=optimization())
 
     @cached_property
     def compiler(self) -> list[str]:
-        """As for packages, see `find_compiler`."""
+        """The compiler command, as for packages; see `find_compiler`."""
         return find_compiler()
 
     @cached_property
     def all_flags(self) -> list[str]:
-        """With those that leave out instructions."""
+        """The flags, with those that exclude instructions."""
         return [*self.flags, *INSTRUCTIONS[self.instructions]]
 
     @property
     def widest(self) -> str:
-        """The widest vector instructions that are left."""
+        """The widest permitted vector instructions."""
         return machine.instructions([*self.compiler, *self.all_flags]) or "no vector instructions"
 
     def compiled(self, contestant: Contestant, level: str) -> Variant:
-        """A contestant with its timing loop, a file of its own that is always compiled by ``-O2``; or both from the cache."""
+        """A compiled contestant with its timing loop, a separate file compiled with ``-O2``; uses the cache."""
         clock = CLOCK.format(declarations=contestant.declarations, call=contestant.call)
         flags = [*self.all_flags, *INSTRUCTIONS[contestant.instructions], "-fPIC"]
         contents = [hashlib.sha256(path.read_bytes()).hexdigest() for path in contestant.libraries]
@@ -161,7 +161,7 @@ class Workshop:
         return Variant(level, arrays, run)
 
     def evaluated(self, contestant: Contestant) -> dict[Any, Array]:
-        """Its arrays after one call, at its last level."""
+        """The arrays after one call, at the last level."""
         variant = self.compiled(contestant, contestant.levels[-1])
         variant.seconds()
         return variant.arrays
@@ -169,17 +169,17 @@ class Workshop:
     def compete(
         self, contestants: Sequence[Contestant], rounds: int = 9, batches: int = 25, batch: float = 2e-3
     ) -> dict[str, Timing]:
-        """Time contestants in turns.
+        """Times contestants in turns.
 
         Parameters
         ----------
         contestants : sequence of Contestant
         rounds : int
-            Every round gives one figure for each level of each contestant: the least of its batches.
+            Number of rounds. Every round gives the smallest time of the batches, for each level of each contestant.
         batches : int
-            Batches a round, taken in turns.
+            Number of batches per round, in turns.
         batch : float
-            Seconds that a batch takes, about.
+            Approximate time of a batch, s.
         """
         variants = {(c.name, level): self.compiled(c, level) for c in contestants for level in c.levels}
         names = {f"{name} {level}": (name, level) for name, level in variants}
@@ -193,7 +193,7 @@ class Workshop:
         return result
 
     def _objects(self, files: Mapping[str, str], level: str, flags: Sequence[str]) -> list[Path]:
-        """Objects of sources; those of an earlier contestant if it had the same."""
+        """Object files of sources; reuses those of earlier contestants."""
         folder = self._place("objects-", files, level, flags)
         sources = [name for name in files if name.endswith(".c")]
         if sources and not folder.exists():
@@ -215,7 +215,7 @@ class Workshop:
 
 @dataclass(frozen=True)
 class Timing(Rounds):
-    """What a contestant took at its best level, and at all of them."""
+    """Times of a contestant at its best level, and at all levels."""
 
     name: str
     level: str
@@ -223,11 +223,11 @@ class Timing(Rounds):
     variant: Variant = field(repr=False)
 
     def nanoseconds(self, per: float = 1.0) -> str:
-        """The median in ns, of each of as many bodies or states, and its level."""
+        """The median in ns, divided by the number of bodies or states, and the level."""
         return f"{self.median / per * 1e9:.{0 if per == 1 else 1}f} ({self.level})"
 
     def beside(self, other: Timing) -> list[str]:
-        """Cells: the median, the other's name and median, the ratio, and those of single rounds."""
+        """Cells of a table: the median, the other's name and median, the ratio, and the range of ratios in single rounds."""
         ratios = self.ratios(other)
         spread = f"{min(ratios):.3f} to {max(ratios):.3f}"
         return [self.nanoseconds(), other.name, other.nanoseconds(), f"**{self.ratio(other):.3f}**", spread]
@@ -237,27 +237,27 @@ class Timing(Rounds):
 
 
 def default_cache() -> Path:
-    """Where compiled contestants are kept from run to run."""
+    """The folder of compiled contestants, kept between runs."""
     return make_private(user_cache() / "benchmarks")
 
 
 def add_options(parser: argparse.ArgumentParser, rounds: int = 9, batches: int = 25) -> None:
-    """The options of scripts that let C functions compete."""
-    parser.add_argument("--instructions", default="native", choices=tuple(INSTRUCTIONS), help="that everybody may use")
+    """Adds options to scripts that compare C functions."""
+    parser.add_argument("--instructions", default="native", choices=tuple(INSTRUCTIONS), help="permitted instructions")
     parser.add_argument("--rounds", type=int, default=rounds)
     parser.add_argument("--batches", type=int, default=batches)
     parser.add_argument("--cache", type=Path, default=default_cache(), help="folder of compiled contestants")
 
 
 def workshop(options: argparse.Namespace) -> Workshop:
-    """As these options say."""
+    """The workshop for these options."""
     return Workshop(options.cache, options.instructions)
 
 
 # -- functions of generated packages ---------------------------------------------------------------------------------------
 
 APART = ("_calls.c", "_motion.c", "_precise.c", "_four.c", "_states.c", "_threads.c")
-"""Sources that only calls from Python and integration over time need."""
+"""Sources needed only for calls from Python and for integration over time."""
 
 
 @dataclass(frozen=True)
@@ -277,19 +277,19 @@ class Functions:
 
     @classmethod
     def of(cls, source: Any) -> Functions:
-        """From what `write_solver` gives."""
+        """Functions from the result of `write_solver`."""
         chosen = {n: t for n, t in source.files.items() if n.endswith((".c", ".h")) and not n.endswith(APART)}
         return cls(source.manifest, chosen)
 
     @classmethod
     def of_package(cls, folder: Path) -> Functions:
-        """From a package, by the library that it has compiled."""
+        """Functions from a package, with its compiled library."""
         manifest = read_manifest(folder)
         headers = {p.name: p.read_text(encoding="utf-8") for p in folder.glob("*.h")}
         return cls(manifest, headers, [Build(folder, manifest["name"]).library()])
 
     def sizes(self) -> dict[str, int]:
-        """Entries of each array of one state, along one direction."""
+        """Number of entries of each array, for one state and one direction."""
         m = self.manifest
         q, u, p, inputs = (len(m[f"{x}_names"]) for x in ("coordinate", "speed", "parameter", "input"))
         of = {
@@ -311,18 +311,18 @@ class Functions:
         self, function: str, given: Mapping[str, Any], width: int = 0, name: str = "", *,
         without: Sequence[str] = (), **more: Any,
     ) -> Contestant:  # fmt: skip
-        """A function with what it is called with; zeros for all else.
+        """A contestant that calls a function with the given arguments; other arguments are zero.
 
         Parameters
         ----------
         function : str
-            Such as "sensitivities".
+            Name of the function, such as "sensitivities".
         given : mapping of str to array
             Arguments by name; seeds as (width, n).
         width : int
-            Directions, of functions along some.
+            Number of directions, for functions along seeds.
         without : sequence of str
-            Results that are not computed, by null pointers.
+            Results that are not computed; null pointers are passed.
         more
             Further attributes of the `Contestant`.
         """

@@ -1,8 +1,8 @@
-"""The core that times are taken on: how fast it is at the moment, and what it can do at best.
+"""The core used for measurements: its current speed, and its peak performance.
 
-Others on a shared machine make a core slower by half and more, and its caches twice as slow, for milliseconds or for minutes.
-Times of two runs mean the same only beside what the core did meanwhile: fixed pieces of work, one of the kind that solvers do and
-one on arrays as long as those of batches, are timed before and after everything whose time a report states.
+On a shared machine, other processes make a core slower by half or more, and its caches by a factor of two, for milliseconds or
+minutes. Times of two runs are comparable only together with the speed of the core. So two fixed pieces of work are timed before
+and after each measurement in a report. One resembles a solver; the other uses arrays as long as those of batches.
 """
 
 from __future__ import annotations
@@ -129,39 +129,39 @@ double bytes(double *restrict a, const double *restrict b, long n, long rounds)
 """
 
 WORK = 50
-"""Rounds of the work that never changes, some 30 microseconds: short beside a turn, long beside a clock."""
+"""Repetitions of the fixed work, about 30 microseconds: short compared with a turn, long compared with the clock's resolution."""
 
 LENGTH = 32_768
-"""Numbers in each of the two arrays of the other fixed work: beyond the first cache, as those of batches are."""
+"""Length of the two arrays of the other fixed work: beyond the first cache, like those of batches."""
 
 FIXED_WORK = ("core", "cache")
-"""What it is called in a `Turn` and in a report."""
+"""Names of the fixed work in a `Turn` and in a report."""
 
 WATCHED, MOST_WATCHED = 2e-3, 30
-"""After a turn the fixed work runs once for each interval of this many seconds, but not more often than `MOST_WATCHED`."""
+"""After a turn, the fixed work runs once per this time of the turn in seconds, but at most `MOST_WATCHED` times."""
 
 TURNS = 3
-"""Measurements of each peak in a process."""
+"""Number of measurements of each peak."""
 
 TRIED = 15
-"""Runs of the fixed work by which a core is chosen."""
+"""Runs of the fixed work on each core for the choice of a core."""
 
 PAGE = 512
-"""Numbers in a page of memory, within which addresses differ by the bits that a core compares first."""
+"""Doubles in a page of memory, within which addresses differ in the bits that a core compares first."""
 
 IN_CACHE, IN_MEMORY = 1536, 8_000_000
-"""Numbers in each of the two arrays of which sums are measured: in the first cache, and far beyond the last."""
+"""Lengths of the two arrays whose sums are measured: in the first cache, and far beyond the last one."""
 
 
 @dataclass(frozen=True)
 class Turn:
-    """Seconds of something, and those of the fixed work about it.
+    """Time of a turn, and of the fixed work around it.
 
     Attributes
     ----------
     seconds : float
     core, cache : float
-        Of the work in registers and the first cache, and of that on longer arrays.
+        Time of the fixed work in registers and the first cache, and on longer arrays, s.
     """
 
     seconds: float
@@ -171,7 +171,7 @@ class Turn:
 
 @dataclass
 class Watched:
-    """A contestant whose turns are kept with what is beside them."""
+    """A contestant whose turns are stored with the times of the fixed work."""
 
     run: Timed
     core: Core
@@ -183,7 +183,7 @@ class Watched:
 
 
 class Core:
-    """What `compiled` has made, called in this process.
+    """The compiled functions of `CORE_C`, called in this process.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ class Core:
 
     @classmethod
     def compiled(cls, folder: Path) -> Core:
-        """Its library, in a folder.
+        """Compiles the library in a folder.
 
         Raises
         ------
@@ -214,11 +214,11 @@ class Core:
         return cls(library)
 
     def seconds(self) -> float:
-        """Of the work that never changes."""
+        """Time of the fixed work, s."""
         return float(self._c.work(ctypes.c_long(WORK)))
 
     def turn(self, run: Timed) -> Turn:
-        """One turn of what says its own seconds: the longer it takes, the longer the core is watched afterwards."""
+        """One turn of a function that returns its time; the longer it takes, the longer the core is observed afterwards."""
         core, cache = [self.seconds()], [self._sums(self._arrays, 1)()]
         seconds = run()
         for _ in range(min(max(round(seconds / WATCHED), 1), MOST_WATCHED)):
@@ -227,14 +227,14 @@ class Core:
         return Turn(seconds, statistics.mean(core), statistics.mean(cache))
 
     def _sums(self, arrays: tuple[NDArray[np.float64], NDArray[np.float64]], rounds: int) -> Timed:
-        """What adds arrays again and again, and says its seconds per byte."""
+        """A function that adds arrays repeatedly and returns the time per byte."""
         a, b = (x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in arrays)
         return partial(self._c.bytes, a, b, ctypes.c_long(len(arrays[0])), ctypes.c_long(rounds))
 
     def fastest(self) -> AbstractContextManager[None]:
-        """Stay on the core that does the fixed work fastest at the moment, where the system knows how; on all again afterwards.
+        """Restricts the process to the core that is fastest at present, if the system supports this; afterwards all are allowed.
 
-        Of two that are alike it is the one with which others interfere less.
+        Among equal cores, other processes interfere less with this one.
         """
 
         def taken(core: int) -> float:
@@ -244,7 +244,7 @@ class Core:
         return one_core(min(cores(), key=taken, default=None))
 
     def peaks(self) -> dict[str, list[Turn]]:
-        """Seconds per operation, one number or vectors at a time, and per byte from the first cache and from memory."""
+        """Times per operation, for scalars and vectors, and per byte, from the first cache and from memory."""
         runs: dict[str, Timed] = {
             name: partial(getattr(self._c, name), ctypes.c_long(400_000)) for name in ("numbers", "vectors")
         }
@@ -254,18 +254,19 @@ class Core:
 
 
 def peaks(folder: Path) -> dict[str, float]:
-    """What the core can do at best: operations per second, vectors and one number at a time, and bytes per second."""
+    """Peak performance of the core: operations per second, with vectors and with scalars, and bytes per second."""
     return {name: 1 / min(turn.seconds for turn in turns) for name, turns in Core.compiled(folder).peaks().items()}
 
 
 def record(turns: Iterable[Turn]) -> dict[str, Any]:
-    """All turns of a contestant in a few numbers.
+    """Summary of all turns of a contestant.
 
     Returns
     -------
     dict
-        ``least``, ``median``, ``high`` (nine of ten took no longer) and ``turns``; ``core`` and ``cache``, the medians of the
-        fixed work beside them. That beside the least alone is not enough: cores change within a turn.
+        ``least``, ``median``, ``high`` (at least nine of ten turns were shorter) and ``turns``; ``core`` and ``cache``, the
+        medians of the fixed work around them. The one around the shortest turn would not suffice, because cores change during a
+        turn.
     """
     known = list(turns)
     beside = {name: statistics.median(getattr(t, name) for t in known) for name in FIXED_WORK}
@@ -273,13 +274,13 @@ def record(turns: Iterable[Turn]) -> dict[str, Any]:
 
 
 def _two_arrays(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Zeros, that begin where a page does and half a page later.
+    """Two arrays of zeros, which start at a page boundary and half a page after one.
 
-    Otherwise it is chance that decides what a vector costs: whether it lies in two lines of the cache, and whether what has just
-    been written to one array is taken for what is read of the other.
+    Otherwise, chance would determine the cost of vectors: whether they cross cache lines, and whether stores to one array delay
+    loads from the other.
     """
     apart = -(-n // PAGE) * PAGE + PAGE // 2
     numbers = np.zeros(apart + n + PAGE)
-    numbers[::PAGE] = 0.0  # its pages are there before they are timed
+    numbers[::PAGE] = 0.0  # touches all pages before they are timed
     start = -(numbers.ctypes.data // numbers.itemsize) % PAGE
     return numbers[start : start + n], numbers[start + apart : start + apart + n]

@@ -25,12 +25,12 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#000000", "marker": "P", "linestyle": (0, (8, 3))},
     {"color": "#0072b2", "marker": "v", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 )
-"""They differ by marker and dashes, not by colour alone."""
+"""Markers and dashes distinguish the lines, not only colours."""
 
 
 @contextmanager
 def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any, Sequence[Any], list[str]]]:
-    """A figure and its axes; its SVG text is left in the list."""
+    """A figure and its axes; appends the SVG text to the list."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -61,7 +61,7 @@ def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any
 def rows_of_points(
     names: Sequence[str], label: str, columns: int = 2, **legend: Any
 ) -> Iterator[tuple[Any, Sequence[int], list[str]]]:
-    """Axes with a line for each name, the first on top, and their heights; the SVG text is left in the list."""
+    """Axes with a line for each name, the first at the top, and their heights; appends the SVG text to the list."""
     with drawing(7.2, 0.9 + 0.36 * len(names)) as (_, (ax,), text):
         places = range(len(names))[::-1]
         yield ax, places, text
@@ -73,7 +73,7 @@ def rows_of_points(
 
 @contextmanager
 def under_the_roof(peaks: dict[str, float]) -> Iterator[tuple[Any, list[str]]]:
-    """Axes with what a core can do, for points to be drawn in; the SVG text is left in the list."""
+    """Axes with the peak performance of a core, for further points; appends the SVG text to the list."""
     with drawing(7.2, 3.6) as (_, (ax,), text):
         x = np.logspace(-2, 2, 200)
         for name, dashes in (("first cache", "-"), ("memory", (0, (5, 2)))):

@@ -1,4 +1,4 @@
-"""On what something was measured: processor, instructions, compiler and flags, versions."""
+"""The system of a measurement: processor, instructions, compiler with flags, versions."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..version import __version__
 INSTRUCTIONS = (
     ("__AVX512F__", "AVX-512"), ("__AVX2__", "AVX2"), ("__AVX__", "AVX"), ("__SSE2__", "SSE2"), ("__ARM_NEON", "NEON"),
 )  # fmt: skip
-"""Macros that compilers define, the widest vectors first."""
+"""Macros defined by compilers, widest vectors first."""
 
 
 def machine() -> dict[str, str]:
-    """What a reader of figures has to know.
+    """The properties of the system that a reader of figures needs.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def machine() -> dict[str, str]:
 
 
 def processor_name() -> str:
-    """As the system calls it."""
+    """The processor's name, from the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -52,7 +52,7 @@ def processor_name() -> str:
 
 
 def instructions(command: Sequence[str]) -> str:
-    """The widest vector instructions that a compiler with its flags uses on this machine; empty where nothing is known of any."""
+    """The widest vector instructions that a compiler with flags uses on this machine; empty if unknown."""
     try:
         done = subprocess.run(
             [*command, "-dM", "-E", "-x", "c", os.devnull],

@@ -1,4 +1,4 @@
-"""Shipped models, at any size: in ``examples/`` of a checkout, inside the package in a wheel; with states and directions."""
+"""Shipped models of any size, from ``examples/`` in a checkout or from the wheel, with states and directions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def example(name: str) -> str:
 
 
 def changed(name: str, old: str, new: str) -> str:
-    """A shipped model in which one piece of text, which is there once, is another one."""
+    """A shipped model with a replaced piece of text, which must occur exactly once."""
     text = example(name)
     if text.count(old) != 1:
         raise ValueError(f"{name}.yaml does not say {old!r} once, as the benchmark expects")
@@ -40,11 +40,11 @@ SIZES = {
     "CHAIN": ("chain", "{n: 12,"), "LADDER": ("ladder", "{L: 3,"), "HOOKE": ("hooke_ladder", "{L: 3,"),
     "PINNED": ("pinned_chain", "{n: 12,"), "CLOSED": ("closed_chain", "{n: 16,"),
 }  # fmt: skip
-"""Models of any size, and where their examples say which: rods of chains (a multiple of 8 of CLOSED), loops of ladders."""
+"""Models of any size, with the text to replace: number of rods of a chain (a multiple of 8 for CLOSED) or loops of a ladder."""
 
 
 def text_of(name: str, size: int) -> str:
-    """One of `SIZES` at a size."""
+    """One of `SIZES` with a given size."""
     file, old = SIZES[name]
     text = changed(file, old, re.sub(r"\d+", str(size), old))
     if name != "PINNED":
@@ -60,7 +60,7 @@ def chain_state(n: int) -> tuple[Array, Array]:
 
 
 def chain_tip(q: Array, length: float = 1.0) -> Array:
-    """Where the end of CHAIN(n) is, m."""
+    """Position of the end of CHAIN(n), m."""
     R, place = np.eye(3), np.zeros(3)
     for k, (c, s) in enumerate(zip(np.cos(q), np.sin(q), strict=True)):
         R = R @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]] if k % 2 else [[c, 0, s], [0, 1, 0], [-s, 0, c]])
@@ -69,7 +69,7 @@ def chain_tip(q: Array, length: float = 1.0) -> Array:
 
 
 def seeds(n: int, width: int = 8) -> tuple[Array, Array, Array]:
-    """dq, du (width, n) and the parameter's (width, 1), nothing in them zero."""
+    """Seeds dq, du (width, n) and of the parameter (width, 1), without zeros."""
     k, j = np.arange(1, n + 1), np.arange(width)[:, None]
     dq: Array = 0.1 * np.sin(2.0 * k + 0.7 * j)
     du: Array = 0.1 * np.cos(3.0 * k + 0.5 * j)
@@ -79,12 +79,13 @@ def seeds(n: int, width: int = 8) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class Sized:
-    """A model at a size, with a state that is closed to rounding; dependent speeds need not be, every function solves for them.
+    """A model of a given size, with loops closed to rounding; dependent speeds need not be consistent, since functions determine
+    them.
 
     Attributes
     ----------
     name : str
-        Of `SIZES`.
+        A key of `SIZES`.
     size : int
     model : Model
     q, u : (nq,), (nu,)
@@ -104,16 +105,16 @@ class Sized:
         return len(self.model.bodies)
 
     def given(self, width: int = 0) -> dict[str, Array]:
-        """State and parameters by name, and seeds of as many directions."""
+        """State and parameters by name, and seeds of `width` directions."""
         found = {"q": self.q, "u": self.u, "p": np.array(list(self.model.defaults.values()), float)}
         return found | dict(zip(("dq", "du", "dp"), seeds(self.model.nu, width), strict=True)) if width else found
 
     def source(self, layout: str = "auto", functions: Collection[str] | None = None) -> Source:
-        """What is generated from it."""
+        """The generated source."""
         return write_solver(self.model, layout, functions=functions)
 
 
 def sized(name: str, size: int) -> Sized:
-    """One of `SIZES` at a size, in its usual state."""
+    """One of `SIZES` with a given size, in its standard state."""
     model: Any = parse_model(text_of(name, size), f"{name}({size})")
     return Sized(name, size, model, *(chain_state(size) if name == "CHAIN" else initial_configuration(model)))

@@ -1,4 +1,4 @@
-"""A motion that is measured: as far as it comes, and what the integrator takes for it."""
+"""Measurement of a motion and of the integrator's time."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ T = TypeVar("T")
 
 
 def simulated(solver: Solver, times: Any, **options: Any) -> Trajectory:
-    """`Solver.simulate` without warnings, as far as it comes: its figures say all of it."""
+    """`Solver.simulate` without warnings, up to the time that the motion reaches."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return solver.simulate(times, on_failure="return", **options)
 
 
 def timed(run: Callable[[], T]) -> tuple[T, float]:
-    """What a call gives, and the seconds of the integrator in it.
+    """The result of a call, and the time of the integrator in it, s.
 
-    The wall time of C and the CPU time of the whole call are both no less than what the integrator took of the core, so the
-    smaller one counts; where no motion comes of it, the latter.
+    The wall time in C and the CPU time of the whole call are both upper bounds of the integrator's CPU time, so the smaller one
+    is used. If the call fails, the latter is used.
     """
     began = time.thread_time()
     found = run()

@@ -1,4 +1,4 @@
-"""Trees that Pinocchio and ours have alike: chains, and robots whose URDF Pinocchio reads."""
+"""Trees that both Pinocchio and ordernm can read: chains, and robots from URDF files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .compiled import Array
 
 
 class Robot(NamedTuple):
-    """A file below the folder ``robots`` of example-robot-data, and whether the robot moves freely."""
+    """File in the folder ``robots`` of example-robot-data, and whether the robot is free-floating."""
 
     file: str
     free: bool
@@ -33,13 +33,13 @@ ROBOTS = {
 
 
 def robots_folder() -> Path:
-    """Where the package example-robot-data keeps its robots, in this interpreter's packages or where CMEEL_PREFIX says."""
+    """The robots of the package example-robot-data, in the current environment or in CMEEL_PREFIX."""
     prefix = Path(os.environ.get("CMEEL_PREFIX", Path(sysconfig.get_path("purelib")) / "cmeel.prefix"))
     return prefix / "share" / "example-robot-data" / "robots"
 
 
 def chain(n: int) -> Any:
-    """Pinocchio's model of CHAIN(n): uniform rods, hinges about y and x by turns."""
+    """Pinocchio's model of CHAIN(n): uniform rods with hinges about y and x alternately."""
     import pinocchio as pin
 
     model = pin.Model()
@@ -52,7 +52,7 @@ def chain(n: int) -> Any:
 
 
 def robot(folder: Path, name: str) -> Any:
-    """A URDF, read by Pinocchio; joints that turn without end as others that turn."""
+    """A URDF file, read by Pinocchio; continuous joints become revolute joints."""
     import pinocchio as pin
 
     file = str(folder / ROBOTS[name].file)
@@ -71,31 +71,31 @@ def robot(folder: Path, name: str) -> Any:
 
 
 def theirs_of(name: str, folder: Path | None = None) -> Any:
-    """Pinocchio's model of ``CHAIN(n)``, or of a robot in a folder, that of example-robot-data if none is given."""
+    """Pinocchio's model of ``CHAIN(n)``, or of a robot in a folder (default: that of example-robot-data)."""
     size = name.removeprefix("CHAIN(").removesuffix(")")
     if size.isdigit():
         return chain(int(size))
     folder = folder or robots_folder()
     if not (folder / ROBOTS[name].file).is_file():
-        raise FileNotFoundError(2, "not there (pip install example-robot-data)", str(folder / ROBOTS[name].file))
+        raise FileNotFoundError(2, "not found (pip install example-robot-data)", str(folder / ROBOTS[name].file))
     return robot(folder, name)
 
 
 def ours(theirs: Any, name: str) -> Model:
-    """The same model here, with a force along every freedom as an input; its speeds stand in the same order, but see `State`."""
+    """The same model in ordernm, with an input force on every degree of freedom; the order of speeds is given by `State`."""
     return from_pinocchio(theirs, name=name.lower().replace("(", "").replace(")", ""), motors=True).model
 
 
 class State(NamedTuple):
-    """A state on both sides.
+    """A state in both programs.
 
     Attributes
     ----------
     theirs, ours : (q, u)
     order : (nu,)
-        Where each of Pinocchio's speeds stands in ours.
+        Index of each of Pinocchio's speeds in ours.
     rates : (nq, nu)
-        How our coordinates change along our speeds.
+        Derivatives of our coordinates along our speeds.
     """
 
     theirs: tuple[Array, Array]
@@ -105,7 +105,7 @@ class State(NamedTuple):
 
 
 def usual_state(theirs: Any, q: Array | None = None, u: Array | None = None) -> State:
-    """q_k = 0.3 sin k, u_k = 0.2 cos k where none are given, quaternions of length one."""
+    """By default q_k = 0.3 sin k and u_k = 0.2 cos k, with normalised quaternions."""
     import pinocchio as pin
 
     q = 0.3 * np.sin(np.arange(1, theirs.nq + 1)) if q is None else q.copy()

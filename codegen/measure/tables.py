@@ -18,7 +18,7 @@ class Table:
     note: str = ""
 
     def markdown(self) -> list[str]:
-        """Its parts in Markdown."""
+        """The section's Markdown text."""
         return [
             *[f"### {self.title}"][: bool(self.title)],
             markdown(self.head, self.rows),
@@ -28,7 +28,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """Sentences, names of figures, tables."""
+    """Paragraphs, names of figures, tables."""
 
     title: str
     text: Sequence[str]
@@ -37,12 +37,12 @@ class Section:
 
 
 def error(x: float | None) -> str:
-    """An error in two digits; nothing for none."""
+    """An error with two digits; empty for None."""
     return "" if x is None else f"{x:.1e}"
 
 
 def number(x: float | None, digits: int = 3) -> str:
-    """A number in a few digits; a dash for none."""
+    """A number with few digits; a dash for None."""
     if x is None:
         return "-"
     return f"{x:.{digits}g}" if math.isfinite(x) else str(x)
