@@ -49,7 +49,7 @@ int pendulum_sensitivities_transposed_8(const double *q, const double *u, const 
 int pendulum_sensitivities_transposed_1(const double *q, const double *u, const double *p, const double *dudot,
     double *udot, double *dq, double *du, double *dp, double *work);
 
-/* Arrays of a batch: that of state i begins at + i*step doubles. An argument with a step of 0 is the same for all states. */
+/* The array of state i of a batch is at + i*step. An argument with a step of 0 is the same for all states. */
 typedef struct {
     const double *at;
     long step;
