@@ -13,6 +13,7 @@ from scipy.interpolate import BSpline, CubicSpline, PchipInterpolator, make_inte
 import codegen
 from codegen.model import parse_model
 from codegen.runtime.standalone.motion.functionals import Integral
+from codegen.runtime.standalone.motion.inputs import Inputs
 from codegen.runtime.standalone.motion.signals import take_inputs
 from codegen.runtime.standalone.motion.splines import (
     Rewritten,
@@ -90,6 +91,23 @@ def test_signals_by_name_may_each_be_of_another_kind() -> None:
         chosen = RNG.choice(names, 3, replace=False)
         found = over({n: kinds[k][0] for n, k in zip(NAMES, chosen, strict=True)})
         assert error(found, np.stack([kinds[k][1] for k in chosen], axis=1)) < 1e-10, chosen
+
+
+@pytest.mark.parametrize("before", [False, True])
+@pytest.mark.parametrize("degree", range(6))
+def test_inputs_at_many_times_are_those_of_single_times(degree: int, before: bool) -> None:
+    """At knots, between them, outside, with repeated knots at the ends and several signals; bit for bit."""
+    rng = np.random.default_rng(degree)
+    inner = np.sort(rng.uniform(0.5, 2.5, 4))
+    knots = np.concatenate([[0.0] * (degree + 2), inner, [3.0] * (degree + 2)])
+    inputs = Inputs(degree, knots, rng.normal(size=(len(knots) - degree - 1, 3)), moving=(2, 0))
+    t = np.concatenate([knots, rng.uniform(-1.0, 4.0, 30)]).reshape(2, -1)
+    for order in range(3):
+        found = inputs.derivative(t, order, before)
+        alone = [[inputs.derivative(x, order, before) for x in row] for row in t.tolist()]
+        np.testing.assert_array_equal(found, alone)
+    np.testing.assert_array_equal(inputs.at(t), [[inputs.at(x) for x in row] for row in t.tolist()])
+    assert inputs.rate(t).shape == (*t.shape, 7)
 
 
 def test_a_spline_is_the_same_on_more_knots_and_of_a_higher_degree() -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Array
-from .splines import spline_weights
+from .splines import spline_values
 
 JOINED = {0: "held from one time to the next", 1: "joined by straight lines"}
 """Descriptions of splines without continuous velocity, by degree."""
@@ -53,31 +53,31 @@ class Inputs:
 
     # -- over time -----------------------------------------------------------------------------------------------------
 
-    def at(self, t: float) -> Array:
-        """Inputs (ninputs,) at time t."""
+    def at(self, t: Array | float) -> Array:
+        """Inputs (*t.shape, ninputs) at times t."""
         return self._inputs(t, 0)
 
-    def rate(self, t: float) -> Array:
-        """Time derivatives (ninputs,) of the inputs at time t."""
+    def rate(self, t: Array | float) -> Array:
+        """Time derivatives (*t.shape, ninputs) of the inputs at times t."""
         return self._inputs(t, 1)
 
-    def _inputs(self, t: float, order: int) -> Array:
+    def _inputs(self, t: Array | float, order: int) -> Array:
         values = self.derivative(t, order)
         if not self.moving:
             return values
         of = list(self.moving)
-        rates = np.stack([self.derivative(t, order + n)[of] for n in (1, 2)], axis=-1)
-        return np.concatenate([values, rates.reshape(-1)])
+        rates = np.stack([self.derivative(t, order + n)[..., of] for n in (1, 2)], axis=-1)
+        return np.concatenate([values, rates.reshape(*np.shape(t), -1)], axis=-1)
 
-    def derivative(self, t: float, order: int, before: bool = False) -> Array:
-        """Time derivative (nsignals,) of the given order; at a knot, of the piece after it, or with `before` of the piece before
-        it."""
+    def derivative(self, t: Array | float, order: int, before: bool = False) -> Array:
+        """Time derivatives (*t.shape, nsignals) of the given order; at a knot, of the piece after it, or with `before` of the
+        piece before it."""
         if self.knots is None:
-            return self.values[0] if not order else np.zeros(self.values.shape[1])
-        if order and not self.knots[self.degree] <= t <= self.knots[len(self.values)]:
-            return np.zeros(self.values.shape[1])
-        place, weights = spline_weights(self.knots, self.degree, len(self.values), t, order, before)
-        return weights @ self.values[place : place + len(weights)]
+            constant = np.zeros_like(self.values[0]) if order else self.values[0]
+            return np.broadcast_to(constant, (*np.shape(t), len(constant))) if np.ndim(t) else constant
+        found = spline_values(self.knots, self.degree, self.values, t, order, before)
+        inside = (t >= self.knots[self.degree]) & (t <= self.knots[len(self.values)])
+        return np.where(np.expand_dims(inside, -1), found, 0.0) if order else found
 
     def check_moving(self, names: Sequence[str], start: float, end: float) -> None:
         """Rejects inputs of prescribed motion that have jumps in value or velocity during the motion.
@@ -98,18 +98,23 @@ class Inputs:
             )
         knots = np.unique(self.knots)
         size = np.abs(self.values).max(axis=0)
-        for t in knots[(knots > start) & (knots < end)].tolist():
-            for order, what in enumerate(("value", "velocity")):
-                one, other = self.derivative(t, order, before=True), self.derivative(t, order)
-                if order:  # inputs are constant outside
-                    one, other = one * (t > self.knots[self.degree]), other * (t < self.knots[len(self.values)])
-                allowed = ROUNDED * size * (len(knots) / (knots[-1] - knots[0])) ** order
-                for i in changing:
-                    if abs(other[i] - one[i]) > allowed[i]:
-                        raise ValueError(
-                            f"inputs: the {what} of {names[i]!r}, which prescribed motion follows, jumps from {one[i]:.6g} to "
-                            f"{other[i]:.6g} at t = {t:.9g} s, and {lost}; {self._instead(t)}"
-                        )
+        times = knots[(knots > start) & (knots < end)]
+        sides = np.empty((2, len(times), 2, len(changing)))  # before and after, by time, order and signal
+        jumps = np.empty(sides.shape[1:], bool)
+        for order in (0, 1):
+            one, other = self.derivative(times, order, before=True), self.derivative(times, order)
+            if order:  # inputs are constant outside
+                one = one * (times > self.knots[self.degree])[:, None]
+                other = other * (times < self.knots[len(self.values)])[:, None]
+            allowed = ROUNDED * size * (len(knots) / (knots[-1] - knots[0])) ** order
+            sides[:, :, order] = one[:, changing], other[:, changing]
+            jumps[:, order] = (np.abs(other - one) > allowed)[:, changing]
+        for at, order, i in np.argwhere(jumps)[:1].tolist():
+            t, (one, other) = float(times[at]), sides[:, at, order, i]
+            raise ValueError(
+                f"inputs: the {('value', 'velocity')[order]} of {names[changing[i]]!r}, which prescribed motion follows, jumps "
+                f"from {one:.6g} to {other:.6g} at t = {t:.9g} s, and {lost}; {self._instead(t)}"
+            )
 
     def _instead(self, t: float) -> str:
         assert self.knots is not None

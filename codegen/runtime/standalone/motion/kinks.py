@@ -53,11 +53,8 @@ def known_of(names: Sequence[str], p: Array, input_names: Sequence[str], inputs:
     parameters = {n: (np.float64(x), 0.0) for n, x in zip(names, p, strict=True)}
 
     def known(t: Array) -> Mapping[str, Pair]:
-        values = np.array([inputs.at(x) for x in t.reshape(-1).tolist()]) if len(input_names) else np.zeros((t.size, 0))
-        rates = np.array([inputs.rate(x) for x in t.reshape(-1).tolist()]) if len(input_names) else values
-        of_inputs = {
-            n: (values[:, i].reshape(t.shape), rates[:, i].reshape(t.shape)) for i, n in enumerate(input_names)
-        }
+        values, rates = inputs.at(t), inputs.rate(t)
+        of_inputs = {n: (values[..., i], rates[..., i]) for i, n in enumerate(input_names)}
         return {**parameters, **of_inputs, "t": (t, 1.0)}
 
     return known

@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Array
 from ..calls.arguments import some
 from .inputs import Inputs, Linear
-from .splines import MOST_DEGREE, Rewritten, Through, common_knots, knots_through, pieces, spline_weights
+from .splines import MOST_DEGREE, Rewritten, Through, common_knots, knots_through, pieces, spline_values
 
 DEGREES = {"hold": 0, "linear": 1, "spline": 3, "cubic": 3, "quintic": 5}
 """Degrees of the B-splines, by their names."""
@@ -287,9 +287,7 @@ def _misfit(old: tuple[Array, Array], new: tuple[Array, Array], t: Array, x: Arr
     """(nt,): the error of the previous spline at the times of the new one, relative to the tolerance."""
 
     def of(spline: tuple[Array, Array], order: int) -> Array:
-        knots, c = spline
-        rows = [spline_weights(knots, SAMPLED_DEGREE, len(c), y, order) for y in t.tolist()]
-        return np.array([w @ c[i : i + len(w)] for i, w in rows])
+        return spline_values(spline[0], SAMPLED_DEGREE, spline[1], t, order)
 
     size = np.abs(x).max(axis=0)
     off = np.abs(of(old, 0) - x) / np.where(size > 0.0, SAMPLED * size, 1.0)

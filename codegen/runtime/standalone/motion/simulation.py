@@ -321,7 +321,7 @@ class Simulation(Reasons):
         return self._call("energies", (q, u, problem.p, inputs, t))[0]
 
     def _inputs_over(self, t: Array, problem: Problem) -> Array:
-        return np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
+        return problem.inputs.at(t) if self.ninputs else np.zeros((len(t), 0))
 
     def _gaps_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """The largest scaled closure residual over time, (nt,), including dropped conditions."""

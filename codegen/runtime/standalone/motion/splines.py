@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,36 +15,48 @@ MOST_DEGREE = 9
 
 
 def spline_weights(
-    knots: Array, degree: int, count: int, t: float, order: int = 0, before: bool = False
-) -> tuple[int, Array]:
-    """The B-splines that are not zero at a time, or their derivatives: the index of the first one, and degree + 1 values.
+    knots: Array, degree: int, count: int, t: Array | float, order: int = 0, before: bool = False
+) -> tuple[Any, Array]:
+    """The B-splines that are not zero at times, or their derivatives: the indices of the first ones, of the shape of t, and their
+    values (*t.shape, degree + 1).
 
     Outside the knots, the values at the first or last knot apply. At a knot, `before` selects the piece before it instead of that
     after it. Derivatives are differences of splines of lower degree.
     """
-    x = min(max(t, knots[degree]), knots[count])
+    x = np.minimum(np.maximum(t, knots[degree]), knots[count])
     at = piece(knots, degree, count, x, before)
     if order > degree:
-        return at - degree, np.zeros(degree + 1)
-    value = np.ones(1)
+        return at - degree, np.zeros((*np.shape(t), degree + 1))
+    value = [np.ones(np.shape(t))]
     for j in range(1, degree + 1):
-        new, differs = np.zeros(j + 1), j > degree - order
+        new, differs = [np.zeros(np.shape(t)) for _ in range(j + 1)], j > degree - order
         for i in range(j):
             left, right = knots[at + 1 - j + i], knots[at + 1 + i]
             part = value[i] / (right - left)
-            new[i] += -j * part if differs else (right - x) * part
-            new[i + 1] += j * part if differs else (x - left) * part
+            new[i] = new[i] + (-j * part if differs else (right - x) * part)
+            new[i + 1] = new[i + 1] + (j * part if differs else (x - left) * part)
         value = new
-    return at - degree, value
+    return at - degree, np.stack(value, axis=-1)
 
 
-def piece(knots: Array, degree: int, count: int, t: float, before: bool = False) -> int:
-    """Index of the knot at which the piece that contains t starts."""
-    at = int(np.searchsorted(knots, t, "left" if before else "right")) - 1
-    at = min(max(at, degree), count - 1)
-    while knots[at] == knots[at + 1]:  # skip pieces of zero length at the ends
-        at += 1 if knots[at] <= knots[degree] else -1
+def piece(knots: Array, degree: int, count: int, t: Array | float, before: bool = False) -> Any:
+    """Indices, of the shape of t, of the knots at which the pieces that contain t start."""
+    at = np.searchsorted(knots, t, "left" if before else "right") - 1
+    at = np.minimum(np.maximum(at, degree), count - 1)
+    while (empty := knots[at] == knots[at + 1]).any():  # skip pieces of zero length at the ends
+        at = at + empty * np.where(knots[at] <= knots[degree], 1, -1)
     return at
+
+
+def spline_values(
+    knots: Array, degree: int, control: Array, t: Array | float, order: int = 0, before: bool = False
+) -> Array:
+    """Values (*t.shape, m) of splines with control points (count, m), or derivatives; see `spline_weights`."""
+    first, weights = spline_weights(knots, degree, len(control), t, order, before)
+    found = np.zeros((*np.shape(t), control.shape[1]))
+    for i in range(degree + 1):
+        found += weights[..., i, None] * control[first + i]
+    return found
 
 
 # -- through values --------------------------------------------------------------------------------------------------
@@ -72,9 +85,10 @@ class Through:
     def __call__(self, values: Array) -> Array:
         n, k = len(self.t), self.degree
         band = np.zeros((n, 2 * k + 1))  # row i contains columns i - k to i + k
-        for i, t in enumerate(self.t.tolist()):
-            first, weights = spline_weights(self.knots, k, n, t)
-            band[i, first - i + k : first - i + 2 * k + 1] = weights
+        first, weights = spline_weights(self.knots, k, n, self.t)
+        rows = np.arange(n)
+        for i in range(k + 1):
+            band[rows, first - rows + k + i] = weights[:, i]
         x = np.array(values, float)
         for i in range(n):
             for j in range(i + 1, min(i + k + 1, n)):
@@ -116,7 +130,7 @@ class Rewritten:
             if not first <= middle <= last:
                 found[i] = self._end(values, middle < first)
                 continue
-            at = piece(self.knots, k, n, middle)
+            at = int(piece(self.knots, k, n, middle))
             sets = list(itertools.combinations(own[1:-1].tolist(), k))
             found[i] = sum(self._polar(values, at, s) for s in sets) / len(sets)
         return found
@@ -124,8 +138,8 @@ class Rewritten:
     def _end(self, values: Array, is_first: bool) -> float:
         """The constant value before the first or after the last knot."""
         n, k = len(values), self.degree
-        at, weights = spline_weights(self.knots, k, n, float(self.knots[k if is_first else n]), before=not is_first)
-        return float(weights @ values[at : at + k + 1])
+        t = float(self.knots[k if is_first else n])
+        return float(spline_values(self.knots, k, values[:, None], t, before=not is_first)[0])
 
     def _polar(self, values: Array, at: int, arguments: tuple[float, ...]) -> float:
         k, t = self.degree, self.knots
