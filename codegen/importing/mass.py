@@ -137,10 +137,9 @@ def _doubt(body: ImportedBody, dirt: float) -> str | None:
 
 
 def nearest_inertia(matrix: Array) -> Array:
-    """The inertia of a body that is nearest to a matrix: that of its second moments, negative ones taken for zero.
+    """The possible inertia nearest to a matrix: its second moments of mass S, with negative principal values set to zero.
 
-    The second moments of a distribution of mass, the integral of x x^T, are positive semidefinite; an inertia matrix is their
-    trace times the unit matrix less them.
+    S, the integral of x x^T over the mass, is positive semidefinite; the inertia matrix is tr(S) 1 - S.
     """
     moments, axes = np.linalg.eigh(0.5 * np.trace(matrix) * np.eye(3) - matrix)
     kept = np.maximum(moments, 0.0)

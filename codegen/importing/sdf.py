@@ -40,7 +40,7 @@ _MEANT: Final = {
     "must_be_base_link": ("", Effect.NONE), "projector": ("", Effect.NONE), "particle_emitter": ("", Effect.NONE),
     "kinematic": ("a link that the simulator moves itself", Effect.DIFFERS), "material": ("", Effect.NONE),
     "velocity_decay": ("damping of a link", Effect.DIFFERS), "gripper": ("contacts", Effect.STOPS),
-    "fluid_added_mass": ("the mass of a fluid that moves along", Effect.DIFFERS), "surface": ("contacts", Effect.STOPS),
+    "fluid_added_mass": ("the added mass of a fluid", Effect.DIFFERS), "surface": ("contacts", Effect.STOPS),
     "max_contacts": ("contacts", Effect.STOPS), "laser_retro": ("", Effect.NONE), "cast_shadows": ("", Effect.NONE),
     "transparency": ("", Effect.NONE), "meta": ("", Effect.NONE), "visibility_flags": ("", Effect.NONE),
     "drake:linear_bushing_rpy": ("a force of Drake's", Effect.DIFFERS),

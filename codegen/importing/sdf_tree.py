@@ -24,7 +24,7 @@ _LOOP_TYPES: Final = {"spherical": "point"}
 _AXES_IN_JOINTS: Final = (1, 5)
 """First version in which axes are in the joint's frame."""
 _EXPRESSED_IN: Final = (1, 7)
-"""First version in which only ``expressed_in`` changes that."""
+"""First version in which only ``expressed_in`` selects another frame."""
 
 
 class TreeMaker:
@@ -68,7 +68,7 @@ class TreeMaker:
             if name in moving:
                 self.carry(moving[name], reverse, poses)
                 continue
-            used[name] = poses[name]  # names of such carriers are those of their links
+            used[name] = poses[name]  # on the ground: the name is that of a link
             at = self.outside @ poses[name]
             is_static = name in self.static
             stand = RobotJoint("", robot.links[name].place, "fixed" if is_static else "free", WORLD, name)

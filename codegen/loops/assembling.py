@@ -322,9 +322,9 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
         advice = "its faces are turned by pi relative to each other: turn one of them, or reverse an axis in its body"
     elif outcome.residual <= model.loop_tolerance and rank < len(owner):
         advice = (
-            f"this is within loop_tolerance, {model.loop_tolerance:g}, which covers only conditions that no joint changes, but "
-            "joints change these conditions near this pose: links in one line are too short or too long by the residual; "
-            "change a length by a little more than the residual, or give values under `initial` away from this pose"
+            f"this is within loop_tolerance, {model.loop_tolerance:g}, which covers only conditions that no joint changes. "
+            "Near this pose joints change them: links in one line are too short or too long by the residual. Change a length by "
+            "a little more than the residual, or give values under `initial` away from this pose"
         )
     elif outcome.residual < 1e-3 and rank < len(owner):
         advice = (

@@ -70,7 +70,7 @@ class Comparison:
         return reach - PRICE_OF_CLUSTERED * self.clustered - PRICE_OF_DIGIT * math.log10(max(loss, 1.0))
 
     def is_better(self, other: Comparison) -> bool:
-        """Whether this choice is preferred: by its condition number if one of both is not acceptable, otherwise by its value."""
+        """Whether this choice is preferred: by condition number if one of the two is not acceptable, otherwise by value."""
         if self.loss > ACCEPTED or other.loss > ACCEPTED:
             return self.loss < other.loss
         return self.worth > other.worth

@@ -49,9 +49,9 @@ def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 def conditions(A: Array) -> Array:
     """Condition numbers ``(S,)`` of the scaled columns of dependent speeds, ``(S, rows, f)``; see section 4.7 of the theory page.
 
-    The number measures how much the dependent speeds move per unit violation of the conditions, relative to the least that f
-    of them can. It is the Frobenius norm of the inverse times that of the matrix (at least that of a unit matrix), over f.
-    So it grows also if all columns become small together; for a single column it is one over the column's length.
+    The number measures how far f dependent speeds move per unit violation of the conditions, relative to the smallest possible
+    value. It is the Frobenius norm of the inverse times that of the matrix (at least that of a unit matrix), divided by f. So
+    it also grows if all columns become small together; for a single column it is one over the column's length.
     """
     f = A.shape[-1]
     if 0 in A.shape:

@@ -50,7 +50,7 @@ def evaluator(values: dict[str, float]) -> Callable[[Iterable[Expression]], list
 
 
 def axis_frame(axis: Vector, a: Array, defaults: dict[str, float]) -> tuple[int, Array]:
-    """Column of the axis, and frame of a loop joint's conditions, see `closure_row_names`.
+    """Frame of a loop joint's conditions, after the index of its column along the axis; see `closure_row_names`.
 
     Parameters
     ----------

@@ -209,7 +209,9 @@ class _Choice:
         together = [loops for loops in self.shared if still.intersection(loops)]
         self.stuck = stuck = [i for loops in together for i in loose_loops(geometry, q, loops) if i in still]
         if self.open_ and self.open_.intersection(stuck):
-            raise _NotNearlyClosed("loops that are open and move nowhere are not nearly closed")
+            raise _NotNearlyClosed(
+                "open loops that do not move in any configuration nearby do not count as nearly closed"
+            )
         advice = (
             f"{loops_named(geometry.model, stuck)} cannot be closed in any other configuration near the initial one, which "
             f"seems to be singular, so its rank is not meaningful: start from another configuration, or check whether "

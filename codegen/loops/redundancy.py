@@ -51,13 +51,13 @@ LEAST_OFF = 1e-13
 """Angle in rad up to which axes count as parallel to rounding and leave no gap."""
 
 AS_GOOD = 0.7
-"""A later set of conditions replaces the best one unless its quality, times this factor, is below the best one's."""
+"""A later set of conditions replaces the best one only if its quality, times this factor, exceeds that of the best one."""
 
 WORTH_TURNING = 0.6
-"""Conditions along the axes of ``to`` are used if the quality of the others is below this fraction of theirs."""
+"""Conditions along the axes of ``from`` are kept unless their quality is below this fraction of that along those of ``to``."""
 
 STEP = 2.0**-10
-"""Relative step of parameters; for small parameters this fraction of it, absolute."""
+"""Relative step of parameters; a parameter smaller than this number counts as this large."""
 
 
 @dataclass(slots=True)
@@ -199,7 +199,7 @@ def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
     return {r: n for n, r in enumerate(geometry.rows[loop])}
 
 
-# --- what is said -------------------------------------------------------------------------------------------------------
+# --- remarks ------------------------------------------------------------------------------------------------------------
 
 
 def remark(geometry: Geometry, draft: Draft, q: Array) -> str:

@@ -195,7 +195,7 @@ class VelocityClosure:
         return total
 
     def scaled(self, geometry: Geometry, length: float) -> Array:
-        """E with its linear columns per characteristic length."""
+        """E for displacements measured in characteristic lengths."""
         return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
 
     def weighed(self, geometry: Geometry, length: float) -> Array:

@@ -184,7 +184,7 @@ def has_factors(tree: Tree) -> bool:
 
 
 def compares(tree: Tree) -> bool:
-    """Whether a bound tree compares, takes the `sign` or the `mod` of moving numbers or time, so that it jumps or has a kink."""
+    """Whether a bound tree may jump or have a kink: it compares moving numbers or time, or takes their `sign` or `mod`."""
     if tree[0] != "call" or tree[1] not in JUMPS:
         return any(map(compares, parts(tree)))
     names = (n[1] for n in nodes(tree) if n[0] == "name")

@@ -15,9 +15,9 @@ MOST = 64
 
 
 def quarter_turns(angle: Expression) -> int | None:
-    """Number of quarter turns of a fixed angle, 0 to 3; None if it is not a multiple or depends on parameters.
+    """Number of quarter turns of a fixed angle, 0 to 3; None if their number is not whole, or the angle depends on parameters.
 
-    An angle is a multiple if it is the number nearest to one, as are ``pi/2``, ``-90 deg`` and ``3*pi/2``; 1.5707963 is not.
+    The angle must be the floating-point number nearest to a multiple of pi/2, such as ``-90 deg`` or ``3*pi/2``, not 1.5707963.
     """
     if not angle.is_number:
         return None

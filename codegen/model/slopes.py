@@ -146,7 +146,7 @@ def _of_power(key: Tree, exponent: Tree, by: Tree) -> Iterator[Factors]:
 
 
 def _finished(term: Product, others: Product, by: Tree) -> Tree:
-    """The tree of a term of a derivative; it is zero where another factor of the product that does not depend on `by` is zero."""
+    """The tree of a term of a derivative; it is zero where a factor that does not depend on `by` is zero."""
     if not term.may_be_infinite:
         return term.tree()
     apart = Product()
