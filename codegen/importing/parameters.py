@@ -25,13 +25,13 @@ WORDS: Final = {
 }
 
 
-def requested_words(asked: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None) -> list[tuple[str, str]]:
+def requested_words(requested: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None) -> list[tuple[str, str]]:
     """Pairs of link and word, from a text ``arm:length,forearm:mass``, a list of such texts, or a mapping of links to words."""
-    if asked is None:
+    if requested is None:
         return []
-    if isinstance(asked, Mapping):
-        return [(k, w) for k, v in asked.items() for w in ([v] if isinstance(v, str) else v)]
-    parts = asked.split(",") if isinstance(asked, str) else list(asked)
+    if isinstance(requested, Mapping):
+        return [(k, w) for k, v in requested.items() for w in ([v] if isinstance(v, str) else v)]
+    parts = requested.split(",") if isinstance(requested, str) else list(requested)
     pairs = []
     for part in filter(None, (p.strip() for p in parts)):
         link, _, word = part.rpartition(":")

@@ -28,7 +28,7 @@ _LINK: Final = {"pose", "inertial", "visual", "collision", "gravity"}
 _MODEL: Final = {"pose", "static", "model", "include", *NAMED}
 _GRAVITY: Final = (0.0, 0.0, -9.8)
 """Gravity of a world that does not specify it, m/s^2."""
-_MEANT: Final = {
+_REMARKS: Final = {
     "light": ("", Effect.NONE), "sensor": ("sensors", Effect.NONE), "plugin": ("code of a simulator", Effect.UNKNOWN),
     "scene": ("", Effect.NONE), "gui": ("", Effect.NONE), "audio": ("", Effect.NONE), "audio_source": ("", Effect.NONE),
     "audio_sink": ("", Effect.NONE), "actor": ("", Effect.NONE), "physics": ("settings of a simulator", Effect.NONE),
@@ -91,7 +91,7 @@ def read_sdf(root: Element, files: Files, exact_angles: bool = False, chosen: st
 
 
 class _Reader(RobotReader):
-    meant = _MEANT
+    remarks = _REMARKS
 
     def __init__(self, root: Element, files: Files, exact_angles: bool, chosen: str | None) -> None:
         super().__init__(root, files, exact_angles)
@@ -118,7 +118,7 @@ class _Reader(RobotReader):
                 if item.element.tag == "link":
                     full = choice.paths[scope].removeprefix(prefix) + item.name
                     self.robot.links[full] = self.link(scope, item, full)
-                    if scope.stands:
+                    if scope.is_fixed:
                         static.add(full)
         for scope, item in choice.joints(read):
             path = choice.paths[scope]
@@ -161,8 +161,8 @@ class _Reader(RobotReader):
         self.robot.gravity = as_three(self.content(gravity, 3, _GRAVITY))
         return self.scopes.world(chosen, version)
 
-    def what_of(self, element: Element) -> tuple[str, Effect]:
-        what, effect = super().what_of(element)
+    def remark_of(self, element: Element) -> tuple[str, Effect]:
+        what, effect = super().remark_of(element)
         return what, Effect.NONE if element.tag in _SWITCHES and _is_off(element) else effect
 
     def leave_out_rest(self, scope: Scope, read: set[Scope], choice: Choice) -> None:
@@ -172,7 +172,7 @@ class _Reader(RobotReader):
         for model in scope.models.values():
             if any(inner in read for _, inner in model.all()):
                 self.leave_out_rest(model, read, choice)
-            elif model.stands:
+            elif model.is_fixed:
                 self.robot.leave_out("static <model>", place_of(model.element), Effect.STOPS)
             else:
                 what = f"--model {choice.paths[model].removesuffix('::')} reads it"

@@ -52,19 +52,19 @@ class Frames:
         return Placement(six[:3], rpy=values.angles(rpy))
 
     def relative_to(
-        self, scope: Scope, home: Scope, pose: Element | None, asked: Element, otherwise: str = ""
+        self, scope: Scope, home: Scope, pose: Element | None, user: Element, otherwise: str = ""
     ) -> Placement:
         """Pose in a scope of the frame to which a <pose> is relative."""
         name = pose.attributes.get("relative_to", "").strip() if pose is not None else ""
-        return self.of(scope, home, name or otherwise, pose if pose is not None else asked)
+        return self.of(scope, home, name or otherwise, pose if pose is not None else user)
 
-    def of(self, scope: Scope, home: Scope, name: str, asked: Element) -> Placement:
+    def of(self, scope: Scope, home: Scope, name: str, user: Element) -> Placement:
         """Pose, in the scope of names, of the frame that a name denotes for an element in `home`."""
         if name in ("", "__model__"):
             return self.of_model(home) if home.is_merged else Placement()
-        return self.named(scope, name, asked)
+        return self.named(scope, name, user)
 
-    def named(self, scope: Scope, name: str, asked: Element) -> Placement:
+    def named(self, scope: Scope, name: str, user: Element) -> Placement:
         """Pose of a named frame of a scope, in the frame of that scope."""
         if name in ("", "__model__"):
             return Placement()
@@ -73,14 +73,14 @@ class Frames:
         first, _, rest = name.partition("::")
         if first in scope.models:
             model = scope.models[first]
-            return self.of_model(model) @ self.named(model, rest, asked)
+            return self.of_model(model) @ self.named(model, rest, user)
         item = scope.items.get(name)
         if item is None:
-            self.values.unknown(asked, "frame", name, scope.known())
+            self.values.unknown(user, "frame", name, scope.known())
             return Placement()
-        return self.once(scope, name, asked, lambda: self.of_item(scope, item))
+        return self.once(scope, name, user, lambda: self.of_item(scope, item))
 
-    def once(self, scope: Scope, name: str, asked: Element, make: object) -> Placement:
+    def once(self, scope: Scope, name: str, user: Element, make: object) -> Placement:
         """The result of `make`, computed once; an error if it depends on itself."""
         assert callable(make)
         key = (id(scope), name)
@@ -88,7 +88,7 @@ class Frames:
             found = self.placed[key]
             if found is None:
                 message = f"frame {shortened(name)} depends on itself through others; one must be relative to the model"
-                self.values.wrong(asked, message)
+                self.values.wrong(user, message)
                 return Placement()
             return found
         self.placed[key] = None
@@ -112,7 +112,7 @@ class Frames:
         if model.parent is None or model.home is None:
             return Placement()
         parent, home = model.parent, model.home
-        asked = model.pose if model.pose is not None else model.element
+        user = model.pose if model.pose is not None else model.element
 
         def found() -> Placement:
             at = self.relative_to(parent, home, model.pose, model.element) @ self.pose(model.pose)
@@ -124,7 +124,7 @@ class Frames:
                 return at @ alone.named(parent, model.placement_frame, model.element).inverse()
             return at @ self.named(model, model.placement_frame, model.element).inverse()
 
-        return self.once(parent, f"::{id(model)}", asked, found)
+        return self.once(parent, f"::{id(model)}", user, found)
 
     def absolute(self, scope: Scope) -> Placement:
         """Pose of a scope in the world."""
@@ -132,22 +132,22 @@ class Frames:
 
     # ---- links ---------------------------------------------------------------------------------------------------------
 
-    def link(self, scope: Scope, home: Scope, name: str, asked: Element) -> str | None:
+    def link(self, scope: Scope, home: Scope, name: str, user: Element) -> str | None:
         """The link that a frame belongs to, by its name in the scope, or `WORLD`; None after an error."""
         if name == "world":
             return WORLD
         if name in ("", "__model__"):
             if scope.is_world:
                 return WORLD
-            return self.canonical(home if home.is_merged else scope, asked)
+            return self.canonical(home if home.is_merged else scope, user)
         first, _, rest = name.partition("::")
         if first in scope.models:
             model = scope.models[first]
-            inner = self.link(model, model, rest, asked)
+            inner = self.link(model, model, rest, user)
             return f"{first}::{inner}" if inner else inner
         item = scope.items.get(name)
         if item is None:
-            self.values.unknown(asked, "link or frame", name, scope.known())
+            self.values.unknown(user, "link or frame", name, scope.known())
             return None
         if item.element.tag == "link":
             return name
@@ -155,7 +155,7 @@ class Frames:
         if key in self.attached:
             if self.attached[key] is None:
                 message = f"frame {shortened(name)} is attached to itself through others; attach one to a link"
-                self.values.wrong(asked, message)
+                self.values.wrong(user, message)
             return self.attached[key]
         self.attached[key] = None
         if item.element.tag == "joint":
@@ -166,7 +166,7 @@ class Frames:
         self.attached[key] = self.link(scope, item.home, to, item.element)
         return self.attached[key]
 
-    def canonical(self, model: Scope, asked: Element) -> str | None:
+    def canonical(self, model: Scope, user: Element) -> str | None:
         """The link that a model's frame belongs to: its canonical link, otherwise its first one."""
         names = model.parent if model.is_merged and model.parent is not None else model
         said = model.element.attributes.get("canonical_link", "").strip()
@@ -177,11 +177,11 @@ class Frames:
                 return name
         for name, inner in names.models.items():
             if inner.home is model or not model.is_merged:
-                found = self.canonical(inner, asked)
+                found = self.canonical(inner, user)
                 if found is not None:
                     return f"{name}::{found}"
         self.values.wrong(
-            asked, f"model {shortened(model.name)} has no link to which its frame could belong; name a link"
+            user, f"model {shortened(model.name)} has no link to which its frame could belong; name a link"
         )
         return None
 

@@ -22,7 +22,7 @@ _JOINT: Final = {
     "pose", "parent", "child", "axis", "axis2", "thread_pitch", "screw_thread_pitch", "gearbox_ratio", "gearbox_reference_body",
     "drake:rotor_inertia", "drake:gear_ratio", "drake:mimic",
 }  # fmt: skip
-_MEANT: Final = {
+_REMARKS: Final = {
     "limit": ("of position, speed and force", Effect.STOPS), "physics": ("settings of a simulator", Effect.NONE),
     "sensor": ("sensors", Effect.NONE), "drake:controller_gains": ("controllers", Effect.DRIVEN),
     "initial_position": ("the model begins at 0", Effect.NONE),
@@ -90,7 +90,7 @@ class JointReader(PartReader):
             Prefix of names there that is absent in the robot.
         """
         reader, element = self.reader, item.element
-        reader.leave_out_children(element, _JOINT, _MEANT)
+        reader.leave_out_children(element, _JOINT, _REMARKS)
         what = f"joint {shortened(item.name)}"
         type_ = reader.type_of(element, what, [*TYPES, GEARBOX])
         ends = self.ends(scope, item, path, cut, what)
@@ -137,7 +137,7 @@ class JointReader(PartReader):
                 needed = "<axis><xyz>0 0 1</xyz></axis>" + (" and <axis2>" if type_ == "universal" else "")
                 reader.wrong(element, f"{what} of type {type_} lacks an axis; {needed} is needed")
                 continue
-            reader.leave_out_children(axis, ("xyz", "use_parent_model_frame", "dynamics", "mimic"), _MEANT)
+            reader.leave_out_children(axis, ("xyz", "use_parent_model_frame", "dynamics", "mimic"), _REMARKS)
             if not any(reader.content(axis.first("xyz"), 3, (0, 0, 1))):
                 reader.wrong(axis, "the axis is 0 0 0, which has no direction; write one such as <xyz>0 0 1</xyz>")
         return tuple(axis for axis in found if axis is not None)
@@ -159,7 +159,7 @@ class JointReader(PartReader):
             if child.tag in ("damping", "friction", "spring_reference", "spring_stiffness"):
                 values[child.tag] = self.reader.content(child, 1, (0,))[0]
             else:
-                self.reader.leave_out(child, _MEANT)
+                self.reader.leave_out(child, _REMARKS)
         if values.get("friction") and element is not None:
             where, what = place_of(element), "dry friction of joints"
             self.reader.robot.leave_out("<friction> of <dynamics>", where, Effect.DIFFERS, what)

@@ -71,9 +71,9 @@ class Scope:
         return self.element.tag != "model"
 
     @property
-    def stands(self) -> bool:
+    def is_fixed(self) -> bool:
         """Whether it is static, or in a model that is."""
-        return self.static or (self.parent is not None and self.parent.stands)
+        return self.static or (self.parent is not None and self.parent.is_fixed)
 
     def known(self) -> list[str]:
         """Names that denote a frame here."""

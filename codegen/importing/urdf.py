@@ -51,7 +51,7 @@ LOOP_TYPES: Final = {
 _LINK: Final = {"inertial", "visual", "collision"}
 _JOINT: Final = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:screw_thread_pitch"}
 _CONSTRAINT: Final = {"parent", "child", "parent_origin", "child_origin", "parent_axis", "child_axis"}
-_MEANT: Final = {
+_REMARKS: Final = {
     "gazebo": ("settings of a simulator", Effect.NONE), "material": ("materials", Effect.NONE),
     "transmission": ("transmissions", Effect.DRIVEN), "sensor": ("sensors", Effect.NONE),
     "safety_controller": ("limits of controllers", Effect.DRIVEN), "calibration": ("calibrations of joints", Effect.NONE),
@@ -114,7 +114,7 @@ def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
 
 
 class _Reader(RobotReader):
-    meant = _MEANT
+    remarks = _REMARKS
 
     def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
         super().__init__(root, files, exact_angles)
@@ -170,10 +170,10 @@ class _Reader(RobotReader):
             stack.extend(reversed(element.children))
         return None
 
-    def what_of(self, element: Element) -> tuple[str, Effect]:
+    def remark_of(self, element: Element) -> tuple[str, Effect]:
         if element.tag == "gazebo" and any(child.tag in _ACTING for child in element.children):
             return "only Gazebo reads it", Effect.DIFFERS
-        return super().what_of(element)
+        return super().remark_of(element)
 
     def leave_out_rest(self, element: Element, known: set[str]) -> None:
         """List unknown children and attributes."""
@@ -257,9 +257,9 @@ class _Reader(RobotReader):
         return ""
 
     def joint(self, element: Element, name: str, types: Mapping[str, str] = TYPES) -> None:
-        self.leave_out_rest(element, _JOINT | set(_MEANT))
+        self.leave_out_rest(element, _JOINT | set(_REMARKS))
         for child in element.children:
-            if child.tag in _MEANT:
+            if child.tag in _REMARKS:
                 self.leave_out(child)
         type_ = self.type_of(element, f"joint {shortened(name)}", types)
         ends = self.ends(element, f"joint {shortened(name)}")

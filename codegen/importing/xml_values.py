@@ -146,7 +146,7 @@ class RobotReader(Values, ABC):
     files : Files
         Finds the files that the robot's file names.
     robot : Robot
-    meant : mapping
+    remarks : mapping
         Elements that the model format lacks, by tag: a remark, and the effect of their absence.
 
     Parameters
@@ -158,7 +158,7 @@ class RobotReader(Values, ABC):
         Whether 1.5708 is taken as pi/2.
     """
 
-    meant: ClassVar[Mapping[str, tuple[str, Effect]]] = {}
+    remarks: ClassVar[Mapping[str, tuple[str, Effect]]] = {}
 
     def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
         super().__init__(exact_angles)
@@ -170,22 +170,22 @@ class RobotReader(Values, ABC):
     def read(self) -> None:
         """Fill `robot`, and collect the errors."""
 
-    def what_of(self, element: Element) -> tuple[str, Effect]:
+    def remark_of(self, element: Element) -> tuple[str, Effect]:
         """Remark about an element that the model format lacks, and the effect of its absence."""
-        return self.meant.get(element.tag, ("", Effect.UNKNOWN))
+        return self.remarks.get(element.tag, ("", Effect.UNKNOWN))
 
-    def leave_out(self, element: Element, meant: Mapping[str, tuple[str, Effect]] | None = None) -> None:
-        """List an element as left out; its remark is from `meant` or from the reader's own table."""
-        what, effect = self.what_of(element) if meant is None else meant.get(element.tag, ("", Effect.UNKNOWN))
+    def leave_out(self, element: Element, remarks: Mapping[str, tuple[str, Effect]] | None = None) -> None:
+        """List an element as left out; its remark is from `remarks` or from the reader's own table."""
+        what, effect = self.remark_of(element) if remarks is None else remarks.get(element.tag, ("", Effect.UNKNOWN))
         self.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
 
     def leave_out_children(
-        self, element: Element, known: Collection[str], meant: Mapping[str, tuple[str, Effect]] | None = None
+        self, element: Element, known: Collection[str], remarks: Mapping[str, tuple[str, Effect]] | None = None
     ) -> None:
         """List the children of an element that are not known."""
         for child in element.children:
             if child.tag not in known:
-                self.leave_out(child, meant)
+                self.leave_out(child, remarks)
 
     def type_of(self, element: Element, what: str, known: Collection[str], are: str = "are joints") -> str | None:
         """The type in an element's attribute; None after an error."""

@@ -62,7 +62,7 @@ class Conditioning:
 
     Parameters
     ----------
-    near : NearbyStates
+    nearby : NearbyStates
     loops : sequence of int
         In the order in which they are tried.
     held : set of int
@@ -72,12 +72,12 @@ class Conditioning:
     seed : int
     """
 
-    def __init__(self, near: NearbyStates, loops: Sequence[int], held: set[int], rank: int, seed: int) -> None:
-        self.near, self.geometry, self.loops, self.held, self.rank, self.seed = (
-            near, near.geometry, list(loops), held, rank, seed,
+    def __init__(self, nearby: NearbyStates, loops: Sequence[int], held: set[int], rank: int, seed: int) -> None:
+        self.nearby, self.geometry, self.loops, self.held, self.rank, self.seed = (
+            nearby, nearby.geometry, list(loops), held, rank, seed,
         )  # fmt: skip
-        self.q, self.speeds = near.q, [int(s) for s in near.speeds]
-        self.E = np.sign(near.E) if is_lone_coupling(near.geometry, self.loops) else near.E
+        self.q, self.speeds = nearby.q, [int(s) for s in nearby.speeds]
+        self.E = np.sign(nearby.E) if is_lone_coupling(nearby.geometry, self.loops) else nearby.E
         self.column = {s: c for c, s in enumerate(self.speeds)}
         self._known: dict[tuple[tuple[int, ...], int], Comparison] = {}
         sizes = np.linalg.svd(self.E, compute_uv=False)
@@ -85,7 +85,7 @@ class Conditioning:
         self.free = [c for c, s in enumerate(self.speeds) if s not in held]
         at_each = pivoted_columns(self.E[..., self.free], rank)
         self.pivoted = conditions(np.take_along_axis(self.E[..., self.free], at_each[:, None, :], axis=2))
-        good = np.flatnonzero(self.regular[1:] & (near.residual[1:] < EXACT)) + 1
+        good = np.flatnonzero(self.regular[1:] & (nearby.residual[1:] < EXACT)) + 1
         good = good[self.pivoted[good] <= 3 * np.median(self.pivoted[good])] if len(good) else good
         self.serving = np.concatenate([[0], good[:: max(1, -(-len(good) // SERVING))]])
 
@@ -108,7 +108,7 @@ class Conditioning:
             losses.append(_exceeded(ratio[others]))
             worst, worst_pivoted = _exceeded(found[others]), _exceeded(self.pivoted[others])
         loss = max(losses, default=float("nan"))
-        reach = self.near.reach(chosen) if len(self.speeds) <= 2 * self.rank else float("nan")
+        reach = self.nearby.reach(chosen) if len(self.speeds) <= 2 * self.rank else float("nan")
         result = self._known[chosen, clustered] = Comparison(
             tuple(sorted(self.loops)),
             float(found[0]),

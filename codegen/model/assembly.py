@@ -7,7 +7,7 @@ reported and left out, so that the others are still checked.
 
 from __future__ import annotations
 
-from .entries import seen
+from .entries import shown
 from .errors import ModelError, Problem
 from .forces import JointForce
 from .model import GROUND, Model
@@ -59,7 +59,7 @@ def _is_mapping(document: Document, reader: Reader) -> bool:
     """Whether a document has keys; reports an error if not."""
     if isinstance(document.root, dict):
         return True
-    message = f"{seen(document.root)}; a model file is a mapping with the keys {', '.join(SECTIONS)}"
+    message = f"{shown(document.root)}; a model file is a mapping with the keys {', '.join(SECTIONS)}"
     start = None if document.file == "builder" else 1
     reader.add(Problem(document.file, start, start, "", message))
     return False

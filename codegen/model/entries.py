@@ -44,7 +44,7 @@ def complaint(message: str, column: int | None = None) -> PydanticCustomError:
     return PydanticCustomError("model", "{message}", {"message": message, "column": column or 0})
 
 
-def seen(value: Any) -> str:
+def shown(value: Any) -> str:
     """A value as messages show it."""
     if value is None:
         return "nothing"
@@ -63,17 +63,17 @@ def _expression(value: Any) -> Expression:
         try:
             return parse(value)
         except ExpressionError as error:
-            raise complaint(f"{seen(value)}: {error.message}", error.column) from None
+            raise complaint(f"{shown(value)}: {error.message}", error.column) from None
     if isinstance(value, Expression):
         return value
     if isinstance(value, numbers.Real) and not isinstance(value, bool):
         try:
             return Expression.number(int(value) if isinstance(value, numbers.Integral) else float(value))
         except (OverflowError, ValueError):
-            raise complaint(f"{seen(value)}; a finite number or an expression is needed") from None
+            raise complaint(f"{shown(value)}; a finite number or an expression is needed") from None
     if isinstance(value, Misread):
         raise complaint(value.message)
-    raise complaint(f"{seen(value)}; a number or an expression is needed")
+    raise complaint(f"{shown(value)}; a number or an expression is needed")
 
 
 def _reference(value: Any) -> Expression:
@@ -90,7 +90,7 @@ def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
         A ValueError with the value found and the form of names.
     """
     if not isinstance(value, str):
-        raise complaint(f"{seen(value)}; a name is needed")
+        raise complaint(f"{shown(value)}; a name is needed")
     if not prefix and value in RESERVED:
         return ("name", value)  # the parser takes "pi" as a number; whether the name exists is decided where it is used
     try:
@@ -99,7 +99,7 @@ def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
         tree = ("none",)
     if tree[0] not in ("name", "indexed") or ("." in tree[1] and not prefix):
         raise complaint(
-            f"{seen(value)} is not a valid name; a name has letters, digits and _, does not begin with a digit, "
+            f"{shown(value)} is not a valid name; a name has letters, digits and _, does not begin with a digit, "
             f"and may have repeat indices: link(k)"
         )
     return tree
@@ -153,7 +153,7 @@ def one_of(*words: str, what: str = "") -> PlainValidator:
     def check(value: Any) -> str:
         if value not in words:
             allowed = f"{', '.join(words[:-1])} or {words[-1]} is allowed"
-            raise complaint(f"{seen(value)}; {allowed}{what and ': '}{what}")
+            raise complaint(f"{shown(value)}; {allowed}{what and ': '}{what}")
         return str(value)
 
     return PlainValidator(check)

@@ -6,7 +6,7 @@ from typing import Any, Final, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
-from .entries import Entry, FaceEntry, PlacedEntry, PointEntry, seen
+from .entries import Entry, FaceEntry, PlacedEntry, PointEntry, shown
 from .errors import nearest
 from .forces import OTHER_WORDS
 from .joints import JOINTS
@@ -90,7 +90,7 @@ def explain(cls: Any, error: ValidationError) -> list[tuple[Path_, str, bool, in
         `path` is relative to the entry. `at_key` means that the key is wrong, not its value. `column` is a place in a text, or 0.
     """
     result: list[tuple[Path_, str, bool, int]] = []
-    said: set[tuple[Path_, str]] = set()
+    reported: set[tuple[Path_, str]] = set()
     items = error.errors(include_url=False)
     unknown = [(tuple(i["loc"][:-1]), str(i["loc"][-1])) for i in items if i["type"] == "extra_forbidden"]
     misspelt = {(loc, _unknown_key(key, _entry_at(cls, loc)).rpartition("; ")[2]) for loc, key in unknown}
@@ -98,20 +98,20 @@ def explain(cls: Any, error: ValidationError) -> list[tuple[Path_, str, bool, in
         loc: Path_ = tuple(item["loc"])
         kind, value, context = item["type"], item["input"], item.get("ctx", {})
         here = _entry_at(cls, loc[:-1] if kind in ("missing", "extra_forbidden") else loc)
-        shown = _without_alternatives(cls, loc)
+        shown_path = _without_alternatives(cls, loc)
         at_key, column = False, 0
         if kind == "model":
             message, column = str(context["message"]), int(context["column"])
         elif kind == "missing" and isinstance(loc[-1], int):
-            loc, shown = loc[:-1], shown[:-1]
+            loc, shown_path = loc[:-1], shown_path[:-1]
             message = f"too few numbers; {_wanted(loc)}"
         elif kind in ("too_long", "too_short", "tuple_type", "list_type"):
-            message = f"{seen(value)}; {_wanted(loc)}"
+            message = f"{shown(value)}; {_wanted(loc)}"
         elif kind == "missing":
             if (loc[:-1], f"did you mean {loc[-1]!r}?") in misspelt:
                 continue  # already reported at the misspelt key
             message = f"key {loc[-1]!r} is missing; keys here: {_keys(here)}"
-            shown = shown[:-1]
+            shown_path = shown_path[:-1]
         elif kind == "extra_forbidden":
             message = _unknown_key(str(loc[-1]), here)
             at_key = True
@@ -119,19 +119,19 @@ def explain(cls: Any, error: ValidationError) -> list[tuple[Path_, str, bool, in
             message = f"key 'type' is missing; one of {_tags(_alternatives(cls, loc))} is needed"
         elif kind == "union_tag_invalid":
             message = _unknown_type(value, _alternatives(cls, loc))
-            shown = (*shown, "type")
+            shown_path = (*shown_path, "type")
         elif kind in ("model_type", "model_attributes_type", "dict_type"):
             choices = _alternatives(cls, loc)
             keys = f"the keys {_keys(here)}" if len(choices) < 2 else f"a type: one of {_tags(choices)}"
             named = "the name of a point or " if loc and here in (PointEntry, FaceEntry) else ""
-            message = f"{seen(value)}; {named}a mapping is needed with {keys}"
+            message = f"{shown(value)}; {named}a mapping is needed with {keys}"
         elif kind == "string_type":
-            message = f"{seen(value)}; a text is needed"
+            message = f"{shown(value)}; a text is needed"
         else:
-            message = f"{seen(value)}: {item['msg']}"
-        if (shown, message) not in said:
-            said.add((shown, message))
-            result.append((shown, message, at_key, column))
+            message = f"{shown(value)}: {item['msg']}"
+        if (shown_path, message) not in reported:
+            reported.add((shown_path, message))
+            result.append((shown_path, message, at_key, column))
     return result
 
 
@@ -162,8 +162,8 @@ def _unknown_key(key: str, here: type[Entry]) -> str:
         return f"{key!r} is only allowed directly inside an entry of a repeat block"
     if issubclass(here, LoopJointEntry) and key in PlacedEntry.model_fields:
         return f"{key!r} is not a key of a loop's joint; write it in from or to: from: {{body: arm, {key}: ...}}"
-    meant = here.misspelt.get(key)
-    hint = f"; did you mean {meant!r}?" if meant else nearest(key, _fields(here))
+    correct = here.misspelt.get(key)
+    hint = f"; did you mean {correct!r}?" if correct else nearest(key, _fields(here))
     return f"unknown key {key!r}; keys here: {_keys(here)}{hint}"
 
 
@@ -186,10 +186,10 @@ def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
     if kind == "loop joint" and isinstance(name, str) and name in JOINTS and not JOINTS[name].closure:
         return f"a {name} joint {JOINTS[name].closes_none}; one of {_tags(classes)} is allowed"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
-    meant = OTHER_WORDS.get(name) if kind == "force" and isinstance(name, str) else None
-    if meant in [_tag(c) for c in classes]:
-        hint = f"; did you mean {meant!r}?"
-    return f"unknown {kind} type {seen(name)}; one of {_tags(classes)} is allowed{hint}"
+    correct = OTHER_WORDS.get(name) if kind == "force" and isinstance(name, str) else None
+    if correct in [_tag(c) for c in classes]:
+        hint = f"; did you mean {correct!r}?"
+    return f"unknown {kind} type {shown(name)}; one of {_tags(classes)} is allowed{hint}"
 
 
 def _models(annotation: Any) -> list[type[Entry]]:

@@ -17,7 +17,7 @@ from .entries import (
     Reference,
     complaint,
     one_of,
-    seen,
+    shown,
     written,
 )
 from .entry_reader import EntryReader
@@ -131,7 +131,7 @@ OptionalBody = Annotated[Reference | None, WrapValidator(written)]
 
 def _two(value: Any, handler: Callable[[Any], Any]) -> Any:
     if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise complaint(f"{seen(value)}; a list of two points is needed, such as [tip, ground]")
+        raise complaint(f"{shown(value)}; a list of two points is needed, such as [tip, ground]")
     return handler(value)
 
 
@@ -292,7 +292,7 @@ def _bodies(value: Any, handler: Callable[[Any], Any]) -> Any:
     if value == SYSTEM:
         return SYSTEM
     if not isinstance(value, (list, tuple)) or not value:
-        raise complaint(f"{seen(value)}; system or a list of bodies, such as [hull, arm], is allowed")
+        raise complaint(f"{shown(value)}; system or a list of bodies, such as [hull, arm], is allowed")
     return handler(value)
 
 

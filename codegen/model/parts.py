@@ -99,7 +99,7 @@ class Part:
         The trees that replace names: given numbers, and named expressions.
     tables : dict of str to Table
         Tables by their names in the file.
-    asked : set of str
+    used_names : set of str
         Names that have been used.
     dimensions : dict of str to Dimension
         Dimensions of constants, parameters and given numbers that are written with a unit.
@@ -116,7 +116,7 @@ class Part:
     dimensions: dict[str, Dimension] = field(default_factory=dict)
     tables: dict[str, Table] = field(default_factory=dict)
     binder: Binder = field(init=False)
-    asked: set[str] = field(default_factory=set, init=False)
+    used_names: set[str] = field(default_factory=set, init=False)
     _renamed: dict[Expression, Expression] = field(default_factory=dict, init=False)
     _written_out: dict[tuple[object, ...], Expression] = field(default_factory=dict, init=False)
 
@@ -128,7 +128,7 @@ class Part:
         part = Part(
             document, self, self.prefix, None, self.ground, self.constants, self.given, self.values, self.dimensions
         )
-        part.binder, part._renamed, part.asked = self.binder, self._renamed, self.asked
+        part.binder, part._renamed, part.used_names = self.binder, self._renamed, self.used_names
         return part
 
     def stands_for(self, name: str, tree: Tree) -> None:
@@ -213,7 +213,7 @@ class Part:
             name = "" if tree[3] else self._table(tree, numbers)
             if not name:
                 return tree
-            self.asked.add(name)
+            self.used_names.add(name)
             return self.tables[name].at(self._of_tables(tree[2][-1], numbers))
         return mapped(tree, lambda part: self._of_tables(part, numbers))
 
@@ -256,7 +256,7 @@ class Part:
         if dot and first in MEASURED:
             point, _, component = rest.partition(".")
             return ("name", f"{first}.{self.referred(point)}.{component}")
-        self.asked.add(name)
+        self.used_names.add(name)
         return self.values.get(name, ("name", self.prefix + name))
 
 

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 from . import entries
 from .axes import Vector
 from .binding import Numbers, Scope, vector_key
-from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
+from .entries import RESERVED, ZERO, Entry, Expr, parse_name, shown
 from .errors import with_article
 from .explaining import explain, repaired, validate
 from .expressions import Expression, compares, has_factors
@@ -356,7 +356,7 @@ class Reader(Problems):
             if value is None:
                 continue
             if not isinstance(value, dict):
-                self.report(part.entry(name), (), f"{seen(value)}; a mapping of names is needed")
+                self.report(part.entry(name), (), f"{shown(value)}; a mapping of names is needed")
                 continue
             yield from self.expand(part, value, (name,))
 
@@ -372,7 +372,7 @@ class Reader(Problems):
             if value is None:
                 continue
             if not isinstance(value, (list, tuple)):
-                self.report(part.entry(name), (), f"{seen(value)}; a list of names is needed: {example}")
+                self.report(part.entry(name), (), f"{shown(value)}; a list of names is needed: {example}")
                 continue
             for i, item in enumerate(value):
                 if not isinstance(item, dict):
@@ -380,7 +380,7 @@ class Reader(Problems):
                     continue
                 for at in self.expand(part, item, (name, i)):
                     if at.value is not None:
-                        self.report(at, (), f"{seen(at.value)} after a name; the names of this list have no value")
+                        self.report(at, (), f"{shown(at.value)} after a name; the names of this list have no value")
                     yield at, (), at.key
 
     def only(self, name: str) -> Instance | None:
@@ -444,7 +444,7 @@ class Reader(Problems):
         """The expression at a path, or the three of a vector, with their paths; not yet bound."""
         listed = [((*sub, i), v) for i, v in enumerate(value)] if isinstance(value, (list, tuple)) else [(sub, value)]
         if len(listed) not in (1, 3) or (len(listed) == 1 and isinstance(value, (list, tuple))):
-            self.report(at, sub, f"{seen(value)}; a number, or three for a vector, is needed")
+            self.report(at, sub, f"{shown(value)}; a number, or three for a vector, is needed")
             return []
         return [(path, self.parsed(at, path, one) or ZERO) for path, one in listed]
 
@@ -461,7 +461,7 @@ class Reader(Problems):
                 x, y, z = (self.bound(e, at, sub, scope) for e in parts)
                 return x, y, z
         if not isinstance(value, (list, tuple)) or len(value) != 3:
-            self.report(at, sub, f"{seen(value)}; three numbers are needed: {wanted}")
+            self.report(at, sub, f"{shown(value)}; three numbers are needed: {wanted}")
             return None
         x, y, z = (self.scalar(at, (*sub, i), v, scope) or ZERO for i, v in enumerate(value))
         return x, y, z

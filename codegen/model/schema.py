@@ -29,7 +29,7 @@ from .entries import (
     complaint,
     list_or_one,
     one_of,
-    seen,
+    shown,
     written,
 )
 from .errors import with_article
@@ -107,7 +107,7 @@ else:
 
 def _check_path(value: Any) -> str:
     if not isinstance(value, str) or not value:
-        raise complaint(f"{seen(value)}; give a file by its path from this one: parts/leg.yaml")
+        raise complaint(f"{shown(value)}; give a file by its path from this one: parts/leg.yaml")
     return value
 
 
@@ -186,8 +186,8 @@ class BodyEntry(Entry):
                     "com or inertia is given besides a shape that determines them; give mass too, or leave them to the shape"
                 )
             if (shape.mass is None) == (shape.density is None):
-                seen = "neither mass nor density" if shape.mass is None else "both mass and density"
-                raise complaint(f"a shape with {seen}; give exactly one if the body has no mass of its own")
+                given = "neither mass nor density" if shape.mass is None else "both mass and density"
+                raise complaint(f"a shape with {given}; give exactly one if the body has no mass of its own")
         elif shape.mass is not None or shape.density is not None:
             raise complaint(
                 "mass is given both in the body and in its shape; with a mass in the body the shape is for display only"
@@ -304,7 +304,7 @@ class _OneMeasure(Entry):
             is_given = getattr(self, key) is not None
             if is_given and key not in measure.keys:
                 owners = [other.name for other in _KEYED if key in other.keys]
-                raise complaint(f"{with_article(key)} beside {measure.name}; {key} belongs to {some_of(owners)}")
+                raise complaint(f"{with_article(key)} is given with {measure.name}; {key} belongs to {some_of(owners)}")
             if not is_given and key in measure.hints:
                 raise complaint(f"{measure.name} needs {key}; add {key}: {measure.hints[key]}")
         return self

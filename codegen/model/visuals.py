@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 from pydantic import Field, PlainValidator, TypeAdapter
 
 from .axes import Vector
-from .entries import ONE, ZERO, Axis, Expr, PlacedEntry, complaint, seen
+from .entries import ONE, ZERO, Axis, Expr, PlacedEntry, complaint, shown
 from .entries import Vector as VectorEntry
 from .expressions import Expression
 
@@ -57,13 +57,13 @@ class Visual:
 def _color(value: Any) -> str:
     if isinstance(value, str) and _COLOR.fullmatch(value):
         return value.lower()
-    raise complaint(f'{seen(value)}; a colour is "#rrggbb" or "#rrggbbaa", in quotation marks')
+    raise complaint(f'{shown(value)}; a colour is "#rrggbb" or "#rrggbbaa", in quotation marks')
 
 
 def _file(value: Any) -> str:
     if isinstance(value, str) and value.strip():
         return value
-    raise complaint(f"{seen(value)}; a mesh file is needed, by its path from the model's folder: meshes/arm.stl")
+    raise complaint(f"{shown(value)}; a mesh file is needed, by its path from the model's folder: meshes/arm.stl")
 
 
 def _scale(value: Any) -> Any:

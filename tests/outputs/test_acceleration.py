@@ -63,7 +63,10 @@ def test_it_depends_on_inputs_through_the_dynamics(tmp_path: Path) -> None:
     [
         ("{acceleration: tip}", "acceleration needs axis; add axis: x, y, z or a vector in the ground frame"),
         ("{acceleration: tpi, axis: x}", "unknown point 'tpi'; a point or a body is allowed: tip, rim, stand"),
-        ("{acceleration: tip, axis: x, frame: body}", "a frame beside acceleration; frame belongs to angular_velocity"),
+        (
+            "{acceleration: tip, axis: x, frame: body}",
+            "a frame is given with acceleration; frame belongs to angular_velocity",
+        ),
     ],
 )
 def test_mistakes_are_told(entry: str, said: str) -> None:

@@ -46,7 +46,10 @@ def test_axes_of_the_body_are_turned_with_it(engine: type) -> None:
         ),
         ("{angular_velocity: arm, axis: x, frame: hand}", "frame: 'hand'; ground or body is allowed"),
         ("{angular_velocity: tip, axis: x}", "unknown body 'tip'"),
-        ("{angular_velocity: arm, axis: x, entry: qw}", "an entry beside angular_velocity; entry belongs to rotation"),
+        (
+            "{angular_velocity: arm, axis: x, entry: qw}",
+            "an entry is given with angular_velocity; entry belongs to rotation",
+        ),
     ],
 )
 def test_mistakes_are_told(entry: str, said: str) -> None:

@@ -97,7 +97,7 @@ def test_a_package_without_distances_has_no_such_error_in_its_module(tmp_path: P
             "distance[0]: a list of 1; the name of a point or a mapping is needed with the keys body",
         ),
         ("{distance: [{at: [1, 2, 3]}, tip]}", "key 'body' is missing; keys here: body, at"),
-        ("{distance: [tip, rim], axis: x}", "an axis beside distance; axis belongs to"),
+        ("{distance: [tip, rim], axis: x}", "an axis is given with distance; axis belongs to"),
     ],
 )
 def test_mistakes_are_told(entry: str, said: str) -> None:

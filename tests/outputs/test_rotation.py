@@ -96,7 +96,7 @@ def test_the_quaternion_of_a_ball_is_its_own_coordinates(ball: codegen.Solver, e
             "{rotation: ground, entry: qw}",
             "rotation: the rotation of a body relative to itself is constant; two different",
         ),
-        ("{rotation: arm, entry: qw, axis: z}", "an axis beside rotation; axis belongs to"),
+        ("{rotation: arm, entry: qw, axis: z}", "an axis is given with rotation; axis belongs to"),
     ],
 )
 def test_mistakes_are_told(entry: str, said: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..entries import seen
+from ..entries import shown
 from ..errors import nearest
 from ..forces import ForceElement
 from ..outputs import MEASURES, Output
@@ -36,7 +36,7 @@ def read_outputs(reader: Reader, bodies: BodySection, points: dict[str, Point]) 
         else:
             known = f"{' or '.join(ENERGIES)}, or a mapping such as {{position: tip, axis: z}}, is allowed"
             hint = nearest(at.value, ENERGIES) if isinstance(at.value, str) else ""
-            reader.report(at, (), f"{seen(at.value)}; {known}{hint}")
+            reader.report(at, (), f"{shown(at.value)}; {known}{hint}")
         if output is not None and name is not None:
             result.append(output)
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..entries import seen
+from ..entries import shown
 from ..errors import nearest
 from ..parts import MAX_PARTS, Given, Instance, Part
 from ..positions import Document
@@ -68,7 +68,7 @@ def _with_included(reader: Reader, part: Part) -> list[Part]:
     found: list[Part] = []
     at = part.entry("include")
     if at.value is not None and not isinstance(at.value, (list, tuple)):
-        reader.report(at, (), f"{seen(at.value)}; a list of files is needed: [materials.yaml]")
+        reader.report(at, (), f"{shown(at.value)}; a list of files is needed: [materials.yaml]")
     elif at.value is not None:
         for i, item in enumerate(at.value):
             document = _opened(reader, at, (i,), item)
@@ -81,7 +81,7 @@ def _opened(reader: Reader, at: Instance, path: tuple[str | int, ...], text: obj
     """The file at a path; None after an error."""
     wanting, reader.files.is_wanting = reader.files.is_wanting, True
     if not isinstance(text, str):
-        reader.report(at, path, f"{seen(text)}; give a file by its path from this one: parts/leg.yaml")
+        reader.report(at, path, f"{shown(text)}; give a file by its path from this one: parts/leg.yaml")
         return None
     found = reader.files.open(text, at.part.document, reader.add)
     if isinstance(found, str):

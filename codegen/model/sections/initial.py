@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..entries import seen
+from ..entries import shown
 from ..errors import count_of_values
 from ..expressions import Expression, made
 from ..parts import Instance
@@ -25,7 +25,7 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
         if initial is None:
             continue
         if not isinstance(initial, dict):
-            reader.report(file.entry("initial"), (), f"{seen(initial)}; a mapping with the keys q, u is needed")
+            reader.report(file.entry("initial"), (), f"{shown(initial)}; a mapping with the keys q, u is needed")
             continue
         for part, section in initial.items():
             at = Instance(part, section, initial, ("initial",), {}, file)
@@ -34,7 +34,7 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
             elif part not in result:
                 reader.report(at, (), f"unknown key {part!r}; keys here: q, u, equilibrium", key=True)
             elif section is not None and not isinstance(section, dict):
-                reader.report(at, (), f"{seen(section)}; a mapping of joints to values is needed")
+                reader.report(at, (), f"{shown(section)}; a mapping of joints to values is needed")
             elif section is not None:
                 for at in reader.expand(file, section, ("initial", part)):
                     _initial_value(reader, at, part, groups[part], result[part], places)
@@ -55,7 +55,7 @@ _YES, _NO = ("true", True), ("false", False)
 
 def _check_rest(reader: Reader, at: Instance, initial: dict[str, Any]) -> None:
     if at.value not in (*_YES, *_NO):
-        reader.report(at, (), f"{seen(at.value)}; true or false is allowed: whether the model begins in equilibrium")
+        reader.report(at, (), f"{shown(at.value)}; true or false is allowed: whether the model begins in equilibrium")
     elif at.value in _YES and initial.get("u"):
         reader.report(at, (), "equilibrium excludes initial speeds; leave u out", key=True)
 

@@ -57,7 +57,7 @@ def warn_of_unused(reader: Reader, what: str, found: Iterable[Instance]) -> None
     """Warn of expressions or tables that are not used."""
     for at in found:
         name = reader.local_name(at)
-        if name not in at.part.asked:
+        if name not in at.part.used_names:
             reader.report(at, (), f"{what} {name!r} is not used", key=True, severity="warning")
 
 

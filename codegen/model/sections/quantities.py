@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from ..binding import vector_key
-from ..entries import RESERVED, seen
+from ..entries import RESERVED, shown
 from ..expressions import Expression
 from ..grammar import ExpressionError
 from ..model import Parameter
@@ -33,7 +33,7 @@ def model_name(reader: Reader) -> str:
     if name is None:
         reader.report(reader.top("model"), (), f"key 'model' is missing; {allowed}")
     elif not isinstance(name, str) or not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
-        reader.report(reader.top("model"), (), f"{seen(name)} is not a valid name; {allowed}")
+        reader.report(reader.top("model"), (), f"{shown(name)} is not a valid name; {allowed}")
     elif keyword.iskeyword(name) or keyword.issoftkeyword(name) or name in _C_KEYWORDS or name in RESERVED:
         reader.report(reader.top("model"), (), f"{name!r} is a reserved word; {allowed}")
     elif name in sys.stdlib_module_names or name in _MODULES:
