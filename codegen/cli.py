@@ -30,25 +30,6 @@ COMPUTING = ("simulate", "report", "bench")
 PROBLEMS = 50
 """Maximum number of a model's problems that are listed."""
 
-NEW_MODEL = """\
-# {name}: a first pendulum; docs/model_format.md describes every key.
-model: {name}
-gravity: [0, 0, -9.81]                # m/s^2 in the ground frame
-parameters:
-  length: {{value: 1.0, unit: m}}       # a design parameter: derivatives with respect to it are exact
-bodies:
-  rod:
-    parent: ground
-    joint: {{type: revolute, axis: y, at: [0, 0, 0]}}
-    shape: {{type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}}
-forces:
-  friction: {{type: joint, joint: rod, value: -0.01*u.rod}}
-initial:
-  q: {{rod: 0.5}}
-outputs:
-  energy: kinetic_energy
-"""
-
 
 def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", help="model file (YAML)")
@@ -224,27 +205,6 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
     finally:  # also if loops cannot be closed
         status.close()
         write_lines(lines, sys.stdout)
-    return OK
-
-
-def run_new(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm new``: writes a first model file."""
-    from .model import ModelError, parse_model
-    from .runtime.standalone.files.whole_file import write_whole
-
-    path = Path(options.model)
-    text = NEW_MODEL.format(name=path.stem)
-    try:
-        parse_model(text, str(path))
-    except ModelError:  # only the name can be wrong, such as a keyword of Python or C
-        raise Failure(f"{path.stem!r} is not a valid model name; choose a file name such as pendulum.yaml") from None
-    try:
-        if os.path.lexists(path) and not options.force:
-            raise Failure(f"{path} exists; choose another name, or --force to replace it")
-        write_whole(path, lambda file: file.write(text.encode()))
-    except OSError as error:
-        raise Failure(f"cannot write {path}: {error.strerror or error}") from None
-    print(f"wrote {path}; now: generate {path}")
     return OK
 
 
@@ -468,6 +428,9 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
             import_module(module, __package__).add_arguments(command)
         command.set_defaults(run=run)
     for name, module, help_text in (
+        ("new", ".new_model", "write a first model file"),
+        ("doctor", ".doctor", "show compiler, processor, extras and cache, and whether a solver compiles"),
+        ("completion", ".completing", "print a script that completes commands in a shell"),
         ("view", ".viewing", "show a mechanism and its motion in a browser, or write a page or a picture"),
         ("equations", ".showing_equations", "print the equations of motion: mass matrix and right side"),
         ("statements", ".showing_equations", "print every statement that a solver computes, with equation numbers"),
@@ -478,17 +441,14 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
             getattr(showing, f"add_{name}_arguments")(command)
             command.set_defaults(run=getattr(showing, f"run_{name}"))
     for name, run, help_text in (
-        ("check", run_check, "read a model file and list its problems"),
-        ("show", run_show, "print the contents of a model file or a generated package"),
-        ("new", run_new, "write a first model file"),
+        ("check", run_check, "read a model file and list what is wrong with it"),
+        ("show", run_show, "print what a model file, or a generated package, holds"),
     ):
         command = commands.add_parser(name, help=help_text)
         command.add_argument("model", help="model file (YAML)" + (", or generated package" if run is run_show else ""))
         if run is run_show:
             command.add_argument("-v", "--verbose", action="store_true",
                                  help="list all bodies of a large model, all functions of a package")  # fmt: skip
-        if run is run_new:
-            command.add_argument("--force", action="store_true", help="replace an existing file")
         command.set_defaults(run=run)
     return parser
 

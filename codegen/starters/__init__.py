@@ -1,0 +1,22 @@
+"""First models for ``ordernm new``: a file for each, in which NAME stands for the name of the model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+
+DEFAULT = "pendulum"
+
+
+def starters() -> dict[str, str]:
+    """What each starter is, by its name: the first line of its file."""
+    return {
+        path.stem: path.read_text(encoding="utf-8").partition(": ")[2].partition("\n")[0]
+        for path in sorted(FOLDER.glob("*.yaml"))
+    }
+
+
+def text_of(starter: str, name: str) -> str:
+    """The text of a starter for a model of some name."""
+    return (FOLDER / f"{starter}.yaml").read_text(encoding="utf-8").replace("NAME", name)

@@ -1,0 +1,64 @@
+"""First models, the doctor and completion."""
+
+import pytest
+
+import ordernm
+from codegen import cli
+from codegen.runtime.standalone.errors import CompileError
+from codegen.starters import starters, text_of
+
+
+@pytest.mark.parametrize("starter", starters())
+def test_starters_are_models_that_move(starter, tmp_path):
+    model = ordernm.parse_model(text_of(starter, "first"))
+    assert not model.warnings
+    ordernm.generate(model, tmp_path / "first", target="numpy", check=False)
+    solver = ordernm.load(tmp_path / "first", target="numpy")
+    q, u = solver.initial
+    found = solver.sensitivities(q, u, dp=[[1.0] * solver.np])
+    assert all(map(lambda x: abs(x).max() < 1e5, found))
+
+
+def test_new_writes_what_is_chosen(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(starters())
+    assert cli.main(["new", "robot.yaml", "--from", "arm"]) == 0
+    assert ordernm.load_model("robot.yaml").name == "robot"
+    assert cli.main(["new", "robot.yaml"]) == 2
+    assert "robot.yaml exists" in capsys.readouterr().err
+    assert cli.main(["new"]) == 2
+    assert "which file?" in capsys.readouterr().err
+
+
+def test_the_doctor_says_what_is_missing(monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(
+        "codegen.doctor.EXTRAS", {"plot": (("no_such_module",), "curves"), "other": (("json",), "nothing")}
+    )
+    monkeypatch.setattr("codegen.generation.generate", lambda *a, **k: None)
+    assert cli.main(["doctor"]) == 0
+    out = capsys.readouterr().out
+    assert 'plot        curves: missing: pip install "ordernm[plot]"' in out and "other       nothing: installed" in out
+    assert "a solver compiles" in out
+
+    def broken(*given, **named):
+        raise CompileError("cc: no such thing")
+
+    monkeypatch.setattr("codegen.generation.generate", broken)
+    assert cli.main(["doctor"]) == 3
+    assert "a solver does not compile: cc: no such thing" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_completion_knows_commands_and_options(shell, capsys):
+    pytest.importorskip("shtab", reason="writes the scripts: pip install shtab")
+    assert cli.main(["completion", shell]) == 0
+    out = capsys.readouterr().out
+    assert "simulate" in out and "no-browser" in out
+
+
+def test_files_of_starters_name_the_model(tmp_path):
+    for starter in starters():
+        text = text_of(starter, "swing")
+        assert text.startswith("# swing: ") and "\nmodel: swing\n" in text and "NAME" not in text
