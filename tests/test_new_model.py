@@ -16,7 +16,7 @@ def test_starters_are_models_that_move(starter, tmp_path):
     solver = ordernm.load(tmp_path / "first", target="numpy")
     q, u = solver.initial
     found = solver.sensitivities(q, u, dp=[[1.0] * solver.np])
-    assert all(map(lambda x: abs(x).max() < 1e5, found))
+    assert all(abs(x).max() < 1e5 for x in found)
 
 
 def test_new_writes_what_is_chosen(tmp_path, monkeypatch, capsys):

@@ -91,6 +91,8 @@ MADE = {
     ("bench", "--force"): "--force",
     ("show", "--verbose"): "-v",
     ("new", "--force"): "--force",
+    ("new", "--from"): "--force --from arm",
+    ("new", "--list"): "--list",
     ("equations", "--latex"): "--latex",
     ("equations", "--mathml"): "--mathml",
     ("equations", "--sympy"): "--sympy",
@@ -117,6 +119,7 @@ MADE = {
 BASES = {
     "generate": "generate swing.yaml", "simulate": "simulate swing.yaml -t 1", "import": "import robot.urdf",
     "report": "report swing.yaml", "bench": "bench pendulum", "show": "show large.yaml", "new": "new there.yaml",
+    "doctor": "doctor", "completion": "completion bash",
     "check": "check swing.yaml", "view": "view swing.yaml",
     "equations": "equations swing.yaml", "statements": "statements swing.yaml",
 }  # fmt: skip
@@ -215,7 +218,7 @@ def test_every_option_changes_something_or_is_refused(recorded, capsys, monkeypa
     assert seen[0] != seen[1], "it was ignored"
 
 
-@pytest.mark.parametrize("command", sorted(set(BASES) - {"bench"}))
+@pytest.mark.parametrize("command", sorted(set(BASES) - {"bench", "doctor", "completion"}))
 def test_an_empty_name_is_refused(recorded, capsys, command):
     """A shell gives one for a variable that is not set; it is not the working directory."""
     assert cli.main([command, ""]) == 2
@@ -229,10 +232,12 @@ TOGETHER = {
     "simulate swing.yaml --samples 3 --at 1": "not allowed with",
     "generate swing.yaml --compile-all --target numpy": "--compile-all compiles the C",
     "generate swing.yaml --compile-all --no-compile": "not allowed with",
-    "import robot.urdf -o - --force": "--force is for a file",
+    "import robot.urdf -o - --force": "remove --force",
     "statements swing.yaml --force": "--force is for a file",
     "equations swing.yaml --force-file": "--force-file is for a file",
     "equations swing.yaml --values --set length=2": "leave out one of them",
+    "new --list --from arm": "--list writes nothing",
+    "new x.yaml --from nothing": "--from nothing: no such starter",
     "view swing.yaml -t 1 --trajectory run.npz": "not allowed with",
     "view swing.yaml --trajectory run.npz -p length=2": "has its own parameters",
     "view swing.yaml --animate run.gif": "--animate draws a motion",

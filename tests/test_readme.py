@@ -59,13 +59,26 @@ def test_the_crank_rocker(here, capsys):
 
 
 def test_commands_that_are_named_exist(capsys):
-    for command in ("generate", "simulate", "view", "import", "report", "bench", "equations", "statements"):
+    for command in (
+        "generate",
+        "simulate",
+        "view",
+        "new",
+        "doctor",
+        "completion",
+        "import",
+        "report",
+        "bench",
+        "equations",
+        "statements",
+    ):
         with pytest.raises(SystemExit):
             main([command, "--help"])
     options = set(re.findall(r"\B--[a-z][a-z-]+", capsys.readouterr().out))
     for page in (README, API, (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")):
         for command in re.findall(
-            r"ordernm (new|check|show|generate|simulate|view|import|report|bench|equations|statements)\b", page
+            r"ordernm (new|doctor|completion|check|show|generate|simulate|view|import|report|bench|equations|statements)\b",
+            page,
         ):
             with pytest.raises(SystemExit) as end:
                 main([command, "--help"])

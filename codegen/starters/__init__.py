@@ -11,10 +11,8 @@ DEFAULT = "pendulum"
 
 def starters() -> dict[str, str]:
     """What each starter is, by its name: the first line of its file."""
-    return {
-        path.stem: path.read_text(encoding="utf-8").partition(": ")[2].partition("\n")[0]
-        for path in sorted(FOLDER.glob("*.yaml"))
-    }
+    first = {path.stem: path.read_text(encoding="utf-8").partition("\n")[0] for path in sorted(FOLDER.glob("*.yaml"))}
+    return {name: line.partition(": ")[2] for name, line in first.items()}
 
 
 def text_of(starter: str, name: str) -> str:
