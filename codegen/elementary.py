@@ -1,13 +1,13 @@
-"""The elementary functions of the expression grammar: one entry each, which everything else reads.
+"""The elementary functions of the expression grammar, with one entry each that all other modules use.
 
-The parser, both targets, both reference engines, extended precision, sympy, the derivatives by symbols, by trees and by jets, the
-switching functions and the checks of units take what they know of a function from its entry here. A new smooth function of one
-number is one more line of `TABLE` and a line in docs/model_format.md.
+The parser, both targets, both reference engines, extended precision, sympy, all kinds of derivatives, the switching functions and
+the unit checks use these entries. A new smooth function of one number needs one more line of `TABLE`, and a line in
+docs/model_format.md.
 
-A derivative is a Python function ``(f, y, x)`` or ``(f, y, a, b)`` of a namespace, the value and the arguments. It computes with
-operators and with functions of the namespace, such as ``f.cos(x)``: on floats, arrays, decimal numbers, symbols and trees alike.
-Constants are written so that they are exact in all of these: pi is ``4*f.atan(1)``. The factors of a product under a root are not
-negative within the domain.
+A derivative is a Python function ``(f, y, x)`` or ``(f, y, a, b)`` of a namespace, the value and the arguments. It uses operators
+and functions of the namespace, such as ``f.cos(x)``, so it works for floats, arrays, decimal numbers, symbols and trees.
+Constants are written so that they are exact for all of these: pi is ``4*f.atan(1)``. The factors of a product under a root are
+not negative within the domain.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Tree = tuple[Any, ...]
 """An expression of a model file, see `codegen.model.expressions`."""
 
 Slope = Callable[..., Any]
-"""``(functions, value, *arguments)``: the derivative of a function by one of its arguments."""
+"""``(functions, value, *arguments)``: the derivative of a function with respect to one of its arguments."""
 
 
 ODD, EVEN = -1, 1
@@ -39,27 +39,27 @@ class Elementary:
     Attributes
     ----------
     name : str
-        In the grammar of model files.
+        Name in the grammar of model files.
     slopes : tuple of callable
-        The derivatives by the arguments, one for each. At kinks they are one-sided or zero, at jumps zero.
+        The derivatives with respect to the arguments. At kinks they are one-sided or zero, at jumps zero.
     domain : (float, float), optional
-        The least and the largest number that has a value, where not all have one.
+        The smallest and largest allowed argument, if not all are allowed.
     switching : callable, optional
         ``(functions, *arguments)``: zero where the function is not smooth.
     branches : bool
-        The function is another formula where `switching` has the other sign.
+        Whether the function has different formulas for the two signs of `switching`.
     jumps : bool
-        Its value jumps there.
+        Whether its value jumps there.
     touches : bool
-        It is not smooth where `switching` touches zero.
+        Whether it is not smooth where `switching` touches zero.
     parity : int
         `EVEN`, `ODD` or 0.
     positive : {"", ALWAYS, LIKE_ITS_ARGUMENT}
-        Where values are above zero. Values of the last kind are never below zero.
+        Where values are positive. Values of the last kind are never negative.
     pure : bool
-        The argument and the value have no unit.
+        Whether the argument and the value have no unit.
     many : bool
-        More than two arguments may be given.
+        Whether more than two arguments are allowed.
     symbol, c, numpy, mpmath, sympy : str, optional
         The name in statements, in C, and in three libraries, where it is another; empty where there is none. NumPy's are then
         made of those of Python's math, element by element.
@@ -87,17 +87,17 @@ class Elementary:
 
     @property
     def arity(self) -> int:
-        """The number of arguments."""
+        """Number of arguments."""
         return len(self.slopes)
 
     @property
     def rounds(self) -> bool:
-        """Whether libraries compute it by an algorithm of several operations, and not exact to rounding."""
+        """Whether libraries compute it by several operations, so that the result has more than one rounding error."""
         return self.pure or self.name == "atan2"
 
     @property
     def takes(self) -> str:
-        """The domain in words; nothing where every number has a value."""
+        """Description of the domain; empty if every number is allowed."""
         if self.domain is None:
             return ""
         low, high = self.domain
@@ -106,7 +106,7 @@ class Elementary:
         return "numbers above 0" if low == math.ulp(0.0) else f"numbers from {low:g}"
 
     def spelled(self, where: str) -> str:
-        """Its name as a ``"symbol"`` or in ``"c"``, ``"numpy"``, ``"mpmath"`` or ``"sympy"``; empty where there is none."""
+        """Its name as a ``"symbol"`` or in ``"c"``, ``"numpy"``, ``"mpmath"`` or ``"sympy"``; empty if it has none."""
         other: str | None = getattr(self, where)
         return self.name if other is None else other
 
@@ -134,7 +134,7 @@ TABLE: Final = {e.name: e for e in (
     _smooth("sin", lambda f, y, x: f.cos(x), parity=ODD),
     _smooth("cos", lambda f, y, x: -f.sin(x), parity=EVEN),
     _smooth("tan", lambda f, y, x: y**2 + 1, parity=ODD),
-    # two factors: 1 - x**2 loses digits where x is near 1
+    # two factors: 1 - x**2 loses digits near x = 1
     _smooth("asin", lambda f, y, x: 1/f.sqrt((1 - x)*(1 + x)), parity=ODD, domain=BETWEEN, switching=_bounds, touches=True,
             numpy="arcsin", elsewhere=("arcsin",)),
     _smooth("acos", lambda f, y, x: -1/f.sqrt((1 - x)*(1 + x)), domain=BETWEEN, switching=_bounds, touches=True,
@@ -144,7 +144,7 @@ TABLE: Final = {e.name: e for e in (
                branches=True, jumps=True, numpy="arctan2", elsewhere=("arctan2",)),
     _smooth("sinh", lambda f, y, x: f.cosh(x), parity=ODD),
     _smooth("cosh", lambda f, y, x: f.sinh(x), parity=EVEN, positive=ALWAYS),
-    _smooth("tanh", lambda f, y, x: 1/f.cosh(x)**2, parity=ODD),  # 1 - y**2 loses all digits where y is near 1
+    _smooth("tanh", lambda f, y, x: 1/f.cosh(x)**2, parity=ODD),  # 1 - y**2 loses all digits near y = 1
     _smooth("asinh", lambda f, y, x: 1/f.sqrt(x**2 + 1), parity=ODD, numpy="arcsinh", elsewhere=("arcsinh",)),
     _smooth("acosh", lambda f, y, x: 1/f.sqrt((x - 1)*(x + 1)), domain=(1.0, math.inf), switching=lambda f, x: x - 1,
             touches=True, numpy="arccosh", elsewhere=("arccosh",)),
@@ -173,7 +173,7 @@ TABLE: Final = {e.name: e for e in (
 """Elementary functions by their names in the grammar."""
 
 BY_SYMBOL: Final = {e.spelled("symbol"): e for e in TABLE.values()}
-"""The same by their names in statements."""
+"""Elementary functions by their names in statements."""
 
 
 def _on_arrays(e: Elementary) -> Callable[..., Any]:
@@ -187,15 +187,15 @@ def _on_arrays(e: Elementary) -> Callable[..., Any]:
 ON_ARRAYS: Final = SimpleNamespace(
     at_least=lambda a, b: np.where(np.greater_equal(a, b), 1.0, 0.0), **{e.name: _on_arrays(e) for e in TABLE.values()}
 )
-"""The functions of floats and arrays of them, as attributes; what `Slope` takes."""
+"""Functions for floats and for arrays, as attributes; used as the first argument of `Slope`."""
 
 
 ELEMENTWISE: Final = tuple(e.name for e in TABLE.values() if not e.spelled("numpy"))
-"""Functions that NumPy has not: modules for NumPy define them, element by element."""
+"""Functions that NumPy lacks; generated modules define them element by element."""
 
 
 def named(where: str, wanted: Callable[[Elementary], bool] = lambda e: True) -> tuple[str, ...]:
-    """Names of functions somewhere, see `Elementary.spelled`: of all that have one, or of those that are wanted."""
+    """Names of functions in a language, see `Elementary.spelled`: of all that exist there, or of selected ones."""
     return tuple(e.spelled(where) for e in TABLE.values() if e.spelled(where) and wanted(e))
 
 
@@ -242,7 +242,7 @@ class TreeNumber:
 
 
 class TreeFunctions:
-    """What makes trees of trees: its attributes are functions of them.
+    """A namespace of functions on trees, as attributes.
 
     Parameters
     ----------
@@ -254,7 +254,8 @@ class TreeFunctions:
         self._make = make
 
     def node(self, kind: str, *operands: TreeNumber | int) -> TreeNumber:
-        """An operation or a function; one of numbers alone is left to whoever computes it, in as many digits."""
+        """An operation or a function; those of numbers alone are not evaluated, so that they can be computed with any number of
+        digits."""
         trees = [x.tree if isinstance(x, TreeNumber) else ("number", x) for x in operands]
         are_numbers = kind in TABLE and all(t[0] == "number" for t in trees)
         return TreeNumber(("call", kind, *trees) if are_numbers else self._make(kind, *trees), self)
@@ -268,10 +269,10 @@ def _written(kind: str, *trees: Tree) -> Tree:
 
 
 WRITTEN: Final = TreeFunctions(_written)
-"""Makes trees as they are written."""
+"""Builds trees without simplification."""
 
 
 def tree_of(formula: Slope, arguments: Sequence[Tree], functions: TreeFunctions = WRITTEN) -> Tree:
-    """The tree of a switching function of some arguments; or of a derivative, of the value and the arguments."""
+    """The tree of a switching function of the arguments, or of a derivative as a function of the value and the arguments."""
     found: Any = formula(functions, *(TreeNumber(a, functions) for a in arguments))
     return found.tree if isinstance(found, TreeNumber) else ("number", found)

@@ -139,7 +139,7 @@ static int look_at(ordernm_motion *m, scalar h, int i)
     return look(m, m->t + h*PART*i, m->trial, m->singular + i*m->system->nswitches);
 }
 
-/* All singular functions at the places of a step: where it begins, as known from the step before, in its middle, and at its end; only where
+/* All singular functions at the places of a step: at its start (known from the previous step), in its middle, and at its end; only where
  * one may be zero at the other places, too. Returns whether one may be. */
 static int look_at_places(ordernm_motion *m, const trial *step)
 {

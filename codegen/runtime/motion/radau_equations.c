@@ -33,8 +33,7 @@ int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, sc
 }
 
 /* Coordinates whose rates are speeds by the given Jacobians are eliminated: x[e] = (b[e] + x[partner])/s, where s is REAL/h or the
- * complex value. Their columns of J, divided by s, are added to those of their partners; right sides are reduced by the same columns
- * times b[e]/s. */
+ * complex value. Their columns of J, divided by s, are added to those of their partners, and times b[e]/s to right sides. */
 static void reduce(const struct radau *r, int count, scalar *const *jacobian, reduction *to)
 {
     const int n = r->n;

@@ -93,7 +93,7 @@ int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const sca
     return status;
 }
 
-/* The switch that determines the time of a crossed one, and the rate of its function. It is the switch itself, unless its function is
+/* The switch that determines the time of a crossed switch, and the rate of its function. It is the crossed switch itself, unless its function is
  * zero after another switch crossed there, as in sign(max(0, x)): then it is that one. Returns the status of a function. */
 int ordernm_timing_switch(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, const scalar *crossed, int k, scalar *speed,
     int *by)

@@ -94,7 +94,7 @@ class SingularForceError(SingularJointError):
 
 
 def singular_forces(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The force elements of a package, and the reason for the error if the direction of each is not defined."""
+    """The force elements of a package, each with the error message for an undefined direction."""
     reasons = manifest.get("singular_elements", {})
     named = zip(manifest.get("elements", ()), manifest.get("element_types", ()), strict=True)
     return [(name, f"{type_} {name}: {reasons.get(type_, 'it has no direction')}") for name, type_ in named]

@@ -29,7 +29,7 @@ CORRECTIONS = 6
 """Newton iterations per step."""
 
 DONE, SETTLED = 1e-10, 1e-8
-"""rad, or characteristic lengths: Newton's method stops at steps of this size; the scaled residual allowed then."""
+"""Step size at which Newton's method stops (rad, or characteristic lengths), and the scaled residual allowed then."""
 
 AGREES = 0.1
 """Relative difference allowed between a step and the mean of the tangents at its ends."""
@@ -38,7 +38,7 @@ GROWTH, SHORTER = 2.0, 0.4
 """Largest factor between step sizes after an accepted step, and the factor after a rejected one."""
 
 SHORTEST, FINEST = 1e-7, 1e-14
-"""Step sizes below which a branch ends: rad or characteristic lengths, and as a fraction of the line."""
+"""Step sizes below which a branch ends: the first in rad or characteristic lengths, the second as a fraction of the line."""
 
 MOST = 3000
 """Maximum number of steps along a line, enough for about a hundred turns."""

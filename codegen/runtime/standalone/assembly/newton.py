@@ -333,7 +333,7 @@ class Newton:
         q, step, gaps = np.where(over, trial, q), np.where(over, there.step, step), np.where(rows, there.gaps, gaps)
         on = np.where(near, good & (now <= BETTER * square), good | (fraction > LEAST))
         going = going & on & (parts.open_by(gaps) > goal)
-        # lengthen the next step by how little the last one curved; shorten it after a rejected one
+        # the less the path curves, the longer the next step; shorter after a rejected one
         with np.errstate(all="ignore"):
             longer = np.minimum(1.0, fraction * np.clip(0.5 * BENT / off, 1.0, 4.0))
         return q, step, gaps, np.where(good, longer, np.where(going, 0.4 * fraction, fraction)), going

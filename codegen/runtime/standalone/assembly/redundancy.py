@@ -18,7 +18,7 @@ from ..warning import warn
 from .assembly import allowed_gaps
 
 OPEN_SEED = 1e-7
-"""Residual per unit of a direction of parameters above which the direction opens a redundant condition."""
+"""A direction of parameters opens a redundant condition if the residual grows by more than this per unit."""
 
 
 CLOSING = frozenset({
@@ -28,7 +28,7 @@ CLOSING = frozenset({
 
 
 class WatchedCalls(dict[Any, Call]):
-    """Calls that first warn about open dropped conditions."""
+    """Calls that first warn of dropped conditions with large residuals."""
 
     def __init__(self, redundancy: Redundancy, calls: Mapping[Any, Call]):
         super().__init__()

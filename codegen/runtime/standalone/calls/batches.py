@@ -52,7 +52,7 @@ MOST_IN_LANES = 8_000_000
 """Doubles of workspace for several states at once; with more, they are no faster than one after another."""
 
 MOST_COPIED = 4096
-"""Most states, times one more than the directions, of a batch whose arguments are copied for one state after another."""
+"""Largest batch, in states times (1 + directions), whose arguments are copied for one state after another."""
 
 MOST_KEPT = 1_000_000
 """Largest workspace, in numbers, that is kept between batches."""

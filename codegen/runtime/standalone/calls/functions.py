@@ -98,7 +98,7 @@ MADE_OF = {
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
     "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
 }  # fmt: skip
-"""Methods that call generated functions of other names, and these functions."""
+"""Methods, and the generated functions with other names that they call."""
 
 SOMETIMES = (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",

@@ -45,7 +45,7 @@ class Views(Room):
         return StateView(self, arrays, Path(folder), port).viewer
 
     def of_motion(self, run: Trajectory) -> MotionViews:
-        """What shows a trajectory that was loaded from a file.
+        """The views of a trajectory that was loaded from a file.
 
         Raises
         ------

@@ -165,7 +165,7 @@ class FunctionalGradients(Simulation):
     def _look_at_growth(
         self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
     ) -> None:
-        """Warns of enormous gradients, relative to the outputs per relative change of the parameters."""
+        """Warns of enormous relative gradients: relative change of outputs per relative change of a parameter."""
         q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
         outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
         outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # no functional depends on these

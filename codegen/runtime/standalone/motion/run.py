@@ -282,7 +282,7 @@ class MotionRun(Room):
             elif reason != "paused":
                 break
         rows = results.rows()
-        # with constant steps, a stage may be poor although the state of the row is not
+        # with constant steps, a stage may have a larger condition number than the state of the row
         poor = r.condition_here if reason == "poor" else None
         last = rows[:0] if reason in ("end", "event", "interrupted") else results.row_here(motion)
         return results.segment(opened, reason, r.condition_here if poor is None else poor, precise), rows, last

@@ -256,7 +256,7 @@ class _Chosen:
         shape = (3,) if self.single else (len(self.on), 3)
 
         def wanted(frames: str, accelerations: str) -> tuple[Wanted, Wanted]:
-            """The motion without and with accelerations."""
+            """Calls for the motion without and with accelerations."""
             of_frames, of_accelerations = functions.get(frames), functions.get(accelerations)
             if of_frames is None:
                 return NOTHING, NOTHING
@@ -331,7 +331,7 @@ def _is_pair(point: Any) -> bool:
 
 
 def _vector(solver: Frames, point: Any) -> Array:
-    """The place of a pair of body and place."""
+    """The place from a pair (body, place)."""
     name = f"points: the place in {point[0]!r}"
     found = solver._arguments._numbers(name, point[1])
     if found.shape != (3,):

@@ -20,8 +20,8 @@ class Jet(np.lib.mixins.NDArrayOperatorsMixin):
 
     Parameters
     ----------
-    value : (...,) array
-    The derivatives, with directions last, so that NumPy's broadcasting rules apply to the axes of values.
+    slope : (..., m) array
+        The derivatives, with directions last, so that NumPy's broadcasting rules apply to the axes of values.
         The derivatives, directions last: so axes of values broadcast by NumPy's rules, whatever their number.
     """
 
