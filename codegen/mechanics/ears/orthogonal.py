@@ -172,7 +172,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
                     v = [let("E", v[k] - product(c, q[k]), tag) for k in range(rows)]
             left = [k for k in range(rows) if v[k] != 0]
             if not left and not x.structural:
-                raise RankLossError("a dependent joint moves nothing that the loop could close with")
+                raise RankLossError("a dependent joint does not move the faces of its loop relative to each other")
             if len(left) == 1:
                 r = v[left[0]]
                 square = r * r

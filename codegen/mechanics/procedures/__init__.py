@@ -90,7 +90,7 @@ def without_motions(found: tuple[Procedure, ...], functions: Collection[str] | N
     kept = tuple(p for p in found if p.name not in MOTIONS)
     if functions is not None and len(kept) < len(found):
         raise UnknownFunctionError(
-            "functions: motions are integrated in double precision, so that a solver in another scalar type has none; leave out "
+            "functions: motions are integrated in double precision only; leave out "
             f"{', '.join(w for w in functions if w in ('motion', 'simulate', *MOTIONS))}, or generate with --scalar float64"
         )
     return kept

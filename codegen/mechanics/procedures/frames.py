@@ -46,7 +46,7 @@ def frames_of(w: Shared) -> list[Procedure]:
     if w.system.model.points_depend_on_parameters:
         found += w.pair(
             ("point_places", "point_place_sensitivities"),
-            ("Places of the model's points in their bodies.", "These places and their total derivative along seeds."),
+            ("Positions of points in their bodies.", "Positions and their total derivative along seeds."),
             ["p"],
             ["point_places"],
             (PLACES,),
