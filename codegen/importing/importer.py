@@ -94,7 +94,7 @@ class Imported:
     symbols: dict[Any, str] = field(default_factory=dict)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the model file, as a whole or not at all.
+        """Write the model file; if that fails, an existing file is unchanged.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
         - ``model`` (str): Model of an SDF world. Left out: the only one that moves.
         - ``key`` (str): Keyframe of an MJCF that the model begins in. Left out: the first; ``""``: the reference
           pose.
-        - ``base`` ({"fixed", "free"}): How the root of a URDF stands on the ground. Left out: fixed. SDF and MJCF
+        - ``base`` ({"fixed", "free"}): How the root of a URDF is attached to the ground. Left out: fixed. SDF and MJCF
           specify it.
         - ``keep_fixed`` (bool): Keep links on fixed joints as bodies. Otherwise they are merged with the body that
           carries them.
@@ -159,7 +159,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
         - ``parameterize`` (str, mapping or list of str): Numbers that become parameters:
           ``"arm:length,forearm:mass"``, or ``{"arm": ["length"]}``.
         - ``loops`` (str or path): A model file with a section ``loops`` to add, or a ``robot.yaml`` of Gepetto. One
-          that lies beside a URDF is read in any case.
+          in the folder of a URDF is always read.
         - ``package_paths`` (sequence of str or path): Folders of the packages that the file names by ``package://``
           and ``model://``. Other files are read only from these and from the folder of the robot file.
         - ``folder`` (str or path): Folder that the model's names of mesh files start from. Left out: that of the robot

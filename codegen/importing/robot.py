@@ -451,7 +451,7 @@ class Robot:
         elif count == len(of_speeds) > 1:
             joint.armature = of_speeds
         elif count:
-            self.leave_out(f"armature that differs along the freedoms of a {joint.type} joint", at, Effect.DIFFERS)
+            self.leave_out(f"armature that differs between the speeds of a {joint.type} joint", at, Effect.DIFFERS)
         else:
             self.leave_out(f"armature of a {joint.type} joint", at, Effect.DIFFERS, "it moves without a motor")
 

@@ -150,7 +150,7 @@ class TreeMaker:
                 axis = gear.element.first(tag) or gear.element.first("axis")
                 along = None if axis is None else np.array(self.direction(gear, axis, Placement()))
                 hinges += [] if along is None else self.hinge(body, link, along)[:1]
-            what += f", one of which has no hinge about the gear's axis on its reference body {shortened(where)}"
+            what += f", one of which has no revolute joint about the gear's axis on reference body {shortened(where)}"
         if len(hinges) < 2:
             return Coupling(gear.name, place, gear.name, "", 0.0, 0.0, what, is_gear=True)
         (of, first), (joint, second) = hinges

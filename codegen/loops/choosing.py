@@ -137,9 +137,7 @@ def _poor(geometry: Geometry, found: Comparison, without_hints: Conditioning | N
     if without_hints is not None and other is not None and other[1].loss * WORTH_IT < found.loss:
         dependent = {s for d in other[0] for s in d.dependent}
         hint = ", ".join(independent_names(geometry, without_hints.speeds, dependent))
-        return (
-            f"{text}; with `independent: [{hint}]` the ratio is {other[1].loss:.1f}, and no hint at all may do as well"
-        )
+        return f"{text}; with `independent: [{hint}]` the ratio is {other[1].loss:.1f}, and omitting the hints may do as well"
     return f"{text}; other coordinates under `independent`{', or none,' * (without_hints is not None)} may do better"
 
 

@@ -48,7 +48,7 @@ EXACT = 1e-9
 """Residual up to which dependents may be chosen at a configuration."""
 
 SERVING = 4
-"""Number of configurations, beside the initial one, at which dependents are chosen together."""
+"""Number of configurations, besides the initial one, at which dependents are chosen together."""
 
 BRANCHES = 3
 """Number of the fastest dependent speeds that are tried as independent ones, each in turn."""

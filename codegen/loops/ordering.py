@@ -189,7 +189,7 @@ class Sweep:
         everything = np.concatenate([E, motion / np.maximum(size, 1e-300)[:, None]], axis=2)
         text = (
             f"its conditions have rank {int(np.max(ranks(everything, self.geometry.tolerance)))}, and "
-            f"{listed([names[c] for c in free]) or 'what is left'} can meet {rank} of them"
+            f"{listed([names[c] for c in free]) or 'the remaining speeds'} can meet {rank} of them"
         )
         if not len(held):
             return Open(text)

@@ -128,11 +128,11 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
 
 
 _MOST_TERMS = 6
-"""Sums of more terms are no absolute value and its argument."""
+"""Sums with more terms are not searched for an absolute value and its argument."""
 
 
 def _one_sided(tree: Tree) -> Tree:
-    """``2*c*max(0, x)`` for ``c*abs(x) + c*x``: where x < 0 its terms cancel, and rounding may be below zero."""
+    """Write ``c*abs(x) + c*x`` as ``2*c*max(0, x)``: for x < 0 its terms cancel, and rounding could give a negative value."""
     terms: dict[Tree, Number] = {}
     if tree[0] not in ("+", "-") or not _gather_terms(tree, 1, terms):
         return tree
@@ -152,7 +152,7 @@ def _one_sided(tree: Tree) -> Tree:
 
 
 def _gather_terms(tree: Tree, factor: Number, terms: dict[Tree, Number]) -> bool:
-    """Add the terms of a sum, each with the number before it, to others; whether they are few, and each is there once."""
+    """Add the terms of a sum, with their factors, to `terms`; False if there are too many, or one occurs twice."""
     match tree:
         case ("+" | "-", a, b):
             return _gather_terms(a, factor, terms) and _gather_terms(b, factor if tree[0] == "+" else -factor, terms)

@@ -275,7 +275,7 @@ class ModelBuilder:
         parent : str, optional
             Name of a body, or ``"ground"``.
         joint : str or mapping, optional
-            Type of the joint, with the following arguments beside it, or a mapping with everything.
+            Type of the joint, with the following arguments as its keys; or a mapping with all keys.
         axis : str or sequence of three, optional
             Axis of a joint with one axis: ``"x"``, ``"-y"``, or components in the parent.
         axes : sequence of two axes, optional
@@ -439,7 +439,7 @@ class ModelBuilder:
         name : str
             Name of the loop.
         joint : str or mapping
-            Type of the joint or condition, with the following arguments beside it, or a mapping with everything.
+            Type of the joint or condition, with the following arguments as its keys; or a mapping with all keys.
         start, end : str or mapping
             ``from`` and ``to`` of a model file: a mapping with ``body``, ``at``, and ``rotate`` or ``rpy``; or the name
             of a point.
@@ -498,7 +498,7 @@ class ModelBuilder:
         self._put("couplings", name, whole)
 
     def independent(self, *names: str) -> None:
-        """Ask for coordinates to be independent in models with loops.
+        """Request coordinates as independent in models with loops.
 
         May be called several times.
 

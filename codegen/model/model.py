@@ -233,7 +233,7 @@ class Model:
     def released(self) -> Model:
         """The model with nothing prescribed.
 
-        Prescribed coordinates become coordinates that are asked to be independent, and begin with their values at t =
+        Prescribed coordinates become coordinates that are requested as independent, and begin with their values at t =
         0.
         """
         if not self.motion:
@@ -291,7 +291,7 @@ class Model:
         return self._free("speed_units")
 
     def _free(self, units: str) -> tuple[str, ...]:
-        """Of what is not prescribed."""
+        """Units of the coordinates or speeds that are not prescribed."""
         held = self.places_of_prescribed
         every = enumerate(getattr(b.joint.kind, units) for b in self.bodies)
         return tuple(unit for k, of in every for i, unit in enumerate(of) if (k, i) not in held)

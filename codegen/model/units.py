@@ -172,7 +172,7 @@ def _dimension(tree: Any, known: Any) -> Any:
         return None
     if kind == "call" and tree[1] == "choice":
         _dimension(tree[2], known)
-        return _alike(_dimension(tree[3], known), _dimension(tree[4], known), "the other value beside")
+        return _alike(_dimension(tree[3], known), _dimension(tree[4], known), "an alternative to")
     if kind == "call":
         return _of_call(tree[1], [_dimension(a, known) for a in tree[2:]])
     a, b = (_dimension(x, known) for x in tree[1:])

@@ -290,7 +290,7 @@ STIFFNESS = {"k": Coefficient("N/m", "stiffness")}
         ({"type": "My law"}, "type 'My law' is not a valid type; lower-case letters, digits and _ are allowed"),
         ({"coefficients": {"rate": Coefficient("N", "?")}}, "coefficient 'rate' has a meaning of its own; taken are abs, acos, "),
         ({"coefficients": {"k": "N/m"}}, "coefficient 'k' is 'N/m'; Coefficient(unit, meaning) is needed"),
-        ({"misspelt": {"stiffness": "kk"}}, "misspelt takes 'stiffness' for 'kk', which is no coefficient; there are k"),
+        ({"misspelt": {"stiffness": "kk"}}, "misspelt takes 'stiffness' for 'kk', which is not a coefficient; there are k"),
         ({"coefficients": {"q": Coefficient("N", "?")}}, "coefficient 'q' has a meaning of its own"),
         ({"coefficients": {"k-1": Coefficient("N", "?")}}, "coefficient 'k-1' does not consist of lower-case letters"),
         ({"coefficients": {"k": Coefficient("N", "?", between=(2, 1))}}, "k is between 2 and 1; the lower one is needed first"),

@@ -159,7 +159,7 @@ def test_rotors_that_the_format_has_no_words_for_are_told():
     assert codegen.from_pinocchio(model).left_out == (
         "armature of a free joint: it moves without a motor; the dynamics differ",
         "armature of a planar joint: along axes that rotate with the body; the dynamics differ",
-        "armature that differs along the freedoms of a spherical joint: the dynamics differ",
+        "armature that differs between the speeds of a spherical joint: the dynamics differ",
         "rotorInertia without armature: armature is rotorInertia*rotorGearRatio**2; no effect on the dynamics",
     )
 

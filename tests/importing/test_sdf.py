@@ -287,7 +287,7 @@ def test_a_gearbox_is_a_coupling_of_hinges_on_its_reference_body(tmp_path, axis,
 def test_a_gearbox_without_hinges_about_its_axes_is_told(tmp_path):
     hinges = joint("j", "world", "a"), joint("k", "world", "b", axis="1 0 0")
     parts = (link("a"), link("b"), *hinges, GEAR.format(body="world", axis="0 1 0", axis2="0 1 0"))
-    message = "one of which has no hinge about the gear's axis on its reference body 'world', which is not"
+    message = "one of which has no revolute joint about the gear's axis on reference body 'world', which is not"
     with pytest.raises(codegen.ModelError, match=message):
         imported(tmp_path, sdf(*parts))
     with pytest.raises(codegen.ModelError, match="link or frame 'wrld' is not in this file"):

@@ -394,7 +394,7 @@ def test_a_length_is_along_the_line_between_the_joints(tmp_path):
         ("forearm:weight", "'weight' is not a number of a body; mass, com, inertia, at, length, damping, armature are"),
         ("forearm:mas", "did you mean 'mass'?"),
         ("forarm:mass", "'forarm' is not a body; bodies are upper_arm, forearm; did you mean 'forearm'?"),
-        ("tool0:mass", "'tool0' is fixed to body 'forearm', so it is no body"),
+        ("tool0:mass", "'tool0' is fixed to body 'forearm', so it is not a body"),
         ("base:mass", "'base' is fixed to the ground"),
         ("forearm:length", "'forearm' carries no body"),
         ("forearm:damping", "has no damping in this file"),

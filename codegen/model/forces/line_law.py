@@ -111,7 +111,7 @@ class LineLaw:
             self._check_coefficient(key, coefficient)
         for word, key in self.misspelt.items():
             if key not in self.coefficients:
-                said = f"{self.type}: misspelt takes {word!r} for {key!r}, which is no coefficient"
+                said = f"{self.type}: misspelt takes {word!r} for {key!r}, which is not a coefficient"
                 raise LineLawError(f"{said}; there are {', '.join(self.coefficients)}")
         object.__setattr__(self, "formula", self._parsed("force", self.force, MEASURES))
         potential = self._parsed("energy", self.energy, ["distance"]) if self.energy else None
