@@ -1,10 +1,10 @@
-"""What moves Andrews' squeezing mechanism: gradients of a motion by all 42 parameters, forward and by the adjoint.
+"""Andrews' squeezing mechanism: gradients of a motion with respect to all 42 parameters, forward and by the adjoint.
 
     python examples/andrews_gradients.py [--folder examples/figures]
 
-The place of the point E after 0.03 s, the time of the benchmark, in three closed loops: 42 sensitivities are integrated along
-with the motion, six blocks of eight, or the adjoint runs back through its steps once. Both are derivatives of the same
-computed motion, and agree to rounding; the time of the adjoint does not grow with the number of parameters.
+The result is the position of point E of the three closed loops after 0.03 s, the time of the benchmark. Either 42 sensitivities
+are integrated with the motion, in six blocks of eight, or the adjoint goes back through its steps once. Both differentiate the
+same computed motion and agree to rounding. The time of the adjoint does not grow with the number of parameters.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from ordernm.runtime import Final
 
 SECONDS = 0.03
 SHOWN = 14
-"""Parameters in the figure."""
+"""Number of parameters in the figure."""
 
 
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
 
 
 def gradients(solver: Any, method: str, output: str = "E_x", number: int = 42) -> Any:
-    """The place of E by the first so many parameters; `Judged`."""
+    """The position of E with derivatives with respect to the first parameters; `Judged`."""
     wrt = solver.parameter_names[:number]
     return solver.judge(SECONDS, Final(output), wrt=wrt, method=method)
 
 
 def difference(solver: Any, output: str = "E_x") -> float:
-    """The largest difference of the two ways, in parts of the largest derivative."""
+    """The largest difference of the two methods, relative to the largest derivative."""
     forward, adjoint = (gradients(solver, method, output).gradients for method in ("forward", "adjoint"))
     return float(np.abs(forward - adjoint).max() / np.abs(forward).max())
 
@@ -49,7 +49,7 @@ def seconds(solver: Any, method: str, number: int, repeat: int = 15) -> float:
 
 
 def draw(solver: Any, folder: Path | None = None) -> Path:
-    """What a percent of a parameter moves E by at the end, and over time."""
+    """Displacement of E due to a change of each parameter by one percent, at the end and over time."""
     made, ((bars, over_time),) = figure(9.0, 4.4, across=2)
     moved = {o: 1e3 * 0.01 * gradients(solver, "adjoint", o).gradients[0] * solver.parameters for o in ("E_x", "E_y")}
     size = np.hypot(moved["E_x"], moved["E_y"])

@@ -1,11 +1,11 @@
-"""An excavator swings its load to the side and lifts it with the least work of its cylinders and its swing motor.
+"""An excavator swings its load to the side and lifts it with minimal work of its cylinders and its swing motor.
 
     python examples/excavator_lift.py [--folder examples/figures]
 
-Four inputs of examples/excavator.yaml, the torque of the swing and the forces of three cylinders, are joined by lines between
-nine values over 4 s each: 36 variables within what the machine can do. It begins at rest and ends at rest (but for 50 J) with
-the teeth at a given place and the bucket's cylinder as it was: equations for four outputs, an inequality for the kinetic
-energy. The work that is not lift is lost in the throttled oil. Four closed loops stay closed on the way.
+The four inputs of examples/excavator.yaml are the torque of the swing motor and the forces of three cylinders. Each is a polyline
+through nine values over 4 s, so there are 36 variables, bounded by the machine's limits. The motion starts at rest and ends with
+at most 50 J of kinetic energy (an inequality), with the teeth at a given position and the bucket's cylinder at its initial length
+(equations for four outputs). The work that does not lift the load is lost in the throttled oil. The four loops stay closed.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from ordernm.runtime import Final, Integral
 
 SECONDS, VALUES = 4.0, 9
 PLACE = {"reach": 2.5, "side": 5.5, "height": 3.0, "length_bucket": 2.2427}
-"""Where the teeth are to be in the end, and the length of the bucket's cylinder, which is that of the start, m."""
+"""Final position of the teeth, and length of the bucket's cylinder, which is the initial one, m."""
 
 REST = 50.0
-"""Kinetic energy that is left, J."""
+"""Largest final kinetic energy, J."""
 
 MOST = {"torque_swing": 2e5, "force_boom": 6e5, "force_stick": 3e5, "force_bucket": 1.5e5}
-"""N m and N."""
+"""Limits of torque, N m, and forces, N."""
 
 
 def holding(solver: Any) -> Any:
-    """The inputs (ninputs,) that hold the arm at the start: accelerations are linear in them."""
+    """The inputs (ninputs,) that hold the arm at the start; accelerations are linear in the inputs."""
     q, u = solver.initial
     free = [solver.speed_names.index(n) for n in solver.independent_speed_names]
     found = np.linalg.solve(solver.jacobians(q, u).inputs[free], -solver.accelerations(q, u)[free])

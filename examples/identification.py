@@ -1,11 +1,11 @@
-"""Parameters of a double pendulum from noisy samples of its angles, with what is known of their errors.
+"""Parameters of a double pendulum from noisy samples of its angles, with standard deviations.
 
     python examples/identification.py [--folder examples/figures]
 
-Two releases of examples/double_pendulum.yaml from different angles are sampled by encoders 50 times a second with errors of
-0.01 rad (seeds are fixed). Lengths, the second mass, spring and damper of the elbow are found, and the angles of release of
-each. The first mass is given: all masses, spring and damper together in proportion would not change the motion, which the fit
-says if asked.
+Two releases of examples/double_pendulum.yaml from different angles are sampled by encoders 50 times a second with errors of 0.01
+rad (seeds are fixed). The fit finds both lengths, the second mass, spring and damper of the elbow, and the release angles of each
+experiment. The first mass is given: if all masses, spring and damper grow in proportion, the motion does not change, and the fit
+reports this.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ VARIABLES = {
 
 
 def measure(solver: Any, seconds: float = 4.0, seed: int = 20) -> list[dict[str, Any]]:
-    """Samples of both releases, as experiments of `ordernm.fit`: the angles of release are known roughly."""
+    """Samples of both releases, as experiments of `ordernm.fit`; the release angles are known approximately."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0, seconds, round(50 * seconds) + 1)
     found = []
@@ -49,14 +49,14 @@ def identify(solver: Any, experiments: list[dict[str, Any]], **more: Any) -> ord
 
 
 def truth(solver: Any) -> dict[str, float]:
-    """The values that the samples were made with."""
+    """The values from which the samples were computed."""
     found = dict(zip(solver.parameter_names, solver.parameters.tolist(), strict=True))
     found |= {f"q0.{name} (release {i + 1})": x for i, q in enumerate(RELEASES) for name, x in q.items()}
     return found
 
 
 def draw(solver: Any, experiments: list[dict[str, Any]], fit: ordernm.Fit, folder: Path | None = None) -> Path:
-    """Samples and motions, residuals, errors in standard deviations, correlations."""
+    """Figure: samples and motions, residuals, errors in standard deviations, correlations."""
     made, axes = figure(9.0, 5.6, 2, 2)
     (motion, errors), (rest, related) = axes
     for name, colour in (("upper", BLUE), ("lower", ORANGE)):

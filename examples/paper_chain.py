@@ -49,10 +49,10 @@ from ordernm.model import parse_model
 from ordernm.pipeline import write_solver
 
 AGREEMENT = 1e-10
-"""Largest relative difference between two contestants, as long as M is well conditioned."""
+"""Largest allowed relative difference between two contestants, as long as M is well conditioned."""
 
 WELL_CONDITIONED = 24
-"""Rods; beyond them the dense method loses what the condition of M takes away, and the difference is reported."""
+"""Largest number of rods for this check; with more, the dense method loses digits with the condition of M."""
 
 DENSE = """int dense(int n, int directions, const double *q, const double *u, const double *l, const double *dq,
           const double *du, const double *dl, double *udot, double *dudot, double *kinetic, double *dkinetic, double *work);"""
@@ -200,7 +200,7 @@ def _compile(contestant: Contestant, level: str, cache: Path) -> None:
 
 
 def within(seconds: float, function: Any, *arguments: Any) -> float | None:
-    """Run a function in a process of its own; seconds it took, or None if it had to be stopped."""
+    """Run a function in a separate process; returns its time in s, or None if it had to be stopped."""
     begin = time.perf_counter()
     process = multiprocessing.get_context("spawn").Process(target=function, args=arguments)
     process.start()
@@ -217,7 +217,7 @@ def within(seconds: float, function: Any, *arguments: Any) -> float | None:
 def closed_forms(ns: Sequence[int], seconds: float, cache: Path) -> dict[int, tuple[Contestant, float, float]]:
     """Closed forms of growing n until the seconds are used up: contestant, seconds for sympy, seconds for gcc -O1.
 
-    What an earlier run has derived, and how long it took, is in the cache and counts as if it had happened now.
+    Results and times of an earlier run are in the cache and count as if they were computed now.
     """
     result: dict[int, tuple[Contestant, float, float]] = {}
     cache.mkdir(parents=True, exist_ok=True)
@@ -253,7 +253,7 @@ def closed_forms(ns: Sequence[int], seconds: float, cache: Path) -> dict[int, tu
 
 
 def largest_difference(contestants: Sequence[Contestant], level: str, cache: Path) -> float:
-    """Evaluate everybody once; the largest relative difference to the first, array by array."""
+    """Evaluate all contestants once; return the largest relative difference from the first, array by array."""
     values = []
     for contestant in contestants:
         variant = Workshop(cache).compiled(contestant, level)
@@ -322,7 +322,7 @@ bodies:
 
 
 def lengths_ordernm(n: int, p: int) -> Contestant:
-    """udot and all p derivatives; eight directions a call, one or two in the narrower functions. Arrays 3 and 4."""
+    """udot and all p derivatives, eight directions per call, or one or two in the narrower functions. Arrays 3 and 4."""
     source = write_solver(parse_model(LENGTHS.format(n=n, p=p)), functions=["sensitivities"])
     dq, du, _ = chain_seeds(n, p)
     groups = [(i, min(i + 8, p)) for i in range(0, p, 8)]
@@ -344,7 +344,7 @@ def lengths_ordernm(n: int, p: int) -> Contestant:
 
 
 def lengths_dense(n: int, p: int) -> Contestant:
-    """The same by the dense method: M factored once, dM/dp for every parameter. Arrays 6 and 7."""
+    """The same by the dense method: M is factorised once, with dM/dp for every parameter. Arrays 6 and 7."""
     dq, du, _ = chain_seeds(n, p)
     dl = np.eye(p)[:, np.arange(n) % p]
     results = [np.zeros(n), np.zeros((p, n)), np.zeros(1), np.zeros(p), np.zeros(2 * n * n + 104 * n)]

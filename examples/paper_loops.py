@@ -49,10 +49,10 @@ from ordernm.model import Model, parse_model
 from ordernm.pipeline import Source, write_solver
 
 AGREEMENT = 1e-9
-"""Largest relative difference between two constrained methods, as long as M is well conditioned."""
+"""Largest allowed relative difference between two constrained methods, as long as M is well conditioned."""
 
 WELL_CONDITIONED = 50
-"""Coordinates; beyond, methods with M lose what its condition takes away, and the difference is only reported."""
+"""Largest number of coordinates for this check; with more, methods with M lose digits with its condition."""
 
 COMPARED = ("accelerations", "sensitivities")
 """Functions of the generated solvers that are timed."""
@@ -89,7 +89,7 @@ def tree_source(name: str, size: int) -> Source:
 
 
 def tables_h(model: Model, workspace: int) -> str:
-    """The chain of hinges and its feet, for constrained_chain.c; everything over the length of the rods."""
+    """The chain of revolute joints and its supports, for constrained_chain.c, relative to the length of the rods."""
     values = {p.name: 1.0 for p in model.parameters}
 
     def numbers(vector: Any) -> list[float]:
@@ -141,7 +141,7 @@ def constrained_files(m: Sized, tree: bool, count: bool) -> dict[str, str]:
 
 
 def case(name: str, size: int, cache: Path) -> Case:
-    """Speeds and a direction that keep the loops closed; all lengths grow together, so J dq = 0 and J du = -dJ u."""
+    """Speeds and a direction that keep the loops closed; all lengths change together, so J dq = 0 and J du = -dJ u."""
     m = sized(name, size)
     q, u = m.q, complete_speeds(m.model, partition(m.model), m.q, m.u)
     n, rows = m.model.nu, len(m.model.closure_names)
@@ -165,7 +165,7 @@ def case(name: str, size: int, cache: Path) -> Case:
         plain.seconds(1)
         J[:, i] = plain.arrays[7]
     gram = np.linalg.pinv(J)
-    u = u - gram @ (J @ u)  # to the rounding of this J
+    u = u - gram @ (J @ u)  # within the rounding of this J
     dq = dq - gram @ (J @ dq)
     moved = variant(1)
     for place, x in ((1, u), (3, dq), (4, du), (6, u)):
@@ -179,7 +179,7 @@ def case(name: str, size: int, cache: Path) -> Case:
 
 
 class Method(NamedTuple):
-    """Contestants for both works, and their additions and multiplications."""
+    """Contestants for both tasks, with their additions and multiplications."""
 
     contestants: tuple[Contestant, Contestant]
     operations: tuple[float, float]
@@ -215,7 +215,7 @@ def generated(name: str, source: Source, c: Case) -> Method:
 
 
 def constrained(name: str, c: Case, tree: bool, cache: Path) -> Method:
-    """constrained_chain.c in one of its two ways."""
+    """constrained_chain.c by one of its two methods."""
     m, n = c.mechanism, c.mechanism.model.nu
     declaration = "int constrained(int" + ", const double *" * 6 + ", double *, double *, double *);"
     contestants, counts = [], []
@@ -235,7 +235,7 @@ def constrained(name: str, c: Case, tree: bool, cache: Path) -> Method:
 
 
 def tree_operations(source: Source, rows: int, directions: int) -> int:
-    """What tree_solves.c does: forward dynamics, solutions for all rows and some more, a tangent of the forces."""
+    """The work of tree_solves.c: forward dynamics, solutions for all rows and some more, a tangent of the forces."""
     manifest = source.manifest
     operations = manifest["operations"]
     forward = plain(total(operations, "per_call", tuple(manifest["functions"]["accelerations"]["sweeps"])))
@@ -257,7 +257,7 @@ def methods(c: Case, cache: Path) -> dict[str, Method]:
 
 
 def largest_difference(everyone: dict[str, Method], level: str, cache: Path) -> float:
-    """Of udot and its derivative, to the embedded loops'."""
+    """Ratios of the times for udot and its derivative to those of the embedded loops."""
     values = {}
     for name, method in everyone.items():
         variant = Workshop(cache).compiled(method.contestants[1], level)

@@ -1,10 +1,11 @@
-"""Links, pivots and coupler point of a four-bar that leads the point through eighteen places, in time with its crank.
+"""Path synthesis: links, pivots and coupler point of a four-bar whose coupler point passes through eighteen points.
 
     python examples/path_synthesis.py [--folder examples/figures]
 
-The places are those of A. Kunjur and S. Krishnamurty (1997): one for each 20 degrees of the crank. A heavy flywheel keeps the
-crank of examples/coupler.yaml at a turn a second, so that times stand for angles. Ten variables; a proposal whose links do
-not close is a motion that fails, from which the optimiser steps back. Several starts, drawn from a fixed seed, keep the best.
+The points are those of A. Kunjur and S. Krishnamurty (1997), one for each 20 degrees of the crank. A heavy flywheel keeps the
+crank of examples/coupler.yaml at one revolution per second, so times replace angles. There are ten variables. If the links of a
+design do not close, the motion fails, and the optimiser steps back. The best result of several starts, drawn from a fixed seed,
+is kept.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ VARIABLES = {
 }  # fmt: skip
 
 TURNS = {"flywheel": 1e6, "friction": 0.0}
-"""The crank keeps its speed."""
+"""The flywheel keeps the crank's speed constant."""
 
 
 def path_objective(solver: Any, method: str = "auto") -> ordernm.Objective:
-    """Half the squares of the distances from the places, m^2."""
+    """Half the sum of squared distances from the points, m^2."""
     samples = LeastSquares(TIMES, {"x": X, "y": Y})
     return ordernm.objective(solver, TIMES[-1], samples, VARIABLES, p=TURNS, method=method, most_steps=3000)
 
@@ -53,7 +54,7 @@ def synthesise(solver: Any, starts: int = 4, maxiter: int = 400) -> tuple[ordern
 
 
 def draw(f: ordernm.Objective, best: Any, folder: Path | None = None) -> Path:
-    """Places, curves before and after, the linkage at the first place, and how the searches went."""
+    """Figure: points, curves before and after, the linkage at the first point, and the progress of the searches."""
     made, ((left, right),) = figure(9.0, 4.2, across=2, width_ratios=[1.25, 1])
     t = np.linspace(0, 1, 361)
     before, after = f.simulate(f.x0, t), f.simulate(best.x, t)

@@ -1,4 +1,4 @@
-"""How figures of examples look, in files that are the same bytes every time; and solvers of the examples' models."""
+"""Style of the examples' figures, whose files are reproducible to the byte, and solvers of the examples' models."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ HERE = Path(__file__).parent
 FIGURES = HERE / "figures"
 
 BLACK, BLUE, ORANGE, GREY, GREEN = "#000000", "#0072b2", "#d55e00", "#8a8a8a", "#009e73"
-"""Told apart by colour-blind readers too."""
+"""Colours that colour-blind readers can distinguish."""
 
 SETTINGS = {"svg.hashsalt": "ordernm", "svg.fonttype": "path", "font.size": 9, "font.family": "DejaVu Sans", "axes.grid": True,
             "axes.axisbelow": True, "grid.linewidth": 0.4, "grid.color": "#d0d0d0",
@@ -21,7 +21,7 @@ SETTINGS = {"svg.hashsalt": "ordernm", "svg.fonttype": "path", "font.size": 9, "
 
 
 def folder_asked(about: str) -> Path | None:
-    """Where the command line wants the figure; None for its place."""
+    """The folder for the figure from the command line; None for the default."""
     parser = argparse.ArgumentParser(description=about.splitlines()[0])
     parser.add_argument("--folder", type=Path)
     folder: Path | None = parser.parse_args().folder
@@ -29,14 +29,14 @@ def folder_asked(about: str) -> Path | None:
 
 
 def solver_of(name: str, folder: Path | None = None) -> Any:
-    """The solver of a model of this folder, generated anew."""
+    """Generate the solver of a model in this folder."""
     place = (folder or HERE.parent / "generated") / name
     ordernm.generate(HERE / f"{name}.yaml", place)
     return ordernm.load(place)
 
 
 def figure(width: float, height: float, down: int = 1, across: int = 1, **more: Any) -> tuple[Any, Any]:
-    """A figure of so many inches with its panels, without windows and without a user's settings."""
+    """A figure of given size in inches with its panels, without windows and without a user's settings."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -49,7 +49,8 @@ def figure(width: float, height: float, down: int = 1, across: int = 1, **more: 
 def write(made: Any, name: str, folder: Path | None = None) -> Path:
     """Write a figure as SVG.
 
-    The layout is the tight one: the constrained one solves for places in an order that differs from call to call, and rounds so.
+    It uses the tight layout: the constrained layout solves for positions in an order that varies between calls, and so does its
+    rounding.
     """
     path = (folder or FIGURES) / f"{name}.svg"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,11 +1,11 @@
-"""Hard points of a double wishbone over a bump: which ones camber and toe depend on, and others that give a wanted camber gain.
+"""Hard points of a double wishbone on a bump: their effect on camber and toe, and a design with a given camber gain.
 
     python examples/suspension.py [--folder examples/figures]
 
-The wheel of examples/double_wishbone.yaml rolls over a bump of 60 mm. First the gradient of the camber at the height of the
-bump by all 33 coordinates of hard points, by the adjoint in one way back. Then the height of five points is chosen so that at
-all times the camber is -18 degrees for each metre of the wheel's way, and the toe does not change: 60 functionals, which
-`combine` makes one number of.
+The wheel of examples/double_wishbone.yaml rolls over a bump of 60 mm. First, one adjoint integration gives the gradient of the
+camber on the bump with respect to all 33 coordinates of hard points. Then the heights of five points are optimised, such that at
+all times the camber is -18 degrees per metre of wheel travel and the toe does not change. `combine` reduces these 60 functionals
+to one number.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ ROAD = (np.array([0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4]), np.array([0.0, 0.0, 0.0
 """Times, s, and heights, m."""
 
 GAIN = np.radians(-18.0)
-"""Camber for each metre of the wheel's way, rad/m."""
+"""Camber per metre of wheel travel, rad/m."""
 
 MATTERS = np.radians(0.05)
-"""A deviation of an angle that matters, rad."""
+"""Significant deviation of an angle, rad."""
 
 TIMES = np.linspace(0.12, 0.38, 20)
 VARIED = ("upper_ball_z", "upper_front_z", "upper_rear_z", "tie_inner_z", "tie_outer_z")
 WAY = 0.03
-"""Points may move so far, m."""
+"""Largest shift of a point, m."""
 
 
 def bump() -> Any:
@@ -46,12 +46,13 @@ def hard_points(solver: Any) -> list[str]:
 
 
 def camber_gradient(solver: Any, method: str = "auto") -> Any:
-    """Camber at the height of the bump by all coordinates of hard points; `Judged`."""
+    """Camber on the bump with derivatives with respect to all coordinates of hard points; `Judged`."""
     return solver.judge(SECONDS, At("camber", PEAK), inputs=bump(), wrt=hard_points(solver), method=method)
 
 
 def misses(values: Any) -> tuple[float, Any]:
-    """Half the squares of what camber and toe are off by, and its derivatives by camber, toe and way at all times."""
+    """Half the sum of squared errors of camber and toe, and its derivatives with respect to camber, toe and travel at all
+    times."""
     camber, toe, travel = values.reshape(3, -1)
     off, steer = (camber - GAIN * travel) / MATTERS, toe / MATTERS
     value = 0.5 * (off @ off + steer @ steer) / len(off)
@@ -71,7 +72,7 @@ def design(solver: Any, maxiter: int = 100) -> tuple[ordernm.Objective, Any]:
 
 
 def draw(solver: Any, f: ordernm.Objective, best: Any, folder: Path | None = None) -> Path:
-    """Gradient by hard points; camber and toe over the wheel's way, before and after."""
+    """Figure: gradient by hard points; camber and toe over the wheel's travel, before and after."""
     made, (axes,) = figure(9.0, 4.4, across=3, width_ratios=[1.3, 1, 1])
     bars, camber, toe = axes
     found = np.degrees(camber_gradient(solver).gradients[0]) * 1e-3

@@ -1,9 +1,9 @@
-"""The force on a cart that swings its pole up and leaves it at rest, with the least integral of its square.
+"""Swing-up of a cart-pole by a force on the cart, with minimal integral of the squared force.
 
     python examples/swing_up.py [--folder examples/figures]
 
-The force is joined by lines between 26 values over 2.5 s, each a variable within 20 N. The four outputs at the end, place, angle
-and their rates, are constraints with exact Jacobians; SLSQP runs one motion with all gradients for each point that it asks for.
+The force is a polyline through 26 values over 2.5 s, which are variables bounded by 20 N. The four outputs at the end, position,
+angle and their rates, are constraints with exact Jacobians. SLSQP runs one motion with all gradients for each point.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import ordernm
 from ordernm.runtime import Final, Integral
 
 SECONDS, VALUES, MOST = 2.5, 26, 20.0
-"""Of the motion; of the force; N."""
+"""Final time, s; number of values of the force; limit of the force, N."""
 
 AIM = {"place": 0.0, "angle": np.pi, "speed": 0.0, "spin": 0.0}
 
 
 def swing_up_problem(solver: Any, method: str = "auto") -> tuple[ordernm.Objective, Any]:
-    """Effort, N^2 s, as the objective (a fiftieth of it, so that it is of order one), and the aim as a constraint."""
+    """The effort, N^2 s, as objective (a fiftieth of it, so that it is of order one), and the final state as a constraint."""
     times = np.linspace(0, SECONDS, VALUES)
     push = 3.0 * np.sin(2 * np.pi * times / 1.3)
     f = ordernm.objective(
@@ -41,7 +41,7 @@ def swing_up(solver: Any, maxiter: int = 300) -> tuple[ordernm.Objective, Any]:
 
 
 def draw(f: ordernm.Objective, best: Any, folder: Path | None = None) -> Path:
-    """The force, angle and place, the cart and its pole over time, and how the search went."""
+    """Figure: force, angle and position, the cart and its pole over time, and the progress of the search."""
     made, axes = figure(9.0, 5.6, 2, 2)
     (force, states), (poses, search) = axes
     t = np.linspace(0, SECONDS, 251)
