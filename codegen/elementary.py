@@ -61,8 +61,8 @@ class Elementary:
     many : bool
         Whether more than two arguments are allowed.
     symbol, c, numpy, mpmath, sympy : str, optional
-        The name in statements, in C, and in three libraries, where it is another; empty where there is none. NumPy's are then
-        made of those of Python's math, element by element.
+        The name in statements, in C, and in three libraries, if it differs; empty if there is none. Modules for NumPy then
+        apply Python's math function element by element.
     elsewhere : tuple of str
         Names in other languages, for messages.
     """

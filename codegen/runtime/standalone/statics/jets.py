@@ -20,9 +20,9 @@ class Jet(np.lib.mixins.NDArrayOperatorsMixin):
 
     Parameters
     ----------
+    value : (...,) array
     slope : (..., m) array
         The derivatives, with directions last, so that NumPy's broadcasting rules apply to the axes of values.
-        The derivatives, directions last: so axes of values broadcast by NumPy's rules, whatever their number.
     """
 
     __slots__ = ("slope", "value")
