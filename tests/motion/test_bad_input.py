@@ -29,7 +29,7 @@ CHAOTIC = ({"crank": 0.8}, {"crank": 3.0})
     [
         ({"t": -1.0}, r"t is -1 s, expected a positive number"),
         ({"t": 0}, r"t is 0 s, expected a positive number"),
-        ({"t": np.nan}, r"entries that are not finite; expected seconds, or rising times"),
+        ({"t": np.nan}, r"entries that are not finite; expected seconds, or increasing times"),
         ({"t": np.inf}, r"entries that are not finite"),
         ({"t": []}, r"t has shape \(0,\)"),
         ({"t": [0.0]}, r"at least two are needed"),

@@ -139,7 +139,7 @@ def test_units():
         ({"coordinate_names": ("a",)}, r"q has shape \(51, 2\), expected \(51, 1\)"),
         ({"coordinate_units": ("m",)}, "1 coordinate units, expected 2"),
         ({"output_names": ("a", "a")}, "must differ"),
-        ({"output_names": ("t", "a")}, "must differ, and from t"),
+        ({"output_names": ("t", "a")}, "must differ from each other and from t"),
         ({"output_names": ("q.rod", "a")}, "must differ"),
         ({"sensitivity_names": ("a", "a")}, "sensitivities must differ"),
         ({"stats": {"reason": {1: object()}}}, r"stats\['reason'\]\['?1'?\] is <object"),

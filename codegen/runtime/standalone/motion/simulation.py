@@ -391,7 +391,7 @@ def _interval(t: Any) -> tuple[float, float, Array]:
         raise ValueError(f"t: {error}; expected a number of seconds, or times (nt,)") from None
     if times.ndim > 1 or not times.size or not is_finite(times.reshape(-1)):
         raise ValueError(
-            f"t has shape {times.shape}, or entries that are not finite; expected seconds, or rising times (nt,)"
+            f"t has shape {times.shape}, or entries that are not finite; expected seconds, or increasing times (nt,)"
         )
     if times.ndim == 0:
         if times <= 0:

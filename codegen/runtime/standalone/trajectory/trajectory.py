@@ -804,7 +804,7 @@ def _index_of(coordinates: tuple[str, ...], speeds: tuple[str, ...], outputs: tu
     names = [*(f"q.{name}" for name in coordinates), *(f"u.{name}" for name in speeds), *outputs]
     index = {name: i for i, name in enumerate(names)}
     if len(index) < len(names) or "t" in index:
-        raise ValueError(f"names of series must differ, and from t: {some(names)}")
+        raise ValueError(f"names of series must differ from each other and from t: {some(names)}")
     return index
 
 
