@@ -50,8 +50,6 @@ class Elementary:
         Whether the function has different formulas for the two signs of `switching`.
     jumps : bool
         Whether its value jumps there.
-    touches : bool
-        Whether it is not smooth where `switching` touches zero.
     parity : int
         `EVEN`, `ODD` or 0.
     positive : {"", ALWAYS, LIKE_ITS_ARGUMENT}
@@ -73,7 +71,6 @@ class Elementary:
     switching: Slope | None = None
     branches: bool = False
     jumps: bool = False
-    touches: bool = False
     parity: int = 0
     positive: str = ""
     pure: bool = False
@@ -135,9 +132,9 @@ TABLE: Final = {e.name: e for e in (
     _smooth("cos", lambda f, y, x: -f.sin(x), parity=EVEN),
     _smooth("tan", lambda f, y, x: y**2 + 1, parity=ODD),
     # two factors: 1 - x**2 loses digits near x = 1
-    _smooth("asin", lambda f, y, x: 1/f.sqrt((1 - x)*(1 + x)), parity=ODD, domain=BETWEEN, switching=_bounds, touches=True,
+    _smooth("asin", lambda f, y, x: 1/f.sqrt((1 - x)*(1 + x)), parity=ODD, domain=BETWEEN, switching=_bounds,
             numpy="arcsin", elsewhere=("arcsin",)),
-    _smooth("acos", lambda f, y, x: -1/f.sqrt((1 - x)*(1 + x)), domain=BETWEEN, switching=_bounds, touches=True,
+    _smooth("acos", lambda f, y, x: -1/f.sqrt((1 - x)*(1 + x)), domain=BETWEEN, switching=_bounds,
             numpy="arccos", elsewhere=("arccos",)),
     _smooth("atan", lambda f, y, x: 1/(x**2 + 1), parity=ODD, numpy="arctan", elsewhere=("arctan",)),
     Elementary("atan2", (lambda f, z, y, x: x/(x**2 + y**2), lambda f, z, y, x: -y/(x**2 + y**2)), switching=_first,
@@ -147,14 +144,14 @@ TABLE: Final = {e.name: e for e in (
     _smooth("tanh", lambda f, y, x: 1/f.cosh(x)**2, parity=ODD),  # 1 - y**2 loses all digits near y = 1
     _smooth("asinh", lambda f, y, x: 1/f.sqrt(x**2 + 1), parity=ODD, numpy="arcsinh", elsewhere=("arcsinh",)),
     _smooth("acosh", lambda f, y, x: 1/f.sqrt((x - 1)*(x + 1)), domain=(1.0, math.inf), switching=lambda f, x: x - 1,
-            touches=True, numpy="arccosh", elsewhere=("arccosh",)),
-    _smooth("atanh", lambda f, y, x: 1/((1 - x)*(1 + x)), parity=ODD, domain=WITHIN, switching=_bounds, touches=True,
+            numpy="arccosh", elsewhere=("arccosh",)),
+    _smooth("atanh", lambda f, y, x: 1/((1 - x)*(1 + x)), parity=ODD, domain=WITHIN, switching=_bounds,
             numpy="arctanh", elsewhere=("arctanh",)),
     _smooth("exp", lambda f, y, x: y, positive=ALWAYS),
     _smooth("log", lambda f, y, x: 1/x, domain=ABOVE_ZERO, elsewhere=("ln",)),
     _smooth("erf", lambda f, y, x: f.exp(-x*x)/f.sqrt(f.atan(1)), parity=ODD, numpy=""),
     _smooth("erfc", lambda f, y, x: -f.exp(-x*x)/f.sqrt(f.atan(1)), positive=ALWAYS, numpy=""),
-    Elementary("sqrt", (lambda f, y, x: 1/(2*y),), domain=FROM_ZERO, switching=_first, touches=True,
+    Elementary("sqrt", (lambda f, y, x: 1/(2*y),), domain=FROM_ZERO, switching=_first,
                positive=LIKE_ITS_ARGUMENT, elsewhere=("sqr",)),
     Elementary("abs", (lambda f, y, x: f.sign(x),), switching=_first, branches=True, positive=LIKE_ITS_ARGUMENT,
                symbol="Absolute", c="fabs", mpmath="fabs", sympy="Abs", elsewhere=("fabs",)),

@@ -47,7 +47,7 @@ FUNCTIONS = [
         "symbolic.recursion": "Recursion statements", "model.sympy_output": "to_sympy", "model.model": "Model",
         "model.forces.line_law": "LineLaw Coefficient", "emit.target": "Target Scalar InstructionSet",
         "measure.clock": "Seconds Rounds elapsed calibrated repeated alternate turns in_rounds exponent summary cores one_core",
-        "bench.work_precision": "Point integrate error_at_end diagram cheapest fastest seconds_at",
+        "bench.work_precision": "Point integrate error_at_end diagram best seconds_at",
         "design.variables": "Variable Variables", "design.objective": "OfVariables Objective objective",
         "design.outcome": "Outcome", "design.evaluated_points": "Evaluation", "design.load_cases": "LoadCases",
         "design.optimizing": "optimize", "design.fitting": "fit", "design.fit_result": "Fit",

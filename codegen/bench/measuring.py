@@ -21,7 +21,7 @@ from ..model import parse_model
 from ..runtime import Solver, load
 from .peers.robots import measure_robots
 from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, Setting
-from .work_precision import Point, cheapest, diagram, error_at_end, fastest, integrate
+from .work_precision import Point, best, diagram, error_at_end, integrate
 
 BATCH = 1e-3
 """Approximate seconds of a turn in C."""
@@ -100,12 +100,12 @@ def point_record(p: Point) -> Result:
 
 def _goal(goal: Goal, points: Sequence[Point]) -> Result:
     """Whether a goal is met, with the setting: the one with fewest evaluations, or the fastest if the goal limits time."""
-    best = fastest(points, goal.error) if goal.seconds is not None else cheapest(points, goal.error)
-    slow = best is not None and goal.seconds is not None and best.seconds >= goal.seconds
-    costly = best is not None and goal.evaluations is not None and best.evaluations >= goal.evaluations
+    found = best(points, goal.error, "evaluations" if goal.seconds is None else "seconds")
+    slow = found is not None and goal.seconds is not None and found.seconds >= goal.seconds
+    costly = found is not None and goal.evaluations is not None and found.evaluations >= goal.evaluations
     return {
-        "goal": str(goal), "met": best is not None and not slow and not costly, "slow": slow,
-        "reached": None if best is None else point_record(best),
+        "goal": str(goal), "met": found is not None and not slow and not costly, "slow": slow,
+        "reached": None if found is None else point_record(found),
     }  # fmt: skip
 
 

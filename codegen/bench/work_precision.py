@@ -119,7 +119,7 @@ def error_at_end(trajectory: Trajectory, end: float, quantities: Sequence[str], 
 
 def diagram(
     solver: Solver, end: float, settings: Sequence[Setting], error: Callable[[Trajectory], float],
-    start: dict[str, float] | None = None, sensitivities: Sequence[str] = (), budget: float = 0.1,
+    start: dict[str, float] | None = None, budget: float = 0.1,
 ) -> list[Point]:  # fmt: skip
     """Return a motion at several settings, which take turns.
 
@@ -135,8 +135,6 @@ def diagram(
         Returns the error of a trajectory; see `error_at_end`.
     start : dict of str to float, optional
         Initial coordinates that differ from the model's.
-    sensitivities : sequence of str, optional
-        Derivatives that are integrated with error control.
     budget : float, optional
         Time for each setting, s, approximately. At least three turns, but two for a motion that takes `LONG` times as long.
 
@@ -157,9 +155,9 @@ def diagram(
     for i, setting in enumerate(settings):
 
         def again(setting: Setting = setting) -> float:
-            return timed(lambda: integrate(solver, end, setting, start, sensitivities))[1]
+            return timed(lambda: integrate(solver, end, setting, start))[1]
 
-        x = integrate(solver, end, setting, start, sensitivities)
+        x = integrate(solver, end, setting, start)
         stats, found = x.stats, error(x)
         seconds = float(stats["seconds"])
         if math.isfinite(found):
@@ -174,8 +172,8 @@ def diagram(
     return points
 
 
-def cheapest(points: Sequence[Point], error: float) -> Point | None:
-    """Return the point with the fewest evaluations among those with at most an error.
+def best(points: Sequence[Point], error: float, by: str = "evaluations") -> Point | None:
+    """Return the point with the fewest evaluations, or the least time, among those with at most an error.
 
     Parameters
     ----------
@@ -183,6 +181,8 @@ def cheapest(points: Sequence[Point], error: float) -> Point | None:
         The points.
     error : float
         Largest error.
+    by : {"evaluations", "seconds"}, optional
+        What is to be least.
 
     Returns
     -------
@@ -191,33 +191,10 @@ def cheapest(points: Sequence[Point], error: float) -> Point | None:
 
     Examples
     --------
-    >>> cheapest([], 1e-6) is None
+    >>> best([], 1e-6) is None
     True
     """
-    return min((p for p in points if p.error <= error), key=lambda p: p.evaluations, default=None)
-
-
-def fastest(points: Sequence[Point], error: float) -> Point | None:
-    """Return the point with the least time among those with at most an error.
-
-    Parameters
-    ----------
-    points : sequence of Point
-        The points.
-    error : float
-        Largest error.
-
-    Returns
-    -------
-    Point or None
-        The point; None if all have larger errors.
-
-    Examples
-    --------
-    >>> fastest([], 1e-6) is None
-    True
-    """
-    return min((p for p in points if p.error <= error), key=lambda p: p.seconds, default=None)
+    return min((p for p in points if p.error <= error), key=lambda p: getattr(p, by), default=None)
 
 
 def seconds_at(points: Sequence[Point], error: float) -> float:

@@ -32,19 +32,17 @@ def made_name(text: str) -> str:
     return name if is_name(name) else f"{name}_"
 
 
-def names_for(texts: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
+def names_for(texts: Iterable[str]) -> dict[str, str]:
     """A different name for every text; valid names are kept.
 
     Parameters
     ----------
     texts : iterable of str
         All different; earlier ones get their names first.
-    taken : iterable of str
-        Names that are already used.
     """
-    listed, used = list(texts), set(taken)
-    result = {text: text for text in listed if is_name(text) and text not in used}
-    used |= result.keys()
+    listed = list(texts)
+    result = {text: text for text in listed if is_name(text)}
+    used = set(result)
     for text in listed:
         if text not in result:
             result[text] = free_name(made_name(text), used)

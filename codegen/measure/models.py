@@ -59,12 +59,12 @@ def chain_state(n: int) -> tuple[Array, Array]:
     return 0.3 * np.sin(k), 0.2 * np.cos(k)
 
 
-def chain_tip(q: Array, length: float = 1.0) -> Array:
+def chain_tip(q: Array) -> Array:
     """Position of the end of CHAIN(n), m."""
     R, place = np.eye(3), np.zeros(3)
     for k, (c, s) in enumerate(zip(np.cos(q), np.sin(q), strict=True)):
         R = R @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]] if k % 2 else [[c, 0, s], [0, 1, 0], [-s, 0, c]])
-        place = place - length * R[:, 2]
+        place = place - R[:, 2]
     return place
 
 

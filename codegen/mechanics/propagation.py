@@ -13,15 +13,13 @@ from .spatial import is_zero
 V = TypeVar("V")
 
 
-def accumulate(
-    x: Scope, store: Store, field: Field[V], value: V, first: bool, tag: str, lanes: bool = False, name: str = "acc"
-) -> None:
+def accumulate(x: Scope, store: Store, field: Field[V], value: V, first: bool, tag: str, lanes: bool = False) -> None:
     """Add `value` to a field of another object, component by component; the `first` contribution assigns it."""
     for part, v in zip(field.scalars(), (v for _, v in field.parts(value)), strict=True):
         if first:
             x.store(store, part, v)
         elif not is_zero(v):
-            x.store(store, part, x.let(name, x.load(store, part) + v, tag, lanes=lanes))
+            x.store(store, part, x.let("acc", x.load(store, part) + v, tag, lanes=lanes))
 
 
 def accumulate_force(
@@ -33,10 +31,10 @@ def accumulate_force(
         accumulate(x, store, parts[i], value[i], first, tag, lanes)
 
 
-def add_to_sum(x: Scope, store: Store, field: Field[V], value: V, name: str, tag: str, lanes: bool = False) -> None:
+def add_to_sum(x: Scope, store: Store, field: Field[V], value: V, name: str, tag: str) -> None:
     """Add `value` to a sum over links, component by component."""
     for part, (_, v) in zip(field.scalars(), field.parts(value), strict=True):
-        x.store(store.sum, part, x.let(name, v, tag, lanes=lanes))
+        x.store(store.sum, part, x.let(name, v, tag))
 
 
 def clear(x: Scope, store: Store, field: AnyField) -> None:

@@ -189,9 +189,9 @@ DIAGRAM = points((1e-4, 100, 1e-3), (1e-6, 200, 2e-3), (2e-6, 300, 5e-3), (1e-8,
 
 
 def test_the_cheapest_and_the_fastest_setting_that_reach_an_error():
-    assert work_precision.cheapest(DIAGRAM, 1e-5).evaluations == 200
-    assert work_precision.fastest(DIAGRAM, 1e-7).seconds == 4e-3
-    assert work_precision.cheapest(DIAGRAM, 1e-9) is None
+    assert work_precision.best(DIAGRAM, 1e-5).evaluations == 200
+    assert work_precision.best(DIAGRAM, 1e-7, "seconds").seconds == 4e-3
+    assert work_precision.best(DIAGRAM, 1e-9) is None
 
 
 def test_an_interrupt_is_not_taken_for_a_motion_that_ends_early():

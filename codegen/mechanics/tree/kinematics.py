@@ -14,17 +14,17 @@ from ..structure.kinds import LinkKind
 from .tangents import differentiate, store_motion, tangent
 
 
-def acceleration_matrix(x: Scope, w: Vector, al: Vector, name: str = "B") -> Matrix:
+def acceleration_matrix(x: Scope, w: Vector, al: Vector) -> Matrix:
     """``B = alpha x + omega x omega x``: the acceleration of a point r of the link is ``a + B r`` (part of Eq. 21)."""
     tag = "Eq. 21"
-    sq = [x.let(f"{name}_w{i}{i}", w[k] * w[k], tag) for k, i in enumerate(XYZ)]
+    sq = [x.let(f"B_w{i}{i}", w[k] * w[k], tag) for k, i in enumerate(XYZ)]
     B: Matrix = [[0] * 3 for _ in range(3)]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        B[i][i] = x.let(f"{name}_{XYZ[i]}{XYZ[i]}", -(sq[j] + sq[k]), tag)
-        product = x.let(f"{name}_w{XYZ[j]}{XYZ[k]}", w[j] * w[k], tag)
-        B[k][j] = x.let(f"{name}_{XYZ[k]}{XYZ[j]}", product + al[i], tag)
-        B[j][k] = x.let(f"{name}_{XYZ[j]}{XYZ[k]}", product - al[i], tag)
+        B[i][i] = x.let(f"B_{XYZ[i]}{XYZ[i]}", -(sq[j] + sq[k]), tag)
+        product = x.let(f"B_w{XYZ[j]}{XYZ[k]}", w[j] * w[k], tag)
+        B[k][j] = x.let(f"B_{XYZ[k]}{XYZ[j]}", product + al[i], tag)
+        B[j][k] = x.let(f"B_{XYZ[j]}{XYZ[k]}", product - al[i], tag)
     return B
 
 
