@@ -15,7 +15,7 @@ from .members import Body
 from .places import GROUND, Face, Point
 
 _ROUNDING: Final = 2.0**-50
-"""Relative difference in m up to which two positions count as equal, such as 0.1 + 0.2 and 0.3."""
+"""Relative difference up to which two coordinates (m) count as equal, such as 0.1 + 0.2 and 0.3."""
 
 
 def signed_length(

@@ -1,6 +1,6 @@
 """sympy expressions as model expressions.
 
-sympy is not imported here: `is_sympy` recognises its objects, whose existence implies that it is imported.
+sympy is never imported at the top of this module: the caller who made a sympy object has imported it.
 """
 
 from __future__ import annotations
