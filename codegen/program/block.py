@@ -103,7 +103,7 @@ class Block:
 
 RESERVED = frozenset(
     ["pow", *named("c")]
-    + "a h i l y0 y1 yn j0 j1 jn np int double const static link numbers call values handed_on".split()
+    + "a h i l y0 y1 yn j0 j1 jn np int double const static link numbers call values carried_over".split()
 )
 """Names with another meaning in generated code."""
 

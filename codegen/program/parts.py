@@ -22,14 +22,14 @@ WINDOW = 200
 
 
 def in_parts(
-    block: Block, handed_on: Callable[[int, bool], Component], is_stored: Callable[[Component], bool]
+    block: Block, carried_over: Callable[[int, bool], Component], is_stored: Callable[[Component], bool]
 ) -> tuple[list[Block], dict[bool, int]]:
     """Divide a block into parts; a short block is returned unchanged.
 
     Parameters
     ----------
     block : Block
-    handed_on : callable (int, bool) -> (Store, component)
+    carried_over : callable (int, bool) -> (Store, component)
         Returns the place of a value that later parts need, from its number and whether there is one value per direction.
     is_stored : callable ((Store, component)) -> bool
         Returns whether the block stores to this place; its loads then mean the former value.
@@ -55,10 +55,10 @@ def in_parts(
     along = {s for s, (store, _) in block.loads.items() if store.lanes}
     along |= {s.target for s in block.statements if s.lanes}
     ends = _ends(lengths, [(i, last[s]) for s, i in made.items() if s in last])
-    handed = _HandedOn(handed_on)
+    carried = _CarriedOver(carried_over)
     parts = []
     for begin, end in pairwise(ends):
-        handed.forget({s for s in handed.places if last[s] < begin})
+        carried.forget({s for s in carried.places if last[s] < begin})
         part = Block(block.name, block.title)
         needed: dict[Symbol, None] = {}
         for step in steps[begin:end]:
@@ -67,21 +67,21 @@ def in_parts(
                 part.statements.append(step)
             else:
                 part.stores.append(step)
-        part.loads = {s: at for s in needed if (at := handed.places.get(s) or block.loads.get(s))}
+        part.loads = {s: at for s in needed if (at := carried.places.get(s) or block.loads.get(s))}
         for symbol in [*(first if not begin else ()), *(s.target for s in part.statements)]:
             if last.get(symbol, -1) >= end:
-                part.stores.append((*handed.place(symbol, symbol in along), symbol))
+                part.stores.append((*carried.place(symbol, symbol in along), symbol))
                 if symbol in block.loads:
                     part.loads[symbol] = block.loads[symbol]
         parts.append(part)
-    return parts, handed.counts
+    return parts, carried.counts
 
 
 def _value(step: Step) -> Expr:
     return step.expression if isinstance(step, Statement) else step[2]
 
 
-class _HandedOn:
+class _CarriedOver:
     """Places of values that later parts need; a place is reused when its value is no longer needed."""
 
     def __init__(self, at: Callable[[int, bool], Component]):

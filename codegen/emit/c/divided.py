@@ -10,8 +10,8 @@ from ...program.block import Block, Component
 from ...program.store import MARGIN, Memory, Owner, Store
 from ..language import Located, Place
 
-HANDED_ON = {along: Store(name, Owner("function"), Memory("stack", along)) for along, name in
-             ((False, "handed_on"), (True, "handed_lanes"))}  # fmt: skip
+CARRIED_OVER = {along: Store(name, Owner("function"), Memory("stack", along)) for along, name in
+             ((False, "carried_over"), (True, "carried_lanes"))}  # fmt: skip
 """Values that parts carry over to later ones: shared by all directions (False), or per direction (True)."""
 
 STACK = {False: "values", True: "lane_values"}
@@ -23,16 +23,16 @@ def _type(along: bool, real: str) -> str:
     return "LANES" if along else real
 
 
-def handed_on(number: int, along: bool) -> Component:
+def carried_over(number: int, along: bool) -> Component:
     """The place of a value that is carried over."""
-    return HANDED_ON[along], str(number)
+    return CARRIED_OVER[along], str(number)
 
 
 def in_stack(place: Place, real: str) -> Place:
     """The place of a component in a part: in such an array, or the same as in the whole function."""
 
     def placed(store: Store, name: str) -> Located:
-        for along, of in HANDED_ON.items():
+        for along, of in CARRIED_OVER.items():
             if store is of:
                 return Located(store.name, STACK[along], f"[{name}]", _type(along, real))
         return place(store, name)
@@ -63,7 +63,7 @@ def stack(places: Mapping[bool, int], real: str) -> list[str]:
 def arrays_used(part: Block, real: str) -> list[tuple[str, str]]:
     """Types and names of the arrays that a part reads or writes."""
     used = {store for store, _ in part.loads.values()} | {store for store, _, _ in part.stores}
-    return [(_type(along, real), STACK[along]) for along, store in HANDED_ON.items() if store in used]
+    return [(_type(along, real), STACK[along]) for along, store in CARRIED_OVER.items() if store in used]
 
 
 def linkage(shared: str) -> list[str]:
@@ -77,4 +77,4 @@ def reads(lines: list[str], parameter: str, macro: str = "") -> bool:
     return any(map(found.search, lines))
 
 
-__all__ = ["arrays_used", "handed_on", "in_stack", "is_overwritten", "linkage", "reads", "stack"]
+__all__ = ["arrays_used", "carried_over", "in_stack", "is_overwritten", "linkage", "reads", "stack"]

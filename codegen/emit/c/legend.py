@@ -41,7 +41,7 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool, funct
             f"  modes[{len(model.switches.found)}]: of switches, for functions whose name has _in_modes, which integrators call:"
         )
         lines.append(
-            "            a number for each, or NULL where branches are to follow from the arguments; see motion/motion.h"
+            "            a number for each, or NULL if the arguments select the branches; see motion/motion.h"
         )
     if "energy" in arrays:
         lines.append("  energy[2]  kinetic and potential energy, J")
@@ -55,7 +55,7 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool, funct
     lines += [
         f"work: {model.name.upper()}_WORKSPACE {numbers} of the caller's. Nothing in it is kept between calls; functions are "
         f"re-entrant.",
-        "Functions return 0, or the number (from 1) of the link about whose joint nothing outboard has inertia.",
+        "Functions return 0, or the number (from 1) of a link without outboard inertia about its joint.",
     ]
     if model.loops:
         lines.append(f"Numbers above {links}, the number of links: a loop has lost rank.")
@@ -69,10 +69,10 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool, funct
 
 def about_names(loops: bool) -> list[str]:
     """Description of the pointers in functions of links, for the head of the file."""
-    several = "; in loops there are several links (me0, me1), those they start from (root), their region and its base"
+    several = "; functions of loops have several links (me0, me1), their roots, their region and its base"
     text = (
         f"Functions of links are called by sweeps: me is the link, up its parent, c its constants{several if loops else ''}. "
-        "What names with near point to is memory that neighbours share while one sweep passes; lme, lup, lane and names "
+        "Names with near point to scratch memory that neighbouring links share during one sweep; lme, lup, lane and names "
         'with d hold one value per direction. "in" and "out" list what a function reads and writes.'
     )
     return textwrap.wrap(text, COMMENT)

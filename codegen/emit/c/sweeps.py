@@ -12,7 +12,7 @@ from ...program.parts import in_parts
 from ..function import COMMENT, Function
 from ..notes import notes
 from ..runs import called_for, called_once, widest_first
-from .divided import arrays_used, handed_on, in_stack, is_overwritten, linkage, reads, stack
+from .divided import arrays_used, carried_over, in_stack, is_overwritten, linkage, reads, stack
 from .language import CLanguage
 from .libraries import guard_of_run, sharing
 from .types import SHARES, of_width
@@ -24,7 +24,7 @@ class CSweeps(CLanguage):
     def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:
         block = self.blocks[sweep][kinds[0].index]
         place = cache(partial(self.place, kinds, sweep))
-        parts, places = in_parts(block, handed_on, is_overwritten(block, place))
+        parts, places = in_parts(block, carried_over, is_overwritten(block, place))
         if len(parts) == 1:
             return [self.link_function(sweep, kinds)]
         self.has_parts = True

@@ -10,7 +10,7 @@
  * A function whose name ends in _8, _2 or _1 works on 8, 2 or 1 directions at once: seeds (dq, du, ...) and
  * derivatives have the direction as last index, dq[1][8].
  * work: PENDULUM_WORKSPACE doubles of the caller's. Nothing in it is kept between calls; functions are re-entrant.
- * Functions return 0, or the number (from 1) of the link about whose joint nothing outboard has inertia.
+ * Functions return 0, or the number (from 1) of a link without outboard inertia about its joint.
  */
 #ifndef PENDULUM_H
 #define PENDULUM_H
