@@ -1,4 +1,4 @@
-"""What can go wrong on the way to symbols."""
+"""Errors of symbolic computations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Symbols for what statements read and store: memory, and arguments and results by the names of the model."""
+"""Symbols for quantities that statements read and store: memory, and arguments and results by their names in the model."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ COORDINATES, SPEEDS = (PER_COORDINATE, PER_COORDINATE_LANE), (PER_SPEED, PER_SPE
 
 
 ARGUMENTS = frozenset("q u p inputs t tau udot qdot dq du dp dinputs dt dtau dudot dqdot b outputs doutputs".split())
-"""Stores of arguments and results, whose entries have names of the model."""
+"""Stores of arguments and results, whose entries have names in the model."""
 
 
 @dataclass(frozen=True)

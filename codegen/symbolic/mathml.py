@@ -1,4 +1,4 @@
-"""Expressions of sympy as presentation MathML: complete XML, nothing is fetched to show it."""
+"""Expressions of sympy as presentation MathML: complete XML that fetches nothing."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from sympy.logic.boolalg import And, BooleanFalse, BooleanTrue, Not, Or
 from .names import GREEK_LETTERS, parts_of
 
 SUM, PRODUCT, ATOM = range(3)
-"""How strongly an expression binds."""
+"""Binding strength of expressions."""
 
 NAMES = {"Abs": "abs", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "atan2", "Max": "max", "Min": "min",
          "Mod": "mod", "log": "ln", "sign": "sign", "floor": "floor"}  # fmt: skip
-"""What functions are called, where that is another name than sympy's."""
+"""Names of functions that differ from sympy's."""
 
 RELATIONS = {">=": "≥", "<=": "≤", ">": "&gt;", "<": "&lt;", "==": "=", "!=": "≠"}
 
@@ -38,7 +38,7 @@ def table(rows: Iterable[Iterable[str]], attributes: str) -> str:
 
 
 LARGEST = 100_000
-"""Denominator of fractions that are printed as such."""
+"""Largest denominator of fractions that are printed as such."""
 
 TIMES = '<mo lspace="0" rspace="0.17em">\u2062</mo>'
 """Between factors: a thin space."""
@@ -54,7 +54,7 @@ def word(text: str) -> str:
 
 
 def scripts(base: str, below: str = "", above: str = "") -> str:
-    """A base with what is below and above on its right."""
+    """A base with a subscript and a superscript."""
     if below and above:
         return f"<msubsup>{base}{below}{above}</msubsup>"
     if below:
@@ -73,12 +73,12 @@ def symbol_of_model(symbol: sympy.Symbol) -> str:
 
 
 def is_decimal(e: sympy.Rational) -> bool:
-    """Whether a fraction of large numbers reads better as a decimal."""
+    """Whether a decimal is more readable than a fraction of large numbers."""
     return bool(e.q > LARGEST)
 
 
 def decimal_parts(e: sympy.Rational) -> tuple[str, int]:
-    """The digits of a fraction, to double precision, and the power of ten that they are multiplied by."""
+    """The digits of a fraction in double precision, and the exponent of ten."""
     digits, _, exponent = repr(float(e)).partition("e")
     return digits, int(exponent or 0)
 
@@ -104,7 +104,7 @@ class MathML:
         return f'<math xmlns="http://www.w3.org/1998/Math/MathML" displaystyle="true">{row(*parts)}</math>'
 
     def matrix(self, of: sympy.MatrixBase) -> str:
-        """A matrix in round brackets, which are borders: those of fonts do not always grow with it."""
+        """A matrix in round brackets, drawn as borders because brackets of fonts do not always grow with it."""
         if len(of) == 1:
             return self(of[0])
         rows = [[self(of[i, j]) for j in range(of.cols)] for i in range(of.rows)]
@@ -113,7 +113,7 @@ class MathML:
         )
 
     def _bound(self, e: sympy.Basic, strength: int) -> str:
-        """In brackets where it binds less."""
+        """In brackets if it binds less strongly."""
         text, own = self._printed(e)
         return row(operator("("), text, operator(")")) if own < strength else text
 
@@ -159,7 +159,7 @@ class MathML:
         return row(*self.terms(e))
 
     def terms(self, e: sympy.Expr) -> list[str]:
-        """The terms of a sum, each but the first after its sign."""
+        """The terms of a sum, each with its sign before it."""
         found: list[str] = []
         for term in e.as_ordered_terms():
             negative = term.could_extract_minus_sign()

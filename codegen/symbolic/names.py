@@ -19,7 +19,7 @@ GREEK_LETTERS = dict(
 """Words that are set as Greek letters."""
 
 ARGUMENTS = {"q": "q", "u": "u", "lambda": "lambda", "tau": "tau", "b": "b", "p": ""}
-"""First parts of dotted names, and the letters that they are set as; parameters have their own names."""
+"""First parts of dotted names, with the letters for typesetting; parameters have their own names."""
 
 
 def parts_of(name: str) -> tuple[str, str, bool, bool]:
@@ -59,7 +59,7 @@ def latex_word(text: str) -> str:
 
 
 def identifiers(symbols: Iterable[sympy.Symbol], taken: Iterable[str] = ()) -> dict[sympy.Symbol, str]:
-    """Names for symbols that are identifiers of Python, none twice and none of those that are taken."""
+    """Names for symbols that are identifiers of Python, all different and none of those already taken."""
     used, found = set(taken), {}
     for symbol in symbols:
         name = re.sub(r"\W", "_", symbol.name)

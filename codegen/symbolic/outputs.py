@@ -12,12 +12,12 @@ from .system import SymbolicEngine
 
 
 class Outputs(dict[str, sympy.Expr]):
-    """Expressions by the names of outputs; asking for one that has no single formula raises `SymbolicError`.
+    """Expressions by the names of outputs; access to one without a single formula raises `SymbolicError`.
 
     Attributes
     ----------
     refused : dict of str to str
-        Outputs that are left out, and why.
+        Outputs that are left out, with the reason.
     """
 
     def __init__(self, known: Mapping[str, sympy.Expr] | None = None, refused: Mapping[str, str] | None = None) -> None:

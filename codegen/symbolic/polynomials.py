@@ -1,8 +1,8 @@
 """Exact numbers with symbols: polynomials in atoms, kept expanded, with ``sin(x)**2`` replaced by ``1 - cos(x)**2``.
 
-An atom is what sympy does not take apart: a symbol, a function such as ``sin(q)``, a square root, a sum that is divided by.
-Two polynomials in symbols, sines and cosines are equal if and only if their terms are, so zeros are recognised.
-With intermediate variables, a sum that is a factor becomes a symbol instead of being multiplied out.
+An atom is an expression that is not expanded: a symbol, a function such as ``sin(q)``, a square root, a sum in a denominator. Two
+polynomials in symbols, sines and cosines are equal if and only if their terms are, so zeros are recognised. With intermediate
+variables, a sum that is a factor becomes a symbol instead of being multiplied out.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Atom:
     ----------
     expression : sympy.Expr
     square : Polynomial or None
-        What the square of the atom equals: of sines and square roots.
+        The square of the atom, for sines and square roots.
     expanded : Polynomial or None
-        The atom as a polynomial: of sums that are divided by.
+        The atom as a polynomial, for sums in denominators.
     """
 
     __slots__ = ("expanded", "expression", "square")
@@ -63,7 +63,7 @@ class Atom:
 
 
 class Algebra:
-    """The atoms of one computation, and the way from sympy's expressions to polynomials and back.
+    """The atoms of one computation, and the conversion between sympy's expressions and polynomials.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class Algebra:
         return sorted(found)
 
     def rule(self, atom: int, exponent: int) -> Polynomial | None:
-        """What a power of an atom is replaced by, or None."""
+        """The replacement of a power of an atom, or None."""
         key = atom, exponent
         if key not in self._powers:
             self._powers[key] = self._rule(self.atoms[atom], exponent)

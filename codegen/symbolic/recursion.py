@@ -1,4 +1,4 @@
-"""The statements of a model's solver as equations of sympy: what every sweep computes, body by body, with equation numbers."""
+"""The statements of a model's solver as equations of sympy: every sweep, body by body, with equation numbers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ EQUATIONS = {
 
 
 def tag_of_sweep(sweep: str, title: str, each_direction: bool) -> str:
-    """The tag of a statement that has none of its own."""
+    """The tag of a statement without a tag of its own."""
     if found := IN_TITLE.search(title):
         return found[1]
     base, transposed, _ = sweep.partition("_transposed")
@@ -95,7 +95,7 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Unit:
-    """What a sweep computes for links, ears, regions or force elements of one kind.
+    """The statements of a sweep for links, ears, regions or force elements of one kind.
 
     Attributes
     ----------
@@ -220,7 +220,7 @@ def statements(
 def _planned(
     model: Model, functions: Collection[str] | None, reactions: bool, frames: bool
 ) -> tuple[System, Plan, set[str]]:
-    """A model analysed, the plan of its solver, and the targets of formulas that are run backwards."""
+    """The analysed model, the plan of its solver, and the targets of formulas whose transposes are run."""
     chosen = None
     if model.loops:
         try:
@@ -340,12 +340,12 @@ class _Reader:
 
 
 def _part_of_formula(block: Block) -> str:
-    """What a block of formulas is, as sweeps are called."""
+    """The description of a block of formulas, like that of a sweep."""
     return "formula_transposed" if block.name.endswith("_transposed") else "formula"
 
 
 def _only(names: Sequence[str], store: Store) -> str:
-    """The name, if it is one alone, of those whose constants a block computes."""
+    """The name of the owner of constants that a block computes, if there is only one."""
     return names[0] if len(names) == 1 else ""
 
 

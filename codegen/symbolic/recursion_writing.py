@@ -19,7 +19,7 @@ ARGUMENT = re.compile(r"(d?(q|u|tau|p)|(d?udot|d?qdot|b))\..+")
 
 
 def parts_of_component(component: str) -> tuple[str, str, str]:
-    """Field, entry, and the parameter by which a constant is differentiated: ``J.xx/mass`` is J, xx, mass."""
+    """Field, entry, and the parameter of a constant's derivative: ``J.xx/mass`` is J, xx, mass."""
     found = COMPONENT.fullmatch(component)
     assert found is not None
     return found[1], found[2] or "", found[3] or ""
@@ -38,7 +38,7 @@ def as_text(found: Recursion) -> str:
 
 
 def mathml_symbol(unit: Unit, symbol: sympy.Symbol) -> str:
-    """A symbol of a statement: entry below, owner above; a delta before what is kept for each direction."""
+    """A symbol of a statement: entry as subscript, owner as superscript; a delta marks values per direction."""
     of = unit.kept.get(symbol)
     if of is None:
         if ARGUMENT.fullmatch(symbol.name) or "." in symbol.name:
@@ -53,7 +53,7 @@ def mathml_symbol(unit: Unit, symbol: sympy.Symbol) -> str:
 
 
 def latex_symbol(unit: Unit, symbol: sympy.Symbol) -> str:
-    """The same in LaTeX."""
+    """A symbol of a statement in LaTeX."""
     of = unit.kept.get(symbol)
     if of is None:
         if ARGUMENT.fullmatch(symbol.name) or "." in symbol.name:

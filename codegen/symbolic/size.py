@@ -1,4 +1,4 @@
-"""How many terms equations of motion will have, before they are computed."""
+"""Estimates of the number of terms in equations of motion, before they are computed."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .polynomials import Polynomial
 from .system import SymbolicEngine
 
 SURE = 3
-"""Bodies on a path from the ground up to which equations are computed without an estimate."""
+"""Largest number of bodies on a path from the ground for which equations are computed without an estimate."""
 
 PRODUCTS = 60_000
-"""Products of terms that an estimate may take."""
+"""Largest number of products of terms for an estimate."""
 
 
 FIRST, GROWTH = 8, 5 / 3
@@ -28,7 +28,7 @@ FIRST, GROWTH = 8, 5 / 3
 
 
 def expected_terms(model: Model, parameters: Mapping[str, Any], intermediates: bool = False) -> float:
-    """About how many terms mass matrix and right side have, without loops and force elements.
+    """Estimated number of terms of mass matrix and right side, without loops and force elements.
 
     The first few bodies of the longest path from the ground are computed. Each further body multiplies the number of terms, by
     a factor that decreases from body to body as it did before, but half as quickly. Zero for models that are small.
@@ -95,16 +95,16 @@ def most_terms(model: Model, parameters: Mapping[str, Any]) -> float:
 
 
 Degrees = dict[sympy.Basic, int]
-"""Of a polynomial in each variable."""
+"""The degree of a polynomial in each variable."""
 
 
 def _variable(atom: sympy.Expr) -> sympy.Expr:
-    """A sine and a cosine of one angle are one variable."""
+    """The variable of an atom; sine and cosine of one angle have the same one."""
     return sympy.cos(atom.args[0]) if isinstance(atom, sympy.sin) else atom
 
 
 def longest_path(model: Model) -> list[int]:
-    """Bodies from the ground to the one with most bodies between."""
+    """The bodies on the longest path from the ground."""
     paths: dict[int, list[int]] = {GROUND: []}
     for k in model.outward:
         paths[k] = [*paths[model.bodies[k].parent], k]
@@ -112,7 +112,7 @@ def longest_path(model: Model) -> list[int]:
 
 
 def _beginning(model: Model, path: list[int]) -> Model:
-    """The model with bodies of a path alone, without loops, force elements and outputs."""
+    """The model with only the bodies of a path, without loops, force elements and outputs."""
     bodies = tuple(replace(model.bodies[k], parent=n - 1 if n else GROUND) for n, k in enumerate(path))
     names = {q for b in bodies for q in joint_coordinates(b.name, b.joint.type)[0]}
     return replace(

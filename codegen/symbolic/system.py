@@ -37,7 +37,7 @@ def symbols_of(names: Sequence[str], prefix: str = "") -> tuple[sympy.Symbol, ..
 
 
 def _unused_prefix(model: Model, parameters: Mapping[str, Any]) -> str:
-    """Of the names of intermediate variables: one that no symbol of the model begins with."""
+    """Prefix of the names of intermediate variables, which no symbol of the model has."""
     values = [s.name for x in parameters.values() for s in getattr(x, "free_symbols", ())]
     prefix, names = "z", (*model.parameter_names, *model.inputs, *values)
     while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in names):
@@ -47,17 +47,17 @@ def _unused_prefix(model: Model, parameters: Mapping[str, Any]) -> str:
 
 @dataclass
 class Constraints:
-    """The conditions of closed loops that count, over all speeds of the tree.
+    """The independent conditions of closed loops, over all speeds of the tree.
 
     Attributes
     ----------
     names : list of str
-        Of the conditions, ear by ear.
+        Names of the conditions, ear by ear.
     position : (r, 1) array
-        What is zero where the loops are closed: m, and sines of angles.
+        Residuals, which are zero if the loops are closed: m, and sines of angles.
     jacobian : (r, nu) array
     remainder : (r, 1) array
-        What the second time derivative of `position` has beside the Jacobian times the accelerations that are not prescribed.
+        Terms of the second time derivative of `position` other than the Jacobian times the accelerations that are not prescribed.
     """
 
     names: list[str]
@@ -113,7 +113,7 @@ class SymbolicEngine(RecursiveEngine):
         return self.bodies if state is self.state else super()._motion(state)
 
     def _accelerations(self, state: State) -> Pair:
-        """Symbols, and those that are prescribed."""
+        """Symbols, and prescribed values."""
         return self._with_accelerations(self._of_speeds("udot", self.udot, None, state.pairs), state.pairs)
 
     def _closed_speeds(self, state: State) -> Pair:
@@ -141,7 +141,7 @@ class SymbolicEngine(RecursiveEngine):
             raise SymbolicError(
                 f"{element.type} {element.name}: its law has different formulas in different states ({error})"
             ) from None
-        except ValueError as error:  # of an element without direction; its message names it
+        except ValueError as error:  # for an element without direction; its message names it
             raise SymbolicError(str(error)) from None
 
     def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:

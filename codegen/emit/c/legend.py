@@ -40,9 +40,7 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool, funct
         lines.append(
             f"  modes[{len(model.switches.found)}]: of switches, for functions whose name has _in_modes, which integrators call:"
         )
-        lines.append(
-            "            a number for each, or NULL if the arguments select the branches; see motion/motion.h"
-        )
+        lines.append("            a number for each, or NULL if the arguments select the branches; see motion/motion.h")
     if "energy" in arrays:
         lines.append("  energy[2]  kinetic and potential energy, J")
     if any(len(a.shape) > 1 for a in arrays.values()):
