@@ -72,7 +72,7 @@ MANIFESTS = {
 def test_a_damaged_manifest_is_told(copied, damage, target):
     file = copied / "model.json"
     file.write_text(MANIFESTS[damage](file.read_text()))
-    with pytest.raises(PackageError, match=r"model\.json is (damaged|no JSON).*generate MODEL\.yaml"):
+    with pytest.raises(PackageError, match=r"model\.json is (damaged|not valid JSON).*generate MODEL\.yaml"):
         codegen.load(copied, target)
 
 
