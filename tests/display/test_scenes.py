@@ -142,6 +142,17 @@ def test_motions_are_animated_and_loaded_ones_with_a_solver(solver, tmp_path):
     assert pickle.loads(pickle.dumps(run)).views is None
 
 
+def test_long_motions_are_thinned_with_a_warning(solver):
+    n = 1_000_000
+    q, u = np.broadcast_to(solver.initial[0], (n, 3)), np.broadcast_to(np.zeros(3), (n, 3))
+    names = {"coordinate_names": solver.coordinate_names, "speed_names": solver.speed_names}
+    run = ordernm.Trajectory("shown", np.arange(n), q, u, **names, parameter_names=solver.parameter_names)
+    with pytest.warns(RuntimeWarning, match="the motion has 1000000 results; 10000 of them are shown"):
+        _, poses = solver._views.of_motion(run).shown(run)
+    assert poses.rotation.shape == (10_000, 4, 3, 3)
+    assert (poses.t[0], poses.t[-1]) == (0.0, n - 1)
+
+
 def test_a_package_without_frames_has_no_views(tmp_path):
     model = ordernm.parse_model(MODEL)
     ordernm.generate(model, tmp_path / "bare", target="numpy")

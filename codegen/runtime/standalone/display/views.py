@@ -15,11 +15,15 @@ from ..calls.package import state
 from ..calls.room import Room, alone
 from ..state.reactions import joint_links, reactions_of
 from ..trajectory.trajectory import Trajectory
+from ..warning import warn
 from .controls import MOST_SLIDERS, Playback, Sliders, add_choices, around
 from .picture import animate, draw
 from .poses import Poses, places_of
 from .scene import Scene, scene_of
 from .viewer import Viewer
+
+MOST_RESULTS = 10_000
+"""Number of results of a motion above which some are left out."""
 
 
 class Views(Room):
@@ -170,14 +174,21 @@ class MotionViews:
         if not len(run):
             raise ValueError(f"the trajectory of {run.model} has no times, so there is nothing to show")
         p = self.views.package.parameters if run.p is None else run.p
-        views, inputs = self.views, self.inputs()
-        scene, poses = views._scene(p), views._poses(run.q, p, inputs, run.t)
-        shades = (
-            views._shades(scene, run.q, p, inputs, run.t, run.dq, run.sensitivity_names)
-            if run.sensitivity_names
-            else {}
-        )
-        return scene, replace(poses, shades=shades, forces=views._forces(run.q, run.u, p, inputs, scene, poses))
+        views, inputs, rows = self.views, self.inputs(), _thinned(len(run))
+        inputs = inputs[rows] if inputs.ndim == 2 else inputs
+        t, q, u = run.t[rows], run.q[rows], run.u[rows]
+        scene, poses = views._scene(p), views._poses(q, p, inputs, t)
+        names = run.sensitivity_names
+        shades = views._shades(scene, q, p, inputs, t, run.dq[:, rows], names) if names else {}
+        return scene, replace(poses, shades=shades, forces=views._forces(q, u, p, inputs, scene, poses))
+
+
+def _thinned(count: int) -> Any:
+    """Indices of the results that are shown: all, or `MOST_RESULTS` of more, with a warning."""
+    if count <= MOST_RESULTS:
+        return slice(None)
+    warn(f"the motion has {count} results; {MOST_RESULTS} of them are shown")
+    return np.linspace(0, count - 1, MOST_RESULTS).round().astype(int)
 
 
 class StateView:
