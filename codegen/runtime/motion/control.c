@@ -116,6 +116,7 @@ static int attempt(ordernm_motion *m, trial *step)
     for (int i = 1; i < MOST_STAGES; ++i) m->conditions[i] = 0.0;
     int status = method->step(m, step->h, &step->error);
     if (p->fixed && step->error < INFINITY) step->error = 0.0;
+    if (!status) ordernm_count_more(m, step);
     if (!method->gives_rate && !status && step->error > 1.0 && step->error < INFINITY && ordernm_rounded_at_pose(m, step->h, step->error))
         step->error = 1.0;
     int good = !status && step->error <= 1.0;
@@ -214,6 +215,7 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     }
     ++r->rejected;
     r->component = ordernm_worst_entry(m);
+    if (!status) ordernm_note_layer(m, step);
     const scalar change = ordernm_after_failure(m, status ? NAN : step->error);
     /* advice of a method that does not know the reason for the rejection is ignored */
     m->h = step->h*(m->advice > 0.0 && m->advice < 1.0 ? m->advice : change);

@@ -178,6 +178,9 @@ struct ordernm_motion {
     int beside_power;         /* rates may change there as steeply as if they jumped */
     scalar root_end;          /* end of the last such step; else -INFINITY */
     ordernm_results *results;
+    scalar layer_end;         /* up to which errors count more, in a steep layer; else -INFINITY */
+    scalar layer_more;        /* how many times as much */
+    scalar layer_error, layer_step, layer_at; /* of the step that was tried last in it, and where it begins */
     scalar stable;            /* largest factor on the next step size that stability permits, if derivatives are needed */
     scalar *fast, growth;     /* the direction in which rates change most, and its growth factor in the previous step */
     int fast_steps;           /* number of steps in which this direction is still monitored */
@@ -377,6 +380,8 @@ void ordernm_look_for_lost(ordernm_motion *m, const trial *step);
 int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h);
 void ordernm_watch_stability(ordernm_motion *m, const trial *step);
 int ordernm_plan(ordernm_motion *m, trial *step);
+void ordernm_count_more(ordernm_motion *m, trial *step);
+void ordernm_note_layer(ordernm_motion *m, const trial *step);
 scalar ordernm_after_failure(const ordernm_motion *m, scalar error);
 void ordernm_resize(ordernm_motion *m, const trial *step);
 

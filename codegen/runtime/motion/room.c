@@ -127,6 +127,7 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     m->adaptive = p->method != ORDERNM_RK4 && !p->fixed;
     m->stable = INFINITY;
     m->singular_at = NAN;
+    m->layer_end = -INFINITY;
     m->ny = s->nfree_q + s->nfree_u;
     m->nx = p->nintegrals;
     m->nd = s->nq - s->nfree_q;
