@@ -1,4 +1,4 @@
-"""Joints of bodies in trees and in loops: what every type of them has to keep, generated and in both engines."""
+"""Joints of bodies in trees and in loops: properties that every type must have, in generated code and in both engines."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def dependents(joint: str, count: int, *, independent: str, closing: str, base: 
 
 
 def engine_errors(model: Model, state: tuple[Any, ...]) -> dict[str, float]:
-    """How far the engines are from each other."""
+    """Largest difference between the engines."""
     seeds = random_seeds(np.random.default_rng(4), model, 2)
     (x, dx), (y, dy) = (e(model).sensitivities(*state, **seeds) for e in (RecursiveEngine, DenseEngine))
     return {"engines": max(worst([x], [y]), worst(dx, dy))}

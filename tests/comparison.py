@@ -33,13 +33,13 @@ def worst(rows: Any, references: Any) -> float:
 
 
 FUNCTIONS = ("sensitivities", "output_sensitivities", "energy_sensitivities", "coordinate_rate_sensitivities")
-"""What every model has along seeds."""
+"""Functions of every model along seeds."""
 
 
 def function_errors(
     solver: codegen.Solver, engine: Any, state: tuple[Any, ...], seeds: dict[str, Any]
 ) -> dict[str, float]:
-    """Errors of values and derivatives of `FUNCTIONS`, and of the forces that drive what is prescribed."""
+    """Errors of values and derivatives of `FUNCTIONS`, and of the forces that drive prescribed coordinates."""
     found = {}
     for name in (*FUNCTIONS, *(["driving_force_sensitivities"] if solver.prescribed_names else [])):
         (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
@@ -52,7 +52,7 @@ def function_errors(
 def completion_errors(
     solver: codegen.Solver, engine: Any, state: tuple[Any, ...], seeds: dict[str, Any]
 ) -> dict[str, float]:
-    """Errors of what follows from independent speeds and seeds."""
+    """Errors of quantities that follow from independent speeds and seeds."""
     _, u, dq, du = solver.assemble_sensitivities(*state, **seeds)
     expected = engine.complete(*state, **seeds)
     return {"u": error(u, expected[0]), "dq": worst(dq, expected[1]), "du": worst(du, expected[2])}
@@ -87,10 +87,8 @@ TRANSPOSES = {
 def transposes(
     solver: codegen.Solver, state: tuple[Any, ...], rng: np.random.Generator, k: int = 2
 ) -> dict[str, float]:
-    """How far ``lambda . (J v)`` is from ``(J^T lambda) . v``, by function, over the sum of the sizes of the products.
-
-    Directions without derivatives (parameters that open redundant conditions) are left out of v.
-    """
+    """The difference between ``lambda . (J v)`` and ``(J^T lambda) . v``, by function, relative to the sum of the sizes of the
+    products."""
     model_sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
     v = {n: rng.uniform(-1, 1, (1, size)) for n, size in model_sizes.items()} | {"dt": rng.uniform(-1, 1, 1)}
     found = {}

@@ -1,4 +1,4 @@
-"""What every test runs under: private caches, and hypothesis without deadlines (compiling takes its time)."""
+"""Environment of every test: private caches, and hypothesis without deadlines, because compiling takes time."""
 
 import gc
 import os
@@ -52,7 +52,7 @@ def pytest_collection():
 
 
 def pytest_collection_modifyitems(items):
-    """Quick tests get their marker, and cases that are left to the campaign."""
+    """Mark quick tests, and cases that are left to the campaign."""
     mark_campaign(items)
     mark_quick(items)
 
@@ -72,7 +72,7 @@ def pytest_runtest_makereport(item, call):
 
 @pytest.fixture(scope="session", autouse=True)
 def private_cache(tmp_path_factory):
-    """Compiled solvers go to a folder of this run, never to the user's cache."""
+    """Store compiled solvers in a folder of this run, never in the user's cache."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -80,7 +80,7 @@ def private_cache(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def whole_run(tmp_path_factory):
-    """A folder that all processes of this run have in common."""
+    """A folder that all processes of this run share."""
     run = tmp_path_factory.getbasetemp()
     return run.parent if "PYTEST_XDIST_WORKER" in os.environ else run
 

@@ -25,7 +25,8 @@ def scalar_coordinates(model: Model) -> dict[str, tuple[int, int]]:
 
 
 def with_couplings(rng: np.random.Generator, model: Model, q: Array, p: Array, count: int) -> Model:
-    """The model with so many couplings of two to four coordinates, ratios and offsets of parameters, that q and p meet."""
+    """The model with a given number of couplings of two to four coordinates, with ratios and offsets of parameters, which q
+    and p satisfy."""
     places, at = scalar_coordinates(model), dict(zip(model.parameter_names, p, strict=True))
     values = dict(zip(model.coordinate_names, q, strict=True))
     names, found, own = list(places), [], set()
@@ -54,7 +55,7 @@ def with_couplings(rng: np.random.Generator, model: Model, q: Array, p: Array, c
 def coupled_tree(
     rng: np.random.Generator, n: int, joints: tuple[str, ...], count: int
 ) -> tuple[Model, RandomState] | None:
-    """A random tree with couplings and a state that meets them; None where nothing can be coupled."""
+    """A random tree with couplings and a state that satisfies them; None if nothing can be coupled."""
     tree = random_tree(rng, n, joints)
     state = random_state(rng, tree)
     model = with_couplings(rng, tree, state.q, state.p, count)

@@ -21,7 +21,7 @@ GROUND = "ground"
 
 
 class Rods:
-    """A model in the making, as text."""
+    """A model under construction, as text."""
 
     def __init__(self, name: str, spatial: bool = False, base: str = "") -> None:
         self.spatial = spatial
@@ -95,7 +95,7 @@ def tips_joined(n: int = 6, spatial: bool = False, base: str = "", joint: str = 
 
 
 def four_bar(name: str) -> Rods:
-    """The beginning of a model: crank, coupler and rocker between two pins on the ground."""
+    """The beginning of a model: crank, coupler and rocker between two fixed pivots."""
     rods = Rods(name)
     rods.rod("crank", GROUND, 0.4, "[0, 0, 0]")
     rods.rod("coupler", "crank", 0.9, "[0, 0, l]")
@@ -147,7 +147,8 @@ def ring_with_sub_loop(n: int = 9, k: int = 3) -> Rods:
 
 
 def rails(rungs: int = 3) -> Rods:
-    """Two rails with a rung after every third rod: loops with freedoms of their own, each starts from two links of the last."""
+    """Two rails with a rung after every third rod: loops with degrees of freedom, each starting from two links of the one
+    before."""
     rods = Rods("rails")
     a, b = GROUND, GROUND
     at_a, at_b = "[0, 0, 0]", "[0.9, 0, 0]"

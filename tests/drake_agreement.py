@@ -7,7 +7,7 @@ import numpy as np
 
 
 def plant_of(file: str) -> Any:
-    """A continuous plant with everything of a file; RuntimeError with what Drake says."""
+    """A continuous plant with all contents of a file; RuntimeError with Drake's message."""
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant
 

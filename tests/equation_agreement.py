@@ -1,4 +1,4 @@
-"""Equations of motion in sympy beside a solver: how far its accelerations, matrices and outputs are from satisfying them."""
+"""Equations of motion in sympy compared with a solver: residuals for its accelerations, matrices and outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Force elements on a small tree and in a small loop: what every type of them has to keep, generated and in both engines."""
+"""Force elements on a small tree and in a small loop: properties that every type must have, in generated code and in both
+engines."""
 
 from __future__ import annotations
 
@@ -106,7 +107,7 @@ def loop_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str,
 
 
 def engine_errors(model: Model, state: tuple[Any, ...]) -> dict[str, float]:
-    """How far the engines are from each other."""
+    """Largest difference between the engines."""
     seeds = random_seeds(np.random.default_rng(4), model, 2)
     (x, dx), (y, dy) = (e(model).sensitivities(*state, **seeds) for e in (RecursiveEngine, DenseEngine))
     return {"engines": max(worst([x], [y]), worst(dx, dy))}

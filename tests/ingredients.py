@@ -1,8 +1,4 @@
-"""Small models that have, or have not, each thing that a model may have: every two such choices meet in one of them.
-
-What a model does not use leaves no argument, array or statement in the generated code, so its pieces are put together
-differently for each mixture; errors in that show where two of them meet.
-"""
+"""Small models with or without each feature of a model file; every two such choices occur together in one of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Closure of loops on floats: residuals, matrices and closed coordinates from the parts that `codegen.loops` is made of."""
+"""Closure of loops on floats: residuals, matrices and closed coordinates, computed with parts of `codegen.loops`."""
 
 from __future__ import annotations
 
@@ -58,15 +58,7 @@ def closure_matrix(
     p: Sequence[float] | Array | None = None,
     length: float | None = None,
 ) -> tuple[tuple[int, ...], Array]:
-    """What the speeds of a loop's tree joints do to its velocity residual.
-
-    Returns
-    -------
-    speeds : tuple of int
-        Those of all joints on the loop's cycle, the start side outward, then the end side outward.
-    E : (rows, f) array
-        Their unit screws at the cut on the loop's conditions, scaled with its characteristic length.
-    """
+    """Contribution of the speeds of a loop's tree joints to its velocity residual."""
     geometry = Geometry(model, p)
     if length is not None:
         geometry.lengths[loop] = length

@@ -1,4 +1,4 @@
-"""Solvers of model texts, or of models, each generated once."""
+"""Solvers of models or model texts, each generated only once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests of outputs share: outputs drawn for random models, values by name, and derivatives along the motion."""
+"""Shared by tests of outputs: outputs drawn for random models, values by name, and derivatives along the motion."""
 
 from __future__ import annotations
 

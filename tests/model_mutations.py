@@ -398,16 +398,7 @@ _LOCAL: tuple[Callable[[random.Random, str], str], ...] = (
 
 @dataclass(slots=True)
 class Verdict:
-    """What became of a text.
-
-    Attributes
-    ----------
-    kind : str
-        ``model``, ``refused``, or ``failed``: an exception that is no ModelError, a message without a place, a model
-        that is nonsense, or too much time.
-    why : str
-        Of a failure; the last line tells failures of one class from others.
-    """
+    """Outcome of a text."""
 
     kind: str
     seconds: float
@@ -416,7 +407,7 @@ class Verdict:
 
 
 class TooLong(BaseException):
-    """The time is up; no Exception, so that nothing on the way catches it."""
+    """The time limit is exceeded; this is not an Exception, so that nothing catches it on the way."""
 
 
 @contextmanager
@@ -436,7 +427,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def judge(text: str, limit: float = 10.0) -> Verdict:
-    """Load a text; a model or a ModelError within `limit` seconds is right, all else has failed."""
+    """Load a text. Correct outcomes are a model or a ModelError within `limit` seconds; all others are failures."""
     start = time.process_time()
     try:
         with warnings.catch_warnings(), time_limit(limit):
@@ -467,7 +458,7 @@ def judge(text: str, limit: float = 10.0) -> Verdict:
 
 
 def nonsense(model: Model) -> str:
-    """What no checked model may hold, in words, or nothing."""
+    """The first violation of what every checked model satisfies, in words, or nothing."""
     defaults = {p.name: p.value for p in model.parameters}
     for p in model.parameters:
         if not all(math.isfinite(x) for x in (p.value, *(y for y in (p.min, p.max) if y is not None))):

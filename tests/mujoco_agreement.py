@@ -1,4 +1,4 @@
-"""States of MuJoCo's in the coordinates of an imported model, and accelerations back."""
+"""States of MuJoCo in the coordinates of an imported model, and accelerations in the opposite direction."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -57,7 +57,7 @@ def ours_of(model: Any, data: Any, T: np.ndarray, qacc: np.ndarray) -> np.ndarra
 
 
 def apart(path: Any, found: Any, seeds: int = 3) -> float:
-    """How far accelerations of the tree are from those of MuJoCo, relative to the largest; nothing is compiled."""
+    """Relative difference between accelerations of the tree and those of MuJoCo; nothing is compiled."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(path))

@@ -1,4 +1,4 @@
-"""Runs the code that writes blocks on plain numbers: what it computes can be compared with NumPy."""
+"""Runs the code that writes blocks on plain numbers, so that results can be compared with NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one process of a run has written or compiled is there for the others: the same input gives the same bytes."""
+"""Shares generated and compiled files among the processes of a run; the same input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def without_statements(source: Source) -> Source:
 
 
 def put(file: Path, content: bytes) -> None:
-    """Write a file that is complete for whoever looks for it meanwhile."""
+    """Write a file such that other processes only ever see it complete."""
     part = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
     part.write_bytes(content)
     part.replace(file)

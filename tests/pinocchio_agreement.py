@@ -1,4 +1,4 @@
-"""How far an imported robot is from Pinocchio's own reading of the same file."""
+"""Difference between an imported robot and Pinocchio's own reading of the same file."""
 
 from typing import Any
 

@@ -57,10 +57,7 @@ def bars(frame: str = "ground", load: bool = False, motion: str = DRIVEN, crank:
 
 
 def with_prescribed(rng: np.random.Generator, model: Model, share: float = 0.4) -> Model:
-    """The model with each of its coordinates that are no quaternions prescribed with this probability, one at least.
-
-    Outputs tell the forces that this takes, and forces and outputs know the coordinates by the functions that they are.
-    """
+    """The model with each coordinate that is not part of a quaternion prescribed with this probability, at least one of them."""
     names = [
         n for b in model.bodies if not b.joint.kind.quaternions for n in joint_coordinates(b.name, b.joint.type)[0]
     ]

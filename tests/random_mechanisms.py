@@ -1,13 +1,4 @@
-"""Random mechanisms with closed loops, in an assembled state, for the tests of every floor.
-
-The trick that makes assembled states cheap: a random tree at random coordinates is drawn first; the faces of the loop
-joints are then put where the bodies happen to be, at a random value of the joint's own freedoms. What is computed (origin
-and rotation of the end face in its body) is a constant that holds to rounding, in an expression whose factor with the
-parameters is exactly one at the drawn parameters: so closure depends on the parameters in a general way.
-
-Nothing is filtered by conditioning. A draw is given up only where conditions that should be independent are not, or
-where no freedom is left; it then comes back as a `Discarded` with the reason.
-"""
+"""Random mechanisms with closed loops in an assembled state, for tests at every level."""
 
 from __future__ import annotations
 
@@ -44,7 +35,7 @@ Array = np.ndarray
 
 LOOP_JOINTS = tuple(type for type in CLOSURE_ROWS if type not in CONDITIONS)
 DRAWN = tuple(type for type in LOOP_JOINTS if type != "inline")
-"""What is drawn from where nothing else is asked for: the seeds of older tests mean the mechanisms that they meant."""
+"""Default ingredients of a draw; they do not change, because recorded seeds of older tests depend on them."""
 SCENES = ("spatial", "planar", "spherical")
 TREE_JOINTS = ("fixed", "revolute", "prismatic", "universal", "spherical", "free")
 
@@ -125,7 +116,7 @@ def random_mechanisms(count: int, first: int = 0, **options: Any) -> Iterator[tu
 
 
 class PartitionMissing(ValueError):
-    """No set of speeds is a fair set of dependents."""
+    """No set of speeds is a well-conditioned set of dependent speeds."""
 
 
 class _Smooth(_Maker):
@@ -136,10 +127,10 @@ class _Smooth(_Maker):
 
 
 class _Scene:
-    """A random mechanism in the making: a tree, its poses, faces put on it."""
+    """A random mechanism under construction: a tree, its poses, and faces on it."""
 
     ranks: ClassVar[dict[str, int]]
-    """How many independent conditions the loop joints of this scene set."""
+    """Number of independent conditions of the loop joints of this scene."""
 
     def __init__(
         self,
@@ -442,11 +433,7 @@ def loop_speeds(model: Model, start: int, end: int) -> list[int]:
 
 
 def random_partition(rng: np.random.Generator, model: Model, q: Array, p: Array) -> Partition:
-    """Some partition that is good here, not the best: ears in random order, dependents drawn among the fair ones.
-
-    Loops that cannot be closed one after the other become clusters. The speeds of a joint with a quaternion are dependent
-    all together or not at all, and one by one where that closes nothing.
-    """
+    """A well-conditioned partition, not the best: ears in random order, with dependents drawn among the acceptable ones."""
     J, n = Poses(model, q, p).jacobian(model.loops), len(model.loops)
     orders = [[(int(i),) for i in rng.permutation(n)] for _ in range(6)] + [[tuple(range(n))]]
     for waiting in orders:
@@ -567,7 +554,7 @@ def _rank(A: Array) -> int:
 
 
 def _closed_speeds(J: Array, u: Array) -> Array:
-    """What of the speeds u closes the loops, none above 1."""
+    """The part of the speeds u that closes the loops, none above 1."""
     V = np.linalg.svd(J)[2][: _rank(J)]
     u = u - V.T @ (V @ u)
     u = u - V.T @ (V @ u)

@@ -1,8 +1,4 @@
-"""Random tree models, states and seeds for the tests of every floor: well scaled, but general.
-
-Everything comes from one `numpy.random.Generator`, so a seed names a model for good. Models are what a file could have
-said: expressions are parsed and bound, masses and inertias are possible at the default parameters and near them.
-"""
+"""Random tree models, states and seeds for tests at every level: well scaled, but general."""
 
 from __future__ import annotations
 
@@ -28,7 +24,7 @@ from codegen.model.model import (
 from codegen.model.parsing import parse
 
 ALL = ("fixed", "revolute", "prismatic", "universal", "spherical", "free")
-"""What is drawn from where nothing else is asked for: the seeds of older tests mean the models that they meant."""
+"""Default ingredients of a draw; they do not change, because recorded seeds of older tests depend on them."""
 EVERY = tuple(name for name, kind in JOINTS.items() if kind.carries)
 SINGLE = ("fixed", "revolute", "prismatic")
 
@@ -90,7 +86,7 @@ def random_state(rng: np.random.Generator, model: Model) -> RandomState:
 
 
 def random_seeds(rng: np.random.Generator, model: Model, k: int) -> dict[str, Array]:
-    """Seeds along k random directions, every one of them moving everything: dq, du, dp, dinputs, dt."""
+    """Seeds along k random directions, each of which changes everything: dq, du, dp, dinputs, dt."""
     sizes = {"dq": model.nq, "du": model.nu, "dp": len(model.parameters), "dinputs": len(model.inputs)}
     seeds = {name: rng.uniform(-1, 1, (k, size)) for name, size in sizes.items()}
     return seeds | {"dt": rng.uniform(-1, 1, k)}
@@ -125,7 +121,7 @@ def vector(*texts: object) -> Vector:
 
 
 class _Maker:
-    """One random model in the making."""
+    """A random model under construction."""
 
     def __init__(self, rng: np.random.Generator, joints: tuple[str, ...], parameters: bool, forces: bool) -> None:
         self.rng, self.joints, self.forces = rng, joints, forces

@@ -1,10 +1,4 @@
-"""Estimates of rounding errors beside the errors themselves: random trees and mechanisms, hard states, 40 digits.
-
-What is compared: of udot, and of its derivative along each of three random directions, the largest error of an entry by the
-estimate (`estimated`) and by the difference from the generic engine in 40 digits at the same doubles (`actual`), neither taken
-for less than one unit of rounding, 2^-53, of the largest entry. An estimate is right if it is within a factor of 30. The same for
-every entry by itself (`entry`), in parts of its own size.
-"""
+"""Estimates of rounding errors compared with the errors, in 40 digits: random trees and mechanisms, and difficult states."""
 
 from __future__ import annotations
 
@@ -35,7 +29,7 @@ CLOSED = 5e-16
 
 
 class Judged(NamedTuple):
-    """The error of a result in parts of its largest entry, as estimated and as it is."""
+    """The error of a result relative to its largest entry, estimated and actual."""
 
     case: str
     what: str

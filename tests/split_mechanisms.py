@@ -1,4 +1,4 @@
-"""Mechanisms whose ball joints or free bodies cannot be dependent as a whole, assembled: for the tests of every floor."""
+"""Mechanisms whose ball joints or free bodies cannot be dependent as a whole, assembled, for tests at every level."""
 
 from __future__ import annotations
 

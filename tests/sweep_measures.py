@@ -1,4 +1,4 @@
-"""What sweeps of tests measure: functions of a module, which other processes import."""
+"""Measures for tests of sweeps: functions of a module, which other processes can import."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Systems of `sympy.physics.mechanics` by their mechanics, and what sympy's own equations of motion say of them."""
+"""Systems of `sympy.physics.mechanics`, and sympy's own equations of motion for them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def body(name: str, mass: Any, *moments: Any) -> RigidBody:
 
 
 def cart_and_pendulum() -> tuple[System, Values]:
-    """A cart on a rail, pushed, with a rod that hangs on it."""
+    """A cart on a rail with a hanging rod and a force on the cart."""
     mc, mp, l, g = s.symbols("m_c m_p l g")
     push = dynamicsymbols("F")
     rail, cart = RigidBody("rail"), body("cart", mc)

@@ -1,13 +1,4 @@
-"""Which tests are quick, and what a recorded run says about the time of tests.
-
-A test function is quick if all its cases together take less than `LIMIT` CPU seconds, fixtures included: whoever changes the
-program runs all that is quick. `long_tests.txt` lists the other functions. A test that shares a fixture of its file with a
-long one is not quick either: it would wait for the same solver. `ALWAYS` are long tests that run all the same, so that every
-part of the program is called. `campaign_cases.txt` lists cases that only the campaign runs.
-
-    python tests/tiers.py junit.xml            # the longest functions, and those missing from the list
-    python tests/tiers.py junit.xml --write    # writes the list, from a run of all ordinary tests
-"""
+"""Selects quick tests, and reports the times of tests in a recorded run."""
 
 from __future__ import annotations
 
@@ -24,7 +15,7 @@ import pytest
 LIMIT = 0.3
 """CPU seconds of all cases of a quick function."""
 FACTOR = 3.0
-"""A listed function stays listed, and another stays off the list, within this factor: times vary."""
+"""A listed function stays on the list, and an unlisted one stays off it, within this factor, because times vary."""
 LIST = Path(__file__).with_name("long_tests.txt")
 CAMPAIGN = Path(__file__).with_name("campaign_cases.txt")
 """Cases that only the campaign runs, and what stays for them in the ordinary run."""
@@ -98,13 +89,13 @@ def recorded(file: Path) -> Counter[str]:
 
 
 def missing_and_outdated(times: Counter[str], known: set[str]) -> tuple[list[str], list[str]]:
-    """Functions that belong into the list, and those of the list that do not exist or are quick by far."""
+    """Functions that are missing on the list, and listed ones that do not exist or are much too quick."""
     missing = [n for n, seconds in times.most_common() if n not in known and seconds > LIMIT * FACTOR]
     return missing, sorted(n for n in known if times[n] < LIMIT / FACTOR)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Say what a recorded run took, or write the list anew."""
+    """Print the times of a recorded run, or write a new list."""
     parser = argparse.ArgumentParser(description="Times of test functions in a JUnit file of pytest.")
     parser.add_argument("file", type=Path)
     parser.add_argument("--write", action="store_true", help="write the list of long test functions")
