@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import sympy
 
 from codegen.model import Model
 from codegen.reference.dense import DenseEngine
@@ -35,13 +34,6 @@ def accelerations(found: Equations, numbers: dict[str, Any]) -> Any:
     return np.linalg.solve(A, np.concatenate([numbers["forcing"], -numbers["rate"]]))[: len(numbers["M"]), 0]
 
 
-def outputs_of(found: Equations) -> Callable[..., Any]:
-    """A function (q, u, udot, p, inputs, t) of the outputs' values."""
-    arguments = [found.q, found.u, found.udot, found.parameters, found.inputs, found.t]
-    first = (lambda e: (list(found.intermediates.items()), e)) if found.intermediates else False
-    return sympy.lambdify(arguments, list(found.outputs.values()), cse=first)
-
-
 class Agreement:
     """The equations of a model beside its solver.
 
@@ -55,7 +47,7 @@ class Agreement:
 
     def __init__(self, model: Model, solver: Any, found: Equations) -> None:
         self.model, self.solver, self.found = model, solver, found
-        self.evaluate, self.outputs = found.lambdify(), outputs_of(found)
+        self.evaluate = found.lambdify(outputs=True)
         self.tree = DenseEngine(replace(model, loops=(), independent=())) if found.form == "multipliers" else None
 
     def errors(self, state: State) -> dict[str, float]:
@@ -64,8 +56,8 @@ class Agreement:
         The solver's accelerations have to satisfy the equations; mass matrices and outputs have to be equal.
         """
         q, u, p, inputs, t = state
-        found, numbers = self.found, self.evaluate(*state)
-        udot = np.asarray(self.solver.accelerations(*state))
+        found, udot = self.found, np.asarray(self.solver.accelerations(*state))
+        numbers = self.evaluate(*state, udot)
         M, f = numbers["M"], numbers["forcing"][:, 0]
         result = {"qdot": difference(numbers["qdot"][:, 0], self.solver.coordinate_rates(*state))}
         if found.form == "embedded":
@@ -91,10 +83,8 @@ class Agreement:
             result["M"] = difference(M, self.solver.mass_matrix(q, p, inputs, t))
         result["forcing"] = difference(left, f, size)
         if found.outputs:
-            udot = np.asarray(self.solver.accelerations(*state))
             known = dict(zip((o.name for o in self.model.outputs), self.solver.outputs(*state), strict=False))
-            values = self.outputs(q, u, udot, p, inputs, t)
-            for name, value in zip(found.outputs, values, strict=True):
+            for name, value in zip(found.outputs, numbers["outputs"][:, 0], strict=True):
                 result[f"output {name}"] = difference(value, known[name])
         return result
 

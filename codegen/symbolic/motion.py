@@ -188,7 +188,9 @@ class Equations:
         new: dict[str, Any] = {**changed, **left, "outputs": outputs, "defaults": known, "intermediates": inner}
         return replace(self, **new)
 
-    def lambdify(self, modules: str = "numpy", cse: bool = True) -> Callable[..., dict[str, Array]]:
+    def lambdify(
+        self, modules: str = "numpy", cse: bool = True, outputs: bool = False
+    ) -> Callable[..., dict[str, Array]]:
         """Return a function of numbers that computes all matrices.
 
         Parameters
@@ -198,11 +200,15 @@ class Equations:
         cse : bool, optional
             Compute common subexpressions once. Where there are intermediate variables, these are computed instead.
 
+        outputs : bool, optional
+            Compute the outputs too.
+
         Returns
         -------
         callable
-            ``f(q, u, p=None, inputs=None, t=0.0)``, which returns a dict of arrays by the names of the matrices. ``p``
-            has the values of `parameters`; left out: the model's. Inputs left out are zero.
+            ``f(q, u, p=None, inputs=None, t=0.0, udot=None)``, which returns a dict of arrays by the names of the matrices,
+            and ``"outputs"`` (n, 1). ``p`` has the values of `parameters`; left out: the model's. Inputs left out are zero.
+            Accelerations ``udot`` are for outputs alone, and NaN if they are left out.
 
         Examples
         --------
@@ -212,9 +218,9 @@ class Equations:
         array([[2.4505, 0.5819],
                [0.5819, 0.2135]])
         """
-        of = self.matrices
+        of = self.matrices | ({"outputs": sympy.Matrix(list(self.outputs.values()))} if outputs else {})
         inner = {s: floats(e) for s, e in needed(of.values(), list(self.intermediates.items())).items()}
-        arguments = [*self.q, *self.u, *self.parameters, *self.inputs, self.t]
+        arguments = [*self.q, *self.u, *self.parameters, *self.inputs, *(self.udot if outputs else ()), self.t]
         every = {s for e in (*of.values(), *inner.values()) for s in e.free_symbols}
         if more := every - {*arguments, *inner}:
             names = ", ".join(sorted(s.name for s in more))
@@ -223,9 +229,13 @@ class Equations:
         found = sympy.lambdify(arguments, entries, modules=modules, cse=partial(steps, inner, cse))
         default = [float(self.defaults[s]) for s in self.parameters]
 
-        def evaluate(q: Any, u: Any, p: Any = None, inputs: Any = None, t: float = 0.0) -> dict[str, Array]:
+        def evaluate(
+            q: Any, u: Any, p: Any = None, inputs: Any = None, t: float = 0.0, udot: Any = None
+        ) -> dict[str, Array]:
             parts = {"q": (q, self.q), "u": (u, self.u), "p": (default if p is None else p, self.parameters),
                      "inputs": (np.zeros(len(self.inputs)) if inputs is None else inputs, self.inputs)}  # fmt: skip
+            if outputs:
+                parts["udot"] = np.full(len(self.udot), np.nan) if udot is None else udot, self.udot
             numbers: list[Any] = []
             for name, (given, symbols) in parts.items():
                 if len(given) != len(symbols):

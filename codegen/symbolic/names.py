@@ -58,6 +58,14 @@ def latex_word(text: str) -> str:
     return escaped if len(text) == 1 or text.isdigit() else f"\\mathrm{{{escaped}}}"
 
 
+def unused_prefix(letter: str, names: Iterable[str]) -> str:
+    """The letter, repeated until no name is this prefix and a number."""
+    prefix, known = letter, list(names)
+    while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in known):
+        prefix += letter
+    return prefix
+
+
 def identifiers(symbols: Iterable[sympy.Symbol], taken: Iterable[str] = ()) -> dict[sympy.Symbol, str]:
     """Names for symbols that are identifiers of Python, all different and none of those already taken."""
     used, found = set(taken), {}
@@ -70,4 +78,4 @@ def identifiers(symbols: Iterable[sympy.Symbol], taken: Iterable[str] = ()) -> d
     return found
 
 
-__all__ = ["GREEK_LETTERS", "identifiers", "latex_name", "latex_word", "parts_of"]
+__all__ = ["GREEK_LETTERS", "identifiers", "latex_name", "latex_word", "parts_of", "unused_prefix"]

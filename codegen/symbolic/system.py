@@ -25,6 +25,7 @@ from ..reference.recursive import RecursiveEngine
 from ..reference.terms import Terms
 from .arithmetic import SymbolicArithmetic
 from .errors import SymbolicError, TooLargeError
+from .names import unused_prefix
 from .polynomials import Polynomial, UndecidedError
 
 MOST_TERMS = 20_000
@@ -34,15 +35,6 @@ MOST_TERMS = 20_000
 def symbols_of(names: Sequence[str], prefix: str = "") -> tuple[sympy.Symbol, ...]:
     """Real symbols of these names, such as ``q.crank``."""
     return tuple(sympy.Symbol(f"{prefix}{name}", real=True) for name in names)
-
-
-def _unused_prefix(model: Model, parameters: Mapping[str, Any]) -> str:
-    """Prefix of the names of intermediate variables, which no symbol of the model has."""
-    values = [s.name for x in parameters.values() for s in getattr(x, "free_symbols", ())]
-    prefix, names = "z", (*model.parameter_names, *model.inputs, *values)
-    while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in names):
-        prefix += "z"
-    return prefix
 
 
 @dataclass
@@ -88,8 +80,9 @@ class SymbolicEngine(RecursiveEngine):
         intermediates: bool = False,
     ) -> None:
         self.intermediates = intermediates
-        prefix = _unused_prefix(model, parameters) if intermediates else ""
-        self.symbolic = SymbolicArithmetic(most_products, prefix)
+        values = [s.name for x in parameters.values() for s in getattr(x, "free_symbols", ())]
+        known = (*model.parameter_names, *model.inputs, *values)
+        self.symbolic = SymbolicArithmetic(most_products, unused_prefix("z", known) if intermediates else "")
         super().__init__(model, self.symbolic)
         self.lengths = (1,) * len(self.model.loops)
         self.q = symbols_of(self.given.coordinate_names, "q.")

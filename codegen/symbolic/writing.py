@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import sympy
 from sympy.printing.latex import LatexPrinter
@@ -10,13 +11,16 @@ from sympy.printing.str import StrPrinter
 
 from .entries import LONGEST
 from .motion import Equations
-from .names import identifiers, latex_name
+from .names import identifiers, latex_name, unused_prefix
 
 SMALL = 240
 """A matrix of at most this many characters, as sympy prints it, is printed as a whole, others entry by entry."""
 
 PER_LINE = 4
 """Terms of a sum in a line of LaTeX."""
+
+NESTED = 8
+"""In LaTeX, a sum of more terms that is a part of a product or function is named, and printed before."""
 
 LAWS = {
     "tree": ("M*udot = forcing",),
@@ -88,7 +92,8 @@ def as_latex(found: Equations) -> str:
             letter = {"multipliers": "\\lambda"}.get(name, name)
             column = " \\\\ ".join(latex_name(s.name) for s in of)
             lines.append(f"\\[ {letter} = \\begin{{bmatrix}} {column} \\end{{bmatrix}} \\]")
-    lines += [_broken(names[s], value, names) for s, value in found.intermediates.items()]
+    written = _Latex(names)
+    lines += [line for s, value in found.intermediates.items() for line in written(names[s], value)]
     for name, of in found.matrices.items():
         letter = LETTERS[name]
         if is_small(of):
@@ -97,19 +102,54 @@ def as_latex(found: Equations) -> str:
             continue
         for i, j, value in entries(found, name):
             place = f"{i + 1}{j + 1}" if of.cols > 1 else f"{i + 1}"
-            lines.append(_broken(f"{letter}_{{{place}}}", value, names))
-    lines += [_broken(f"\\text{{{name}}}".replace("_", "\\_"), value, names) for name, value in found.outputs.items()]
+            lines += written(f"{letter}_{{{place}}}", value)
+    for name, value in found.outputs.items():
+        lines += written(f"\\text{{{name}}}".replace("_", "\\_"), value)
     return "\n".join(lines) + "\n"
 
 
-def _broken(left: str, value: sympy.Expr, names: dict[sympy.Symbol, str]) -> str:
-    """An equation, a sum of many terms over several lines."""
-    printer = LatexPrinter({"symbol_names": names})
-    terms = [printer.doprint(x) for x in value.as_ordered_terms()]
-    signed = [x if x.startswith("-") or not k else f"+ {x}" for k, x in enumerate(terms)]
-    lines = [" ".join(signed[k : k + PER_LINE]) for k in range(0, len(signed), PER_LINE)]
-    body = " \\\\\n & \\quad ".join(lines)
-    return f"\\begin{{align*}}\n{left} & = {body}\n\\end{{align*}}"
+class _Latex:
+    """Prints equations in LaTeX: a sum of many terms over several lines, and long sums inside of others by names y1, y2, ...
+
+    Parameters
+    ----------
+    names : dict of Symbol to str
+        LaTeX of the symbols.
+    """
+
+    def __init__(self, names: dict[sympy.Symbol, str]) -> None:
+        self.names = dict(names)
+        self.prefix = unused_prefix("y", (s.name for s in names))
+        self.parts: dict[sympy.Expr, sympy.Symbol] = {}
+
+    def __call__(self, left: str, value: sympy.Expr) -> list[str]:
+        """An equation, after those of its parts that are not printed yet."""
+        known = len(self.parts)
+        if not value.is_Add:
+            value = self._named(value)
+        else:
+            value = sympy.Add(*map(self._named, value.args))
+        found = [self._broken(self.names[s], part) for part, s in list(self.parts.items())[known:]]
+        return [*found, self._broken(left, value)]
+
+    def _named(self, e: Any) -> Any:
+        if not any(len(x.args) > NESTED for x in e.atoms(sympy.Add)):
+            return e
+        e = e.func(*map(self._named, e.args))
+        if not (e.is_Add and len(e.args) > NESTED):
+            return e
+        if e not in self.parts:
+            symbol = sympy.Symbol(f"{self.prefix}{len(self.parts) + 1}", real=True)
+            self.parts[e], self.names[symbol] = symbol, latex_name(symbol.name)
+        return self.parts[e]
+
+    def _broken(self, left: str, value: sympy.Expr) -> str:
+        printer = LatexPrinter({"symbol_names": self.names})
+        terms = [printer.doprint(x) for x in value.as_ordered_terms()]
+        signed = [x if x.startswith("-") or not k else f"+ {x}" for k, x in enumerate(terms)]
+        lines = [" ".join(signed[k : k + PER_LINE]) for k in range(0, len(signed), PER_LINE)]
+        body = " \\\\\n & \\quad ".join(lines)
+        return f"\\begin{{align*}}\n{left} & = {body}\n\\end{{align*}}"
 
 
 class _PythonPrinter(StrPrinter):

@@ -1,5 +1,7 @@
 """Equations of motion in sympy equal those of generated solvers at random states."""
 
+import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,8 +15,9 @@ from equation_agreement import Agreement, accelerations, difference
 import codegen
 from codegen.model import Model
 from codegen.model.errors import ModelError
-from codegen.symbolic import Equations, SymbolicError, TooLargeError, equations, motion
+from codegen.symbolic import Equations, SymbolicError, TooLargeError, equations, motion, statements
 from codegen.symbolic.pages import equations_page
+from codegen.symbolic.recursion_writing import as_latex as statements_latex
 from codegen.symbolic.writing import as_latex, as_sympy, as_text
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -209,6 +212,32 @@ def test_long_sums_are_computed_in_parts():
     made: dict = {}
     exec(as_sympy(found), made)
     assert made["forcing"] == found.forcing
+
+
+def test_long_sums_inside_of_others_are_named_in_latex():
+    """TeX has no lines of metres: a sum of many terms within a product is printed before."""
+    text = as_latex(equations(read("elements")))
+    named = [int(n) for n in re.findall(r"^y_\{(\d+)\} & =", text, re.M)]
+    assert named == list(range(1, len(named) + 1)) and named
+    for n in named:
+        first = re.search(rf"y_\{{{n}\}}", text)
+        assert first is not None and text[first.end() :].startswith(" & ="), "it is used before"
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="there is no pdflatex on this machine")
+@pytest.mark.parametrize("name", ["double_pendulum", "elements", "four_bar", "slider_crank", "excavator", "coupled"])
+def test_latex_compiles(name, tmp_path):
+    model = read(name)
+    found = [as_latex(equations(model, intermediates=x)) for x in (False, True)]
+    found.append(statements_latex(statements(model, functions=["accelerations"])))
+    packages = "\\usepackage{amsmath}\\usepackage[a3paper,landscape,margin=1cm]{geometry}\\allowdisplaybreaks"
+    body = "\n".join(found)
+    text = f"\\documentclass{{article}}{packages}\\begin{{document}}\n{body}\\end{{document}}\n"
+    (tmp_path / "made.tex").write_text(text)
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "made.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
 
 
 def test_names_of_intermediates_are_no_names_of_the_model():
