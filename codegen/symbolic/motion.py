@@ -223,32 +223,50 @@ class Equations:
         arguments = [*self.q, *self.u, *self.parameters, *self.inputs, *(self.udot if outputs else ()), self.t]
         every = {s for e in (*of.values(), *inner.values()) for s in e.free_symbols}
         if more := every - {*arguments, *inner}:
-            names = ", ".join(sorted(s.name for s in more))
-            raise SymbolicError(f"lambdify: {names} have no values; put numbers in their place with subs")
+            missing = ", ".join(sorted(s.name for s in more))
+            raise SymbolicError(f"lambdify: {missing} have no values; put numbers in their place with subs")
         entries = [[floats(x) for x in m] for m in of.values()]
         found = sympy.lambdify(arguments, entries, modules=modules, cse=partial(steps, inner, cse))
-        default = [float(self.defaults[s]) for s in self.parameters]
+        names = {
+            "q": self.q,
+            "u": self.u,
+            "p": self.parameters,
+            "inputs": self.inputs,
+            "udot": self.udot if outputs else (),
+        }
+        default = {
+            "p": [float(self.defaults[s]) for s in self.parameters],
+            "inputs": [0.0] * len(self.inputs),
+            "udot": [np.nan] * len(names["udot"]),
+        }
+        return _evaluation(names, default, {name: m.shape for name, m in of.items()}, found)
 
-        def evaluate(
-            q: Any, u: Any, p: Any = None, inputs: Any = None, t: float = 0.0, udot: Any = None
-        ) -> dict[str, Array]:
-            parts = {"q": (q, self.q), "u": (u, self.u), "p": (default if p is None else p, self.parameters),
-                     "inputs": (np.zeros(len(self.inputs)) if inputs is None else inputs, self.inputs)}  # fmt: skip
-            if outputs:
-                parts["udot"] = np.full(len(self.udot), np.nan) if udot is None else udot, self.udot
-            numbers: list[Any] = []
-            for name, (given, symbols) in parts.items():
-                if len(given) != len(symbols):
-                    raise SymbolicError(f"{name} has {len(given)} entries, expected {len(symbols)}")
-                numbers += list(given)
-            with np.errstate(divide="ignore", invalid="ignore"):  # the other cases of case distinctions
-                entries = found(*numbers, t)
-            return {
-                name: np.array(x, dtype=float).reshape(m.shape)
-                for (name, m), x in zip(of.items(), entries, strict=True)
-            }
 
-        return evaluate
+def _evaluation(
+    names: dict[str, tuple[sympy.Symbol, ...]],
+    default: dict[str, list[float]],
+    shapes: dict[str, tuple[int, int]],
+    computed: Callable[..., Any],
+) -> Callable[..., dict[str, Array]]:
+    """What `Equations.lambdify` returns, for the entries that are computed from single numbers."""
+
+    def evaluate(
+        q: Any, u: Any, p: Any = None, inputs: Any = None, t: float = 0.0, udot: Any = None
+    ) -> dict[str, Array]:
+        numbers: list[Any] = []
+        for (name, symbols), given in zip(names.items(), (q, u, p, inputs, udot), strict=True):
+            value = default[name] if given is None else given
+            if len(value) != len(symbols):
+                raise SymbolicError(f"{name} has {len(value)} entries, expected {len(symbols)}")
+            numbers += list(value)
+        with np.errstate(divide="ignore", invalid="ignore"):  # the other cases of case distinctions
+            entries = computed(*numbers, t)
+        return {
+            name: np.array(x, dtype=float).reshape(shape)
+            for (name, shape), x in zip(shapes.items(), entries, strict=True)
+        }
+
+    return evaluate
 
 
 MATRICES = ("M", "forcing", "qdot", "position", "J", "rate", "drift", "S", "s", "remainder")
