@@ -197,3 +197,16 @@ def test_shades_are_the_lengths_of_derivatives_of_centres_of_mass(solver):
         step = h * np.eye(3)[j]
         along = (centres(p + step) - centres(p - step)) / (2 * h)
         np.testing.assert_allclose(found[name][0], np.linalg.norm(along, axis=1), atol=1e-8)
+
+
+def test_a_motion_is_computed_again_at_other_parameters(tmp_path):
+    ordernm.generate(ordernm.parse_model(MODEL), tmp_path / "moved", functions=("simulate", "frames"))
+    moved = ordernm.load(tmp_path / "moved")
+    times = np.linspace(0, 0.2, 5)
+    p = np.array(moved.parameters) * 1.5
+    again = moved.simulate(times, sensitivities="length").views.again(p)
+    expected = moved.simulate(times, p=p, sensitivities="length")
+    np.testing.assert_array_equal(again.q, expected.q)
+    np.testing.assert_array_equal(again.dq, expected.dq)
+    shown = again.views.shown(again)
+    np.testing.assert_allclose(shown[0].solids[0].sizes, [0.03, 1.5])

@@ -1869,13 +1869,7 @@ class Solver(Package):
         # long: eighteen arguments, each with its meaning
         settings = Settings(method, rtol, atol, step, largest_step, most_steps, atol_sensitivities)
         first = Start(q, u, p, inputs, sensitivities, dq0, du0)
-        run = self._motions.simulate(t, first, settings, events, progress, on_failure)
-        if run.views is not None:
-            run.views.again = lambda other: self.simulate(
-                t, q, u, other, inputs, rtol=rtol, atol=atol, method=method, step=step, largest_step=largest_step,
-                most_steps=most_steps, events=events,
-            )  # fmt: skip
-        return run
+        return self._motions.simulate(t, first, settings, events, progress, on_failure)
 
     def judge(
         self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,

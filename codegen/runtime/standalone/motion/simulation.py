@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -89,6 +90,8 @@ class Simulation(Reasons):
         any_derivatives = directions.k and len(trajectory)
         if any_derivatives and self._largest_growth(trajectory, directions, problem, run.rows) > MEANINGLESS:
             warn(meaningless("sensitivities have"))
+        if trajectory.views is not None:
+            trajectory.views.again = lambda p: self.simulate(t, replace(first, p=p), settings, events, None, on_failure)
         return trajectory
 
     def _without_lost(self, run: Run, problem: Problem, directions: Directions, trajectory: Trajectory) -> None:
