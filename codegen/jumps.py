@@ -154,7 +154,8 @@ def _beside(tree: Tree, known: Known, t: Array, side: float, order: int) -> Arra
         return here
     far = np.maximum(np.abs(t), 1e-3) * FAR_BESIDE * side
     near, farther = (evaluated(tree, known(t + x * far), t.shape)[order] for x in (1.0, 2.0))
-    return np.where(np.isfinite(here), here, 2.0 * near - farther)
+    with np.errstate(invalid="ignore"):  # both may be infinite
+        return np.where(np.isfinite(here), here, 2.0 * near - farther)
 
 
 def _finite(x: Array) -> Array:

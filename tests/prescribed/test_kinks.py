@@ -72,6 +72,11 @@ def test_motion_whose_velocity_is_continuous_has_none(text: str) -> None:
     assert find_kink(bound(text), PARAMETERS, frozenset({"x"})) is None
 
 
+@pytest.mark.filterwarnings("error")
+def test_rates_that_are_infinite_beside_a_time_warn_of_nothing() -> None:
+    find_kink(bound("sqrt((exp(-(t)**2))**2) + atan2(exp(-(t)**2), t)"), {}, frozenset())
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_random_pieces_that_meet_with_equal_velocity_have_none_and_others_have_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
