@@ -192,7 +192,7 @@ def resolved(value: Any, names: SympyNames, path: tuple[str, ...], problems: lis
     try:
         if path[-1] in _NAMING:
             return names.key(value)
-        if hasattr(value, "shape"):
+        if not getattr(value, "is_Indexed", False) and getattr(value, "shape", None) is not None:
             return resolved(_entries(value, path[-1]), names, path, problems)
         return from_sympy_expression(value, names)
     except ExpressionError as error:
@@ -201,6 +201,10 @@ def resolved(value: Any, names: SympyNames, path: tuple[str, ...], problems: lis
 
 def _entries(matrix: Any, key: str) -> Any:
     """A vector as a list, or the inertia matrix as the mapping of a model file."""
+    if len(matrix.shape) == 1:
+        return list(matrix)
+    if len(matrix.shape) > 2:
+        raise ExpressionError(f"an array has the shape {matrix.shape}; a row or a column is allowed")
     rows, columns = matrix.shape
     if 1 in (rows, columns):
         return list(matrix)

@@ -62,6 +62,8 @@ def from_sympy_expression(value: Any, named: Named) -> Expression:
 
     if not isinstance(value, sympy.Basic):
         raise ExpressionError(f"a matrix of shape {value.shape}; an expression with a real value is needed")
+    if isinstance(value, sympy.Lambda):
+        raise ExpressionError(f"{_shown(value)} is a Lambda; an expression with a real value is needed")
     try:
         if _size(value, {}) > MAX_SIZE:
             raise ExpressionError(_TOO_LARGE)

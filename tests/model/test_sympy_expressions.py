@@ -212,6 +212,22 @@ def test_symbols_of_the_model_alone_are_known() -> None:
         assert part in said, said
 
 
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (s.IndexedBase("x")[0], "x[0]"),
+        (s.IndexedBase("x"), "x"),
+        (s.Lambda(s.Symbol("L"), s.Symbol("L")), "is a Lambda; an expression with a real value is needed"),
+        (s.Array([[[1, 2]]]), "an array has the shape (1, 1, 2); a row or a column is allowed"),
+        (s.MatrixSymbol("A", 2, 2)[0, 0], "A[0, 0]"),
+    ],
+)  # fmt: skip
+def test_objects_that_are_no_numbers_are_named(value: s.Basic, said: str) -> None:
+    b = arm()
+    b.output("a", value=value)
+    assert f"outputs.a.value: {said}" in message(b) or said in message(b)
+
+
 def test_a_motion_may_not_stand_where_parameters_are_needed() -> None:
     assert "bodies.upper.mass: 'q.upper', which changes with the motion, is not allowed here" in message(
         arm(mass=dynamicsymbols("upper"))
