@@ -386,28 +386,39 @@ def _parameters(model: Model, given: Mapping[str, Any] | str | None) -> dict[str
         if given != "values":
             raise SymbolicError(f'parameters: {given!r} is not known; give "values", or values by name')
         return {p.name: exact(p.value) for p in model.parameters}
+    if not isinstance(given, Mapping):
+        raise SymbolicError(f'parameters: {given!r} is not a mapping; give "values", or values by name')
     for name in given:
         if name not in model.parameter_names:
             known = ", ".join(model.parameter_names) or "none"
             raise SymbolicError(
                 f"parameters: {model.name} has no parameter {name!r}; it has {known}{nearest(name, model.parameter_names)}"
             )
-    return {name: _number(value) for name, value in given.items()}
+    values = {name: _number(value) for name, value in given.items()}
+    for name, value in values.items():
+        for symbol in sorted(s.name for s in value.free_symbols):
+            if symbol in ("t", *model.inputs) or symbol.startswith(("q.", "u.", "udot.")):
+                raise SymbolicError(
+                    f"parameters: the value of {name} has {symbol}, which changes; parameters are constant"
+                )
+    return values
 
 
 def _number(value: Any) -> sympy.Expr:
-    if isinstance(value, sympy.Expr):
-        return value
-    if isinstance(value, float | np.floating):
-        if not np.isfinite(value):
-            raise SymbolicError(f"{value} is not a finite number")
-        return exact(float(value))
     try:
         found = sympy.sympify(value, strict=True)
     except sympy.SympifyError:
         found = None
-    if not isinstance(found, sympy.Expr):
+    if not isinstance(found, sympy.Expr) or getattr(found, "is_Matrix", False):
         raise SymbolicError(f"{value!r} is neither a number nor an expression of sympy's")
+    if isinstance(found, sympy.Float) and np.isfinite(float(found)):
+        return exact(float(found))
+    if (
+        found.is_Float
+        or found.is_extended_real is False
+        or found.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo)
+    ):
+        raise SymbolicError(f"{value} is not a finite number; finite real numbers and expressions are allowed")
     return found
 
 

@@ -174,6 +174,17 @@ def test_parameters_are_given_by_name_or_as_the_model_has_them():
         equations(model, parameters={"lenght": 1})
     with pytest.raises(SymbolicError, match="neither a number nor an expression"):
         equations(model, parameters={"length": "1 m"})
+    for wrong in (sympy.I, sympy.zoo, sympy.oo, sympy.nan, float("inf"), 1j, sympy.Float("1e400"), 2 * sympy.I):
+        with pytest.raises(SymbolicError, match="is not a finite number; finite real numbers and expressions"):
+            equations(model, parameters={"length": wrong})
+        with pytest.raises(SymbolicError, match="is not a finite number"):
+            one.subs({"mass": wrong})
+    with pytest.raises(SymbolicError, match="neither a number nor"):
+        equations(model, parameters={"length": sympy.Matrix([1])})
+    with pytest.raises(SymbolicError, match="the value of length has t, which changes; parameters are constant"):
+        equations(model, parameters={"length": sympy.Symbol("t")})
+    with pytest.raises(SymbolicError, match="is not a mapping"):
+        equations(model, parameters=[1])
     with pytest.raises(SymbolicError, match="'embedded' is not possible; pendulum has no closed loops"):
         equations(model, form="embedded")
 
