@@ -1868,8 +1868,9 @@ class Solver(Package):
         """
         # long: eighteen arguments, each with its meaning
         settings = Settings(method, rtol, atol, step, largest_step, most_steps, atol_sensitivities)
-        first = Start(q, u, p, inputs, sensitivities, dq0, du0)
-        return self._motions.simulate(t, first, settings, events, progress, on_failure)
+        return self._motions.simulate(
+            t, Start(q, u, p, inputs, sensitivities, dq0, du0), settings, events, progress, on_failure
+        )
 
     def judge(
         self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,
@@ -1928,8 +1929,7 @@ class Solver(Package):
         """
         # long: seventeen arguments, each with its meaning
         settings = Settings(integrator, rtol, atol, step, largest_step, most_steps, keyword="integrator")
-        first = Start(q, u, p, inputs, wrt, dq0, du0)
-        return self._motions.judge(t, functionals, first, method, settings, memory)
+        return self._motions.judge(t, functionals, Start(q, u, p, inputs, wrt, dq0, du0), method, settings, memory)
 
     @functools.cached_property
     def _motions(self) -> FunctionalGradients:

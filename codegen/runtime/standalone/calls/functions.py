@@ -94,7 +94,7 @@ MADE_OF = {
     **dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step")),
     **dict.fromkeys(("assemble", "initial_state", "assemble_sensitivities", "assemble_gradients"), CLOSING),
     **dict.fromkeys(("frame_jacobians", "point_sensitivities", "point_jacobians"), ("frame_sensitivities",)),
-    "points": ("frames",), "diagnose": ("accelerations",), "condition": ("conditions",),
+    **dict.fromkeys(("points", "picture", "view"), ("frames",)), "diagnose": ("accelerations",), "condition": ("conditions",),
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
     "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
 }  # fmt: skip
@@ -107,7 +107,7 @@ SOMETIMES = (
     "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
-    "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
+    "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods that a package may lack."""
 

@@ -397,7 +397,7 @@ class Package:
         if name in ("reactions", "reaction_sensitivities"):
             among = ", or add it to --functions" if "left_out" in self._manifest else ""
             return f"{self.name} was generated without {name}: generate it with --reactions{among}"
-        if name.startswith(("frame", "point", "picture")):
+        if name.startswith(("frame", "point", "picture", "view")):
             return f"{self.name} was generated without {name}: generate it with --frames"
         left_out, needed = self._manifest.get("left_out", ()), (name, *MADE_OF.get(name, ()))
         if called := [n for n in dict.fromkeys(MEMBERS.get(n, n) for n in needed) if n in left_out]:
