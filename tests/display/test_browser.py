@@ -1,0 +1,89 @@
+"""Views and pages in a browser: they load without errors, move, and follow their sliders."""
+
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ordernm
+
+pytestmark = pytest.mark.campaign
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MODELS = ("four_bar", "slider_crank", "double_wishbone", "stewart")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+NO_GRAPHICS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
+
+
+@pytest.fixture(scope="module")
+def page():
+    api = pytest.importorskip("playwright.sync_api", reason="drives a browser: pip install playwright")
+    pytest.importorskip("viser", reason="serves views: pip install viser")
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip("no Chromium on the PATH; install one")
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, args=list(NO_GRAPHICS))
+        page = browser.new_page(viewport={"width": 420, "height": 320})
+        page.set_default_timeout(180_000)
+        yield page
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def solvers(tmp_path_factory):
+    made = {}
+    for name in MODELS:
+        folder = tmp_path_factory.mktemp("shown") / name
+        ordernm.generate(str(EXAMPLES / f"{name}.yaml"), folder, frames=True, check=False)
+        made[name] = ordernm.load(folder)
+    return made
+
+
+def picture(page) -> np.ndarray:
+    from io import BytesIO
+
+    from PIL import Image
+
+    return np.asarray(Image.open(BytesIO(page.screenshot(timeout=180_000))).convert("RGB"), dtype=float)
+
+
+def opened(page, url):
+    """Opens a page and returns the list of its errors, which grows."""
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.goto(url)
+    page.wait_for_selector("canvas")
+    time.sleep(3.0)
+    return errors
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_page_plays_without_a_server(page, solvers, name, tmp_path):
+    solvers[name].simulate(2.0).html(tmp_path / "run.html")
+    errors = opened(page, f"file://{tmp_path / 'run.html'}")
+    before = picture(page)
+    time.sleep(0.7)
+    assert np.abs(picture(page) - before).max() > 30, "nothing moves"
+    assert before.std() > 5, "nothing is shown"
+    assert errors == []
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_slider_moves_the_mechanism(page, solvers, name):
+    view = solvers[name].view()
+    try:
+        errors = opened(page, view.url)
+        before, q = picture(page), view.poses.position.copy()
+        box = page.locator("input[type=text], input[type=number]").first
+        box.fill(str(float(box.input_value()) + 0.1))
+        box.press("Enter")
+        page.wait_for_timeout(3000)
+        assert np.abs(view.poses.position - q).max() > 1e-4, "the slider changed nothing"
+        assert np.abs(picture(page) - before).max() > 30, "nothing moves"
+        assert errors == []
+    finally:
+        view.close()
