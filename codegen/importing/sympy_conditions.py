@@ -47,8 +47,11 @@ class _Conditions:
 
     def read(self, name: str, constraint: Any) -> None:
         """Add one constraint."""
+        import sympy
         from sympy.core.function import AppliedUndef
 
+        if constraint.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+            raise Trouble(f"{constraint} has a constant that is not a finite real number; only these are allowed")
         used = [q for q in self.found.scalars if constraint.has(q)]
         others = constraint.atoms(AppliedUndef) - set(used)
         if others or moves(constraint.subs(dict.fromkeys(used, 1))):

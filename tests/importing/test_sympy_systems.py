@@ -315,6 +315,9 @@ def test_what_a_model_cannot_say_is_refused_by_name() -> None:
     assert "holonomic_constraints[0]: q(t)**2 - w(t) depends on time or on other functions than coordinates" in message(
         driven
     )
+    imaginary = simple(coordinates=q, speeds=u)
+    imaginary.add_holonomic_constraints(s.I * q)
+    assert "holonomic_constraints[0]: I*q(t) has a constant that is not a finite real number" in message(imaginary)
     loose = simple(coordinates=q, speeds=u)
     moving = loose.bodies[0].masscenter.locatenew("moving", w * loose.x)
     loose.add_loads(Force(moving, loose.y))
