@@ -1,4 +1,4 @@
-"""The floors of the package: every module imports lower ones only, and a few habits that no review should have to find."""
+"""The layers of the package: every module imports lower layers only. Also checks of style that need no reviewer."""
 
 import ast
 import re
@@ -53,8 +53,8 @@ FLOORS = {
     },
     "design": {"runtime", "version"},  # on solvers; knows no models, and no package carries it
 }
-"""What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
-they may import everything, and no listed floor may import them."""
+"""What each layer may import besides itself. Layers that are not listed (generation, cli, report, ...) are the top:
+they may import everything, and no listed layer may import them."""
 
 APART = {"measure": {"bench", "cli", "reporting"}, "bench": {"cli", "reporting"}, "reporting": {"bench", "cli"}}
 """At the top: the benchmark and reports stand on `measure`, which knows neither, and they do not know each other."""
