@@ -15,7 +15,7 @@ CLOSING = ("closure", "completion")
 """Functions that make states consistent; the example program does not print their results."""
 
 NAMES = 1000
-"""If a model has more names of one sort, they get no indices, since nobody types them by hand."""
+"""Maximum number of names of coordinates, parameters, ... for which indices are written; nobody types more names by hand."""
 NUMBERS = 10_000
 """Maximum length of an initial state that is written."""
 LINE = 100

@@ -229,7 +229,8 @@ def _closures(system: System) -> dict[str, Any]:
 
 
 def _redundancy(system: System) -> dict[str, Any]:
-    """Dropped conditions, and parameters that open others, if there are any."""
+    """Dropped conditions, redundant conditions that a parameter may open, and these parameters; empty without such parameters
+    and conditions."""
     chosen, model = system.partition, system.model
     if chosen is None:
         return {}

@@ -41,7 +41,7 @@ def swing(c: str, t: float) -> tuple[Angle, Any]:
 
 
 def rotation(c: Any, speed: Any, t: Any) -> tuple[Angle, Any]:
-    """The same for a pendulum that rotates: at time 0 it is at the highest point, with angular velocity `speed` in 1/s.
+    """Angle and angular velocity of a pendulum that rotates: at time 0 it is at the top, with angular velocity `speed` in 1/s.
 
     Parameters
     ----------

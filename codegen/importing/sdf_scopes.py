@@ -80,7 +80,7 @@ class Scope:
         return [*([] if self.is_world else ["__model__"]), *self.items, *self.models]
 
     def all(self) -> Iterator[tuple[str, Scope]]:
-        """This scope and those in it, with the prefixes of their names here."""
+        """This scope and all nested scopes, each with the prefix of its names in this scope."""
         yield "", self
         for name, model in self.models.items():
             for prefix, scope in model.all():

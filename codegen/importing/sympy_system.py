@@ -112,7 +112,7 @@ class SympySystem:
             raise Trouble(error.message) from None
 
     def text(self, value: Any) -> str:
-        """The same as text for the model file."""
+        """The text of an expression for the model file."""
         return str(self.expression(value))
 
     def named(self, e: Any) -> Tree:

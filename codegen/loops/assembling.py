@@ -32,7 +32,7 @@ TRIES = 8
 """Number of further guesses, at growing distance from the given one, for a ring that does not close."""
 
 GUESSES = 16
-"""The same for an ear: its independent coordinates are held, so there may be no closed state near the given one."""
+"""Number of further guesses for an ear: its independent coordinates are held, so no closed state may be near the given one."""
 
 SEED = 20070404
 """Seed of the random guesses: the same initial values lead to the same state."""
@@ -207,7 +207,7 @@ def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: s
 
 
 def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]:
-    """Those of some connected loops with joints that can move, to first order; all of them if there are more than MANY.
+    """The connected loops whose joints can move, to first order; all of `loops` if there are more than MANY.
 
     In a structure, such as a triangle of bars, nothing moves.
     """

@@ -75,7 +75,9 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
         which = ""
         if len(compared) > 1:
             which = f" of {listed([model.loops[i].name for i in found.loops])}, the worst of {len(compared)},"
-        text = f"  dependents{which} together: condition number {found.condition:.2g} (by pivoting: {found.pivoted:.2g})"
+        text = (
+            f"  dependents{which} together: condition number {found.condition:.2g} (by pivoting: {found.pivoted:.2g})"
+        )
         if found.worst == found.worst:
             text += f"; in 75% of other states at most {found.worst:.2g} (by pivoting: {found.worst_pivoted:.2g})"
         if found.reach == found.reach:

@@ -47,8 +47,8 @@ OTHERS = 3
 """Number of further configurations at which redundant conditions are examined."""
 
 PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
-"""Distances at which these are sought until enough are found, rad and characteristic lengths. The first are large, because
-nearby configurations may all be special."""
+"""Distances, rad and characteristic lengths, at which these configurations are searched for until `OTHERS` are found. The first
+distances are large, because nearby configurations may all be special."""
 
 SEED = 20030617
 """Seed of the random numbers: the same model always has the same partition."""
@@ -351,7 +351,7 @@ def _places(geometry: Geometry, speed: int) -> list[int]:
 
 
 def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array, warnings: list[str]) -> Array:
-    """The assembled configuration with the independent coordinates of the guess; `q` if there is none.
+    """The assembled configuration with the independent coordinates of the guess; `q` if no such configuration is found.
 
     Dependent coordinates start from the guess, then from `q`.
     """

@@ -33,10 +33,11 @@ ROUNDING = 2e-14
 """Residual of redundant conditions that counts as rounding, per unit of the distance from the base."""
 
 SPACING = 4e-16
-"""The same per unit of the condition number of the dependents' columns, which limits the accuracy of their range."""
+"""Residual that counts as rounding, per unit of the condition number of the dependents' columns: it limits the accuracy of their
+range."""
 
 FAR = 2e-11
-"""The same at configurations that are closed less accurately."""
+"""`ROUNDING` at configurations that are closed less accurately."""
 
 OPENED = 1e-7
 """Largest residual, per unit change of a parameter, up to which the parameter does not count as opening a redundant condition."""

@@ -37,7 +37,7 @@ class Step:
     v: Array | None = None
 
     def of(self, rows: Array) -> Self:
-        """The same for some of the joints."""
+        """This step for some of the joints."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "speeds"}
         return replace(self, **{name: x[rows] for name, x in arrays.items() if x is not None})
 
@@ -139,7 +139,7 @@ class Chain:
         self.turns = any(isinstance(m, Turn | Ball) for m in motion)
 
     def of(self, rows: Array) -> Chain:
-        """The same for some of the joints."""
+        """This chain for some of the joints."""
         part = copy(self)
         part.steps = [step.of(rows) for step in self.steps]
         return part

@@ -397,7 +397,7 @@ def made(kind: str, *operands: Expression | Number) -> Expression:
 
 
 def combine_exactly(kind: str, *arguments: Tree) -> Tree:
-    """The same, but operations that a double would round remain unevaluated, so that any number of digits can be computed."""
+    """`combine`, but operations that a double would round remain unevaluated, so that any number of digits can be computed."""
     found = combine(kind, *arguments)
     if found[0] != "number" or any(a[0] != "number" for a in arguments):
         return found

@@ -147,7 +147,7 @@ class Model:
 
     @staticmethod
     def _rates(inputs: Collection[str]) -> set[str]:
-        """Those of some inputs that are time derivatives of others."""
+        """The inputs among these that are time derivatives of other inputs."""
         return {x for n in inputs for x in rates_of(n) if x in inputs}
 
     @cached_property

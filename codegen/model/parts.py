@@ -174,7 +174,7 @@ class Part:
         return name.removeprefix(self.prefix)
 
     def own(self, names: Iterable[str]) -> list[str]:
-        """Those names of the model that the file can use, as it writes them."""
+        """The names of the model that the file can use, as it writes them."""
         if not self.prefix:
             return [*names, *self.values]
         cut = len(self.prefix)

@@ -59,7 +59,7 @@ class Problems:
         self.errors += severity == "error"
         path = (at.key, *sub)
         existing = existing_path(at.container, path)
-        if at.section == ("submodels",):  # such an entry has the keys of a joint there, see `files._frame`
+        if at.section == ("submodels",):  # keys of a submodel's joint are those of the entry itself: `files._frame`
             existing = tuple("on" if key == "parent" else key for key in existing if key != "joint")
         shown = show_path((*at.section, *existing))
         document = at.part.document

@@ -56,7 +56,7 @@ def rate(expression: Expression, name: str = "t", moving: frozenset[str] = froze
 
 @lru_cache(maxsize=4096)
 def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Expression:
-    """The same by rules alone; `by` has the derivatives of names, other names have the derivative zero."""
+    """The derivative of an expression by rules alone; `by` has the derivatives of names, and other names are constant."""
     kind = of.tree[0]
     if kind == "number":
         return ZERO

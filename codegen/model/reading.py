@@ -328,7 +328,7 @@ class Reader(Problems):
         return (one,)
 
     def given_entry(self, at: Instance, scope: str) -> tuple[Expression, ...] | None:
-        """The same for an entry, by its key."""
+        """The expressions that `given` returns, for an entry and its key."""
         if not at.part.given:
             return None
         name = self.name_at(at, (), at.key, quiet=True)  # reported where the name is read

@@ -98,7 +98,7 @@ def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
 
 
 def _with_roots_apart(kind: str, *trees: Tree) -> Tree:
-    """An operation or function in which the root of a product becomes a product of roots; see `codegen.elementary`."""
+    """The tree of an operation or function, with the root of a product written as a product of roots."""
     if kind == "sqrt" and trees[0][0] == "*":
         return product((trees[0][1], HALF), (trees[0][2], HALF))
     return combine(kind, *trees)

@@ -31,8 +31,8 @@ KINDS: Final = ("sign", "power", "root", "turn", "point")
 """Meaning of the mode of a switch.
 
 - ``sign``: the sign of the switching function.
-- ``power``: the same, for the base of a power such as ``max(0, x)**1.5``, whose higher derivatives are unbounded at zero.
-- ``root``: the same, if the first derivative may be unbounded, as for ``sqrt(max(0, x))``.
+- ``power``: the sign of the base of a power such as ``max(0, x)**1.5``, whose higher derivatives are unbounded at zero.
+- ``root``: the sign of such a base if the first derivative may be unbounded at zero, as for ``sqrt(max(0, x))``.
 - ``turn``: the angle near which the function, itself an angle, is measured.
 - ``point``: no mode. A singular function is zero where an expression, or the direction of a force, may have no value.
 """

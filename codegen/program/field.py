@@ -246,7 +246,7 @@ class ShiftField(SixField):
 
 
 class EarShiftField(SixField):
-    """The same for links of ears, whose fields have other names."""
+    """Rotation vector, then displacement, for links of ears, whose fields have other names."""
 
     halves = ("th", "d")
     called_halves = ("rotation", "displacement")

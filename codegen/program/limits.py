@@ -37,7 +37,7 @@ class Limits:
         return float(f"{margin * (self.epsilon / EPSILON) ** power:.0e}")
 
     def tiny(self, size: float, root: float) -> float:
-        """Convert a size from double precision, such that this power of it remains a normal number."""
+        """A size for double precision, increased so that ``size**root`` is a normal number in this type."""
         return max(size, float(f"{2 * self.smallest ** (1 / root):.0e}"))
 
 

@@ -48,7 +48,7 @@ class Array:
     lanes: bool = False
 
     def tangent(self, name: str = "") -> Array:
-        """Its seed or derivative."""
+        """The array of seeds or derivatives of this array."""
         return replace(self, name=name or f"d{self.name}", lanes=True)
 
     def called(self, name: str) -> Array:

@@ -106,7 +106,7 @@ class Store:
 
     @property
     def sum(self) -> Store:
-        """The same store, added to."""
+        """This store in the form that adds values to its memory."""
         found = self._others.get("sum")
         if found is None:
             found = self._others["sum"] = Store(self.name, self.owner, self.memory, True, self.place)
@@ -115,7 +115,7 @@ class Store:
 
     @property
     def plain(self) -> Store:
-        """The same store, overwritten."""
+        """This store in the form that overwrites its memory."""
         return self._others["plain"] if self.adds else self
 
     def __repr__(self) -> str:

@@ -260,8 +260,8 @@ class EarClosure:
         except SingularMatrixError as error:
             loops, speeds = ([x.name for x in model.loops], model.speed_names)
             raise SingularMatrixError(
-                f"loop {', '.join(loops[i] for i in group.loops)}: {', '.join(speeds[i] for i in group.dependent)} do not"
-                f" follow from closure here: {error}"
+                f"loop {', '.join(loops[i] for i in group.loops)}: the closure does not"
+                f" determine the speeds {', '.join(speeds[i] for i in group.dependent)} at this state: {error}"
             ) from None
 
     def partial_velocities(self, speeds: Sequence[int]) -> dict[int, Pair]:

@@ -340,8 +340,8 @@ class DenseEngine(Engine):
         rows, rank = self.arithmetic.independent_rows(dependent)
         if rank < len(names):
             raise SingularMatrixError(
-                f"loops {', '.join(x.name for x in self.model.loops)}: the speeds {', '.join(names)} do not follow from"
-                f" closure here: rank {rank} of {len(names)}"
+                f"loops {', '.join(x.name for x in self.model.loops)}: the closure does not determine the speeds"
+                f" {', '.join(names)} at this state: rank {rank} of {len(names)}"
             )
         combinations = self.arithmetic.solve(dependent[rows].T, dependent.T).T
         left = np.abs(jacobian[self.kept] - combinations @ jacobian[self.kept[rows]]).max(axis=1)

@@ -73,7 +73,7 @@ class Freedoms:
         return self.l[index] + cross(self.w[index], x - self.o[index])
 
     def partial_velocity_rates(self, index: Array, x: Pair, xdot: Pair) -> Pair:
-        """Their time derivatives for a point that moves with xdot (1, 3), (len(index), 3)."""
+        """Time derivatives of the partial velocities of a point that moves with xdot (1, 3), (len(index), 3)."""
         return (
             self.l_rate[index]
             + cross(self.w_rate[index], x - self.o[index])

@@ -242,7 +242,7 @@ class RecursiveEngine(Engine):
         return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, still)[self.dependent]
 
     def _displacements(self, state: State) -> Array:
-        """The same sweep for displacements: those due to parameters and independent seeds are closed by the dependent ones.
+        """Dependent displacements that close the loops, given those due to parameters and independent seeds.
 
         With the dependent seeds at zero, the derivatives of N_C and x are the displacements of the bodies. The displacement of a
         body relative to its parent is its own part.

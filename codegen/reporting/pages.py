@@ -107,7 +107,7 @@ def page(title: str, made: str, sections: list[Section], drawn: dict[str, str]) 
 
 
 def _plain(x: Any) -> Any:
-    """The same data with null for non-finite numbers, which JSON cannot represent."""
+    """Data with None in place of non-finite numbers, which JSON cannot represent."""
     if isinstance(x, dict):
         return {k: _plain(v) for k, v in x.items()}
     if isinstance(x, list | tuple):

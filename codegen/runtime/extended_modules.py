@@ -81,7 +81,7 @@ def _named(model: Model) -> dict[str, Any]:
 
 
 def _expected(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """The same properties, from a manifest."""
+    """The properties that a model must share with a package, from the manifest of the package."""
     names = ("coordinate_names", "speed_names", "parameter_names", "parameters", "input_names", "output_names")
     return {"name": manifest["name"], **{n: [*manifest[n]] for n in names}, "loops": [*manifest.get("loops", ())]}
 

@@ -451,7 +451,7 @@ def _assembled(model: Model, engine: SymbolicEngine, form: str, given: Collectio
 
 
 def _with_definitions(found: Equations, engine: SymbolicEngine) -> Equations:
-    """The same with the intermediate variables that it needs, numbered anew."""
+    """The equations with definitions of the intermediate variables that they contain, numbered from 1."""
     algebra, matrices = engine.symbolic.algebra, found.matrices
     every = [(algebra.atoms[number].expression, of) for number, of in algebra.definitions.items()]
     values = needed([*matrices.values(), *found.outputs.values()], every)

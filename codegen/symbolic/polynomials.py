@@ -122,7 +122,7 @@ class Algebra:
         return found
 
     def closed(self, p: Polynomial, most: int) -> Polynomial:
-        """The same value; a polynomial of more than `most` terms as one atom that is not multiplied out."""
+        """The polynomial, or with more than `most` terms a single atom for it, which is not multiplied out."""
         if len(p.terms) <= most:
             return p
         if self.intermediate:
@@ -137,7 +137,7 @@ class Algebra:
         return self._closed[expression]
 
     def named(self, p: Polynomial, most: int) -> Polynomial:
-        """The same value; of more than `most` terms an intermediate variable, or its negative."""
+        """The polynomial, or with more than `most` terms an intermediate variable that equals it or its negative."""
         if len(p.terms) <= most:
             return p
         factor = 1 if p.terms[min(p.terms)] > 0 else -1
@@ -386,7 +386,7 @@ class Polynomial:
 
     @property
     def expression(self) -> sympy.Expr:
-        """The same as an expression of sympy's; terms with one divisor have it in common."""
+        """The polynomial as an expression of sympy; terms with the same divisor are collected over it."""
         above: dict[Monomial, list[sympy.Expr]] = {}
         for m, x in self.terms.items():
             divisor = tuple((a, e) for a, e in m if self.algebra.atoms[a].expanded is not None)

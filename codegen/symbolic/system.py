@@ -340,5 +340,5 @@ class _Minors:
 
 
 def matrix_of(of: Array) -> sympy.Matrix:
-    """The same with sympy's expressions."""
+    """A matrix of sympy's expressions from an array of polynomials."""
     return sympy.Matrix(*of.shape, [x.expression if isinstance(x, Polynomial) else x for x in of.flat])

@@ -118,7 +118,7 @@ def test_arguments_of_judge(four_bar: Any, arguments: dict[str, Any], message: s
 def test_judging_what_an_event_has_ended(falling: Any) -> None:
     lands = AtEvent("t", Event("z"))
     for f, message in [
-        (Final("z"), r"z at t = 1 s is requested, but an event has ended the motion at 0.638550857 s; take AtEvent"),
+        (Final("z"), r"z at t = 1 s is requested, but an event has ended the motion at 0.638550857 s; use AtEvent"),
         (Integral("z"), r"the integral of z: an event has ended the motion before t = 1 s"),
         (LeastSquares([0.1, 0.9], {"z": [1, 2]}), r"an event has ended the motion before the last sample"),
     ]:

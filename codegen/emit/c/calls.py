@@ -19,7 +19,7 @@ SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "
 list."""
 
 INTERNAL = ("closure", "conditions", "newton_step")
-"""Functions whose results may be infinite; they are checked elsewhere."""
+"""Functions whose results may be infinite; their callers check them."""
 
 _WITH_DEFAULT = ("p", "inputs")
 """Optional arguments."""

@@ -61,7 +61,7 @@ def signatures(procedure: Procedure, model: str, real: str) -> list[str]:
 
 
 def in_all(number: str) -> str:
-    """The same number for every state, where a scalar holds several states."""
+    """The C text of a scalar with this number for every state, where a scalar holds several states."""
     return f"ALL({number})"
 
 

@@ -40,7 +40,7 @@ _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions
 """Functions for integration that are in another library, too."""
 
 _ASKED_IN_MOTIONS = ("conditions", "completion_sensitivities")
-"""Those of them that Python calls when a motion changes its independent coordinates."""
+"""Functions of `_MOTION` that Python calls when a motion changes its independent coordinates."""
 
 
 def library_of(function: str) -> str:

@@ -31,7 +31,7 @@ OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
 
 
 def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
-    """Those of the solver's functions that exist for several states."""
+    """Functions of the solver that have a variant for several states."""
     return [p for p in procedures if p.name in OVER_STATES]
 
 

@@ -192,7 +192,7 @@ class Element:
 
     @property
     def turns_over(self) -> bool:
-        """Its ends move along one fixed line and may pass each other."""
+        """Whether the attachment points move along one fixed line and may pass each other."""
         return len(self.kind.forms) > len(self.kind.first.keys)
 
     @property

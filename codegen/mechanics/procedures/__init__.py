@@ -43,7 +43,7 @@ IN_MODES = (
 """Functions to which integration passes the modes of switches."""
 
 CLOSING_IN_MODES = ("closing_step", "completion", "completion_sensitivities", "completion_sensitivities_transposed")
-"""Further ones, if a prescribed motion that enters loops has switches."""
+"""Further functions that receive the modes, if a prescribed motion that enters loops has switches."""
 
 
 def procedures(

@@ -244,7 +244,7 @@ def _is_held(motion: Motion, held: Collection[int]) -> bool:
 
 
 def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
-    """The part with this joint if the chain is its motion, except for numbers of axes and coordinates; otherwise None."""
+    """A part of the chain with this joint; None if their motions differ in more than the numbering of axes and coordinates."""
     places: set[tuple[int, int]] = set()
     own_axes: set[int] = set()
     axes: set[int] = set()

@@ -31,7 +31,7 @@ class Owner(Protocol):
         """The expressions in its constants, in a fixed order."""
 
     def write_constants(self, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
-        """Its constants by name."""
+        """Writes the constants of this owner, and returns their values by name."""
 
 
 class ModelConstants:

@@ -33,7 +33,7 @@ from ..structure.kinds import LinkKind
 
 
 def tangent(d: Tangents | None, value: Value) -> Value:
-    """Tangent of a value. On zero patterns (no `d`) it may be nonzero where the value may be, unless the value is a number."""
+    """Tangent of a value; without `d`, its zero pattern (see `pattern`)."""
     return d.value(value) if d else pattern(value)
 
 

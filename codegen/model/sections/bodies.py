@@ -49,7 +49,7 @@ class BodySection:
     index : dict of str to int
         Index of each body in `names`.
     frames : dict of str to int
-        The same, including the ground.
+        Index of each body, and of the ground.
     bodies : list of Body
         The bodies without errors; as many as `names` if there are none.
     is_tree : bool

@@ -1,4 +1,4 @@
-"""The other files of a model: included files, and submodels, which are further uses of files under a prefix."""
+"""Included files of a model, and submodels: files whose names get a prefix, so that a model can use one file several times."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ static int end_at_pose(ordernm_motion *m, trial *step)
         step->error = 0.0;
         return 1;
     }
-    m->row_known = 0; /* steps of other sizes have replaced this one */
+    m->row_known = 0; /* row and step now belong to a step of another size */
     const scheme *const method = m->method;
     const int status = method->step(m, step->h, &step->error);
     if (!status && step->error <= 1.0 && !method->gives_rate) ordernm_rates_at_end(m, step->end, m->rate[method->stages]);

@@ -107,7 +107,7 @@ static int rk4_step(ordernm_motion *m, scalar h, scalar *error)
     return to_end(m, h);
 }
 
-/* The same for Hermite's cubic. */
+/* Factors of the rates in the state at t + theta h, by Hermite's cubic. */
 static void rk4_weights(scalar theta, scalar *w)
 {
     const scalar x = theta, y = 1.0 - theta;

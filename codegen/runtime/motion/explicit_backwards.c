@@ -39,7 +39,7 @@ static int stages(ordernm_adjoint *a, const scalar *step, int count)
     return 0;
 }
 
-/* The same from a row of steps. */
+/* States and rates at the stages of a step, from its row in the list of steps. */
 static void stages_kept(ordernm_adjoint *a, const scalar *step)
 {
     ordernm_motion *const m = a->motion;

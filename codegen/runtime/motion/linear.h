@@ -43,11 +43,11 @@ static inline void subtract_row(scalar *x, scalar f, const scalar *y, int count)
 int ordernm_factorise(int n, scalar *a, int *pivot);
 int ordernm_factorise_complex(int n, scalar *re, scalar *im, int *pivot);
 
-/* x, [n][width], from right sides to solutions, for the matrix and for its transpose. */
+/* Solve with the matrix, or with its transpose; x, [n][width], contains the right sides, then the solutions. */
 void ordernm_solve(int n, const scalar *a, const int *pivot, scalar *x, int width);
 void ordernm_solve_transposed(int n, const scalar *a, const int *pivot, scalar *x, int width);
 
-/* The same for complex numbers x + iy; z is memory for -y. */
+/* Solve for complex right sides x + iy, in place; z is memory for -y. */
 void ordernm_solve_complex(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y, scalar *z,
     int width);
 void ordernm_solve_complex_transposed(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y,

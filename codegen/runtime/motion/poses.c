@@ -145,7 +145,7 @@ int ordernm_beside(ordernm_motion *m, scalar h, ordernm_describing *describe, lo
     return at_pose(m, m->t + h, size);
 }
 
-/* The same within the accepted step. */
+/* Interpolates a row, and the state, within the accepted step, at the fraction `part` of h, where loops have lost rank. */
 int ordernm_beside_within(ordernm_motion *m, scalar h, scalar part, long size)
 {
     for (int j = 0; j < BESIDE; ++j) {

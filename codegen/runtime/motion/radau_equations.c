@@ -175,7 +175,7 @@ static void solve_complex(const struct radau *r, scalar *b, scalar *c, int width
     else solve_complex_lanes(r, b, c, width);
 }
 
-/* The same for the transposes: right sides of eliminated coordinates, divided by s, are added to those of their partners; solutions of
+/* Solves the transposed systems: right sides of eliminated coordinates, divided by s, are added to those of their partners; solutions of
  * these coordinates follow from their columns. */
 static inline void solve_transposed_lanes(const struct radau *r, scalar *b, scalar *c, scalar *d, int width)
 {

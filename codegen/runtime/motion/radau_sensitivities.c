@@ -77,7 +77,7 @@ static int has_values(const struct radau *r, const group *g, int lane)
     return none || finite;
 }
 
-/* The same for all directions of a group; almost always true. */
+/* Whether finite derivatives were found along all directions of a group; almost always true. */
 static int all_have_values(const struct radau *r, const group *g)
 {
     const long size = (long)r->n*g->width;
@@ -104,7 +104,7 @@ static int along_formed(ordernm_motion *m, scalar h, const group *g)
     return CONVERGED;
 }
 
-/* The same by sweeps, from any starting values. */
+/* Solves for the derivatives at the stages along a group by sweeps, from any starting values. */
 static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
@@ -131,7 +131,8 @@ static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
     return DIVERGED;
 }
 
-/* The same by either method. `formed`: whether another group has formed the Jacobians at the stages of this step. */
+/* Solves for the derivatives at the stages along a group, by sweeps or with the Jacobians at the stages. `formed`: whether another
+ * group has formed these Jacobians in this step. */
 int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed)
 {
     struct radau *const r = m->radau;

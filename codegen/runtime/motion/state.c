@@ -250,7 +250,7 @@ int ordernm_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *rate)
     return ordernm_rates_of(m, t, z, rate, m->ngroups, m->groups, RATES | INTEGRALS);
 }
 
-/* The same at the end of a step, where the next one starts: its loops need not be closed a second time. */
+/* Rates at the end of a step. The next step starts there, and need not close the loops a second time. */
 int ordernm_rates_at_end(ordernm_motion *m, scalar t, scalar *rate)
 {
     const int status = ordernm_rates(m, t, m->next, rate);

@@ -128,7 +128,7 @@ static int outputs_transposed(ordernm_adjoint *a, int n, scalar t, const scalar 
     return 0;
 }
 
-/* The same at the last remaining time. */
+/* Adds the transposed derivatives of weighted outputs at the last remaining output time. */
 int ordernm_sample_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *nu)
 {
     const ordernm_gradients *const g = a->gradients;

@@ -20,7 +20,7 @@ PART = 1e-2
 tangent."""
 
 START = 1e-9
-"""The same for the first tangent, as a fraction of the line."""
+"""Shift of the independent coordinates for the first tangent, as a fraction of the line."""
 
 FIRST = 1.0 / 16
 """Upper bound of the first step, as a fraction of the line."""

@@ -60,7 +60,7 @@ class Arguments:
         self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
 
     def lenient(self) -> Arguments:
-        """The same checks, except of finite numbers and of quaternion norms."""
+        """A copy that accepts non-finite numbers, and quaternions of any norm."""
         found = copy.copy(self)
         found.is_finite, found.finite, found.quaternions = lambda x: True, lambda x: np.ones((), bool), ()
         return found

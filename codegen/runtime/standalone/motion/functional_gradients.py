@@ -111,7 +111,7 @@ class FunctionalGradients(Simulation):
     def _by_adjoint(
         self, wanted: list[Functional], events: list[Event], along: Problem, directions: Directions, memory: int
     ) -> tuple[Array, Array, dict[str, Any]] | None:
-        """The same by the adjoint; None if derivatives may not exist. Only forward sensitivities show along which directions."""
+        """Values and gradients by the adjoint method; None if a derivative may not exist along some direction."""
         problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
         run = self._run(problem, keep_steps=True, memory=memory)
         if any(s.together or s.lost for s in run.segments):
@@ -335,7 +335,7 @@ def _row_at(t: Array, at: float, output: str, run: Run) -> int:
     row = int(np.searchsorted(t, at))
     if row == len(t) or t[row] != at:
         raise SimulationError(
-            f"{output} at t = {at:g} s is requested, but an event has ended the motion at {run.counts['t']:.9g} s; take AtEvent",
+            f"{output} at t = {at:g} s is requested, but an event has ended the motion at {run.counts['t']:.9g} s; use AtEvent",
             None,
         )
     return row

@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Array
 
 MOST_DEGREE = 9
-"""The same as in ``motion.h``."""
+"""Highest degree of a spline; equal to the limit in ``motion.h``."""
 
 
 def spline_weights(

@@ -31,7 +31,7 @@ IN_DOUBLE_WITH_LOOPS = (
     "mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force",
     "bias_force_sensitivities",
 )  # fmt: skip
-"""The same in mechanisms with loops, where these methods combine other functions in Python."""
+"""Methods that compute in double precision for mechanisms with loops, where they combine other functions in Python."""
 
 
 def rounded(value: Any, dtype: Any) -> Any:
