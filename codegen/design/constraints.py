@@ -43,7 +43,7 @@ def nonlinear(point: At, at: slice, low: Array, high: Array) -> Any:
 
 
 def dictionaries(point: At, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
-    """low <= selected functionals <= high as dictionaries for SLSQP: equations, and inequalities whose function must be positive."""
+    """low <= selected functionals <= high for SLSQP: dictionaries of equations, and of functions that must be positive."""
     places = np.arange(at.start, at.stop)
     found = []
     for kind, chosen, sign, level in (
