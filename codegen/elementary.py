@@ -103,7 +103,7 @@ class Elementary:
         return "numbers above 0" if low == math.ulp(0.0) else f"numbers from {low:g}"
 
     def spelled(self, where: str) -> str:
-        """The name of the function in ``where``: ``"symbol"``, ``"c"``, ``"numpy"``, ``"mpmath"`` or ``"sympy"``; empty if it has none."""
+        """The name of the function as a ``"symbol"``, in ``"c"``, ``"numpy"``, ``"mpmath"`` or ``"sympy"``; empty without one."""
         other: str | None = getattr(self, where)
         return self.name if other is None else other
 

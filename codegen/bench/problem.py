@@ -189,7 +189,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Robots:
-    """Robots that another program reads and computes, too; it is the reference.
+    """Robots that another program reads and computes, too; its results are the reference.
 
     Attributes
     ----------

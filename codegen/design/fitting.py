@@ -124,7 +124,7 @@ def fit(
     >>> round(found["length_1"], 6)
     1.1
     """
-    # long: what it takes is described
+    # long: all parameters are described
     from scipy.optimize import least_squares
 
     if taken := [word for word in ("on_failure", "sensitivities", "dq0", "du0") if word in options]:

@@ -106,7 +106,7 @@ def sweep(
     >>> found["reach"].round(3)
     array([1.331, 1.423, 1.471])
     """
-    # long: what it takes and gives is described
+    # long: parameters and results are described
     if not callable(measure):
         raise TypeError(f"measure is {type(measure).__name__}, expected a function of the solver and a case")
     if chunk is not None and (not isinstance(chunk, int) or chunk < 1):

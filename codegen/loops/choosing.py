@@ -19,7 +19,7 @@ POOR_GROWTH = 1e5
 """Ratio of a dependent speed to the independent ones above which a warning is issued, for loops that are not compared."""
 
 POOR_HINTS = 100.0
-"""Ratio of condition numbers, a choice under the model's hints to that by pivoting, above which a warning is issued."""
+"""A warning is issued if the condition number of a choice with the model's hints exceeds that of pivoting by this factor."""
 
 ELSEWHERE = 2
 """Number of configurations far from the initial one that are returned."""

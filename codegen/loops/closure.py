@@ -71,7 +71,7 @@ def ground_screws(geometry: Geometry, q: Array, frames: Frames) -> tuple[Array, 
 
 
 def shifted(w: Array, v: Array, r: Array) -> Array:
-    """Velocities of points from the twists w, v ``(..., 3, K)`` at other points; r ``(..., 3)`` points from these to those."""
+    """Velocities of points from the twists w, v ``(..., 3, K)`` at other points; r ``(..., 3)`` from there to the points."""
     return v + np.swapaxes(cross(np.swapaxes(w, -1, -2), r[..., None, :]), -1, -2)
 
 

@@ -32,7 +32,7 @@ MAX_COMBINATIONS = 500
 """Number of combinations of whole quaternion joints that are tried as dependent."""
 
 MAX_SERVING = 8
-"""Number of the valid ones among them that are compared."""
+"""Number of valid combinations that are compared."""
 
 MAX_DIVIDED = 6
 """Number of rotations or displacements that are tried as the only divided one."""

@@ -30,10 +30,10 @@ RANGE = 0.5
 """Largest distance of these sets from the initial configuration, rad and characteristic lengths."""
 
 PARTS = 3
-"""Number of steps in which the independent coordinates move there."""
+"""Number of steps in which the independent coordinates move to these values."""
 
 TRIALS = 10
-"""Number of Newton steps that may close the loops after the last of them."""
+"""Number of Newton steps that may close the loops after the last of these steps."""
 
 DAMPING = 1e-11
 """This fraction of the trace of E E^T is added to its diagonal, so that redundant conditions do not make it singular."""

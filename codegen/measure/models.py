@@ -32,7 +32,7 @@ def changed(name: str, old: str, new: str) -> str:
     """A shipped model with a replaced piece of text, which must occur exactly once."""
     text = example(name)
     if text.count(old) != 1:
-        raise ValueError(f"{name}.yaml does not say {old!r} once, as the benchmark expects")
+        raise ValueError(f"{name}.yaml does not contain {old!r} exactly once, as the benchmark expects")
     return text.replace(old, new)
 
 

@@ -36,7 +36,7 @@ def others(kind: Coupled) -> list[int]:
 
 
 def add_couplings(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> None:
-    """Add to the couplings of the remaining links; `block` gives the 6x6 block of two of them, rows first."""
+    """Add contributions to the couplings of the remaining links; `block` gives the 6x6 block of two links, rows first."""
     for n, pair in enumerate(kind.partners.contributions):
         accumulate(x, PAIR[n], fields.coupling, block(*pair.ends), pair.first, "Eq. 44")
 

@@ -185,7 +185,7 @@ def _timed(
 
 
 def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Block) -> None:
-    """Check that stored values agree with the pattern, which tells other blocks where to load zero or a known number."""
+    """Check that stored values agree with the pattern, from which other blocks take zeros and known numbers."""
     for store, name, value in block.stores:
         if patterns.reach.of(kind, sweep, store) is None:
             continue
@@ -327,7 +327,7 @@ def _lay_out(program: Program) -> None:
             program.slots[sweep.name] = list(slots)
     program.slots |= {
         s: list(falling) for s in FALLING if s in program.slots
-    }  # the ground's tangent is set for all of them
+    }  # these sweeps share the code that sets the ground's tangent
     program.fields = {memory: list(names) for memory, names in found.items()}
     program.transient = _transient(program)
 

@@ -95,7 +95,7 @@ def formula_kinds(
         where = [places[i] if places else _place(model, target, i) for i, *_ in rows]
         try:
             kind = _make(len(kinds), target, _with_numbers(canonical, literal))
-        except ExpressionError:  # a number in the derivative has no finite value
+        except ExpressionError:  # the derivative contains a number that is not finite
             raise _without_value(model, where[0], tree) from None
         kind.rows.extend(rows)
         kind.places += where

@@ -380,7 +380,7 @@ def expression(value: object) -> Expr:
         return value
     if isinstance(value, (int, float, Fraction, mpmath.mpf)):
         return Number(value)
-    raise TypeError(f"{value!r} is no expression")
+    raise TypeError(f"{value!r} is not an expression")
 
 
 def _key(e: Expr) -> tuple[object, ...]:

@@ -271,7 +271,7 @@ class Arguments(ABC):
 
     @abstractmethod
     def _displacements(self, state: State) -> Array:
-        """Dependent displacements, in the sense of speeds, that keep position closed along the seeds; (k, nu, 1)."""
+        """Displacements along dependent speeds that keep the loops closed along the seeds; (k, nu, 1)."""
 
     @abstractmethod
     def _closed_speeds(self, state: State) -> Pair:

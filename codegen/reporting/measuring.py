@@ -130,7 +130,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
         }
         apart = build_apart(made.folder, model.name, "precise")
         with ThreadPoolExecutor(1) as meanwhile:
-            # mechanisms with loops may reach poses that need it, and the measurement of states leaves a core idle
+            # a motion of loops may reach poses that need long double; one core is idle during the measurement of states
             precise = meanwhile.submit(apart.library) if model.loops and apart.exists() else None
             found = _at_states(model, solver, request, data, skipped, progress)
         if precise:

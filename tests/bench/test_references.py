@@ -148,7 +148,7 @@ def test_problems_are_chosen_by_name():
 
 def test_models_of_the_examples_are_changed_where_they_say_so_once():
     assert "{N: 7}" in changed("n_four_bar", "{N: 2}", "{N: 7}")
-    with pytest.raises(ValueError, match="does not say 'mass' once"):
+    with pytest.raises(ValueError, match="does not contain 'mass' exactly once"):
         changed("n_four_bar", "mass", "")
     with pytest.raises(FileNotFoundError, match="lacks a model"):
         example("nothing")

@@ -328,7 +328,7 @@ class Lines:
                 lines = [f"    {line}" for s in step.steps for line in self.of(s)]
                 return [f"if ({asked}) {{", *lines, "}"] if lines else []
             case steps.Together():
-                raise TypeError("which of the two is taken is said before, see chosen_steps.for_target")
+                raise TypeError("chosen_steps.for_target must choose one of the two forms before printing")
 
     def number(self, text: str) -> str:
         """A number as a literal."""

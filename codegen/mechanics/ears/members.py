@@ -72,7 +72,7 @@ class Freedom:
     index: int
 
     def along(self, angular: Vector, linear: Vector) -> Value:
-        """Power of a moment and a force along it."""
+        """Power of a moment and a force along this motion."""
         total: Value = 0
         for own, v in ((self.angular, angular), (self.linear, linear)):
             if own is not None:

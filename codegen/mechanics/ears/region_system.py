@@ -33,7 +33,7 @@ def unknowns(kind: RegionKind) -> int:
 
 
 def places_of_partners(kind: RegionKind) -> list[int]:
-    """First of the six components of each partner among the unknowns: after the region's own; the base has its own place."""
+    """For each partner, the index of its first component among all unknowns; a partner that is the base has its index there."""
     found, at = [], system_size(kind)
     for m in range(len(kind.partners.links)):
         found.append(place_of_base(kind) if m == kind.partners.base else at)

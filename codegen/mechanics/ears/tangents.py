@@ -72,7 +72,7 @@ class EarTangents:
         return pattern(value)
 
     def vector(self, v: Sequence[Value], name: str = "d") -> Vector:
-        """Of the components of a vector."""
+        """Tangents of the components of a vector."""
         return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
 
     def correct(self, found: list[tuple[Vector, Vector]]) -> None:

@@ -48,7 +48,7 @@ def clear(x: Scope, kind: LinkKind) -> None:
 
 
 def clear_tangents(x: Scope, kind: LinkKind) -> None:
-    """Set their tangents to zero."""
+    """Set the tangents of the forces of force elements on a link to zero."""
     propagation.clear(x, MY_LANE, fields.external)
 
 

@@ -1,4 +1,4 @@
-"""What the generator knows of a measure: the quantities that it reads, and its statements."""
+"""A measure in the generator: the quantities that it reads, and its statements."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ from .graph import Region
 from .links import Link
 
 FEW_SOURCES = 5
-"""Loops with at most this many independent speeds form one region: the six components of a link's acceleration are never a
-shorter description."""
+"""Loops with at most this many independent speeds form one region: the six components of a link's acceleration are never fewer
+unknowns."""
 
 GAIN = 0.4
 """With more speeds, loops form one region if this takes less than this fraction of the work of separate regions. Couplings are
@@ -151,7 +151,7 @@ def sources_of_links(freedoms: Freedoms, bundles: Sequence[Bundle]) -> dict[int,
     """For each link on the cycles, the number of independent speeds on the cycles that move it."""
     owner = {i: n for n, b in enumerate(bundles) for i in b.members}
     on_ways: dict[int, frozenset[Freedom]] = {}
-    """For links that no dependent joint of their bundle moves: the speeds inboard, up to a moved link or the cycles' end."""
+    """Speeds inboard of each link that no dependent joint moves, up to a link that one moves, or to the end of the cycles."""
     mover: dict[int, int | None] = {}
     for i in sorted({i for b in bundles for i in (*b.links, *b.members)}):
         parent = freedoms.links[i].parent

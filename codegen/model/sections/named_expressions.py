@@ -45,7 +45,7 @@ def read_named_expressions(reader: Reader) -> list[tuple[Instance, Expression]]:
 
 
 def check_named_expressions(reader: Reader, found: list[tuple[Instance, Expression]]) -> None:
-    """Report unknown names in them, once coordinates and points are known."""
+    """Report unknown names in the named expressions, once coordinates and points are known."""
     for at, expression in found:
         before = reader.errors
         reader.bound(expression, at, (), "measured")

@@ -19,7 +19,7 @@ static const scalar LOOK_AGAIN = 3.0;
 
 /* Maximum number of repetitions of a step because a stage is too near to a pose where a loop loses rank. */
 enum { MOST_MOVES = 3 };
-static const scalar AT_POSE = 0.005; /* relative to the step: distance within which only the last stage may be */
+static const scalar AT_POSE = 0.005; /* relative to the step: if the pose is so close to the step's end, the step ends at it */
 static const scalar LEAST_MOVE = 0.02; /* relative to the step: smaller shifts make no difference */
 
 /* Steps before a dead point end short of it by a tenth of the distance, unless the condition number exceeds NEAR_ENOUGH.
@@ -164,7 +164,7 @@ static int attempt(ordernm_motion *m, trial *step)
 /* Fraction of the motion's duration to which steps shrink before a dropped condition opens by too much. */
 static const scalar BEFORE_APART = 1e-5;
 
-/* Repeats such a step with a smaller size; returns the reason for the end if the size is already small. */
+/* Repeats a step after which a dropped condition is too far open, with a smaller size; returns the reason for the end if the size is already small. */
 static int end_together(ordernm_motion *m, const trial *step)
 {
     ++m->results->rejected;

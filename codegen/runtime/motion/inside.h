@@ -141,7 +141,7 @@ struct ordernm_motion {
     int closed_known;
     scalar conditions[MOST_STAGES]; /* condition numbers at the stages and at the end of a step */
     scalar *ranks;            /* [MOST_STAGES][nloops] inverse condition numbers of each loop there */
-    scalar *ranks_between;    /* the same at places between the stages */
+    scalar *ranks_between;    /* inverse condition numbers at places between the stages */
     scalar apart, apart_at_end; /* residual of dropped conditions: when loops were closed last, and at the end of the tried step */
     int widest;               /* the dropped condition with the largest residual */
     scalar *flat;             /* [1 + 2 nq] a pose passed in the step, as in the results; its time is -INFINITY if there is none */
@@ -170,7 +170,7 @@ struct ordernm_motion {
     scalar *part;             /* [nevents] position of the event in the step */
     scalar *happened, *paces; /* [nevents] 1.0 if the step ends at the event; average rate of the output in the step */
     scalar *at_first;         /* [nevents] outputs minus levels at the first event of the step */
-    scalar *samples;          /* the same between the ends of the step */
+    scalar *samples;          /* outputs minus levels at places between the ends of the step */
     scalar around_event[2];   /* times in the step that bracket the event at its end */
     scalar beside_event[2];   /* one of these times, and the output there */
     scalar error_to_event;    /* error of the step that was repeated to end at the event */

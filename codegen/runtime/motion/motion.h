@@ -198,7 +198,7 @@ typedef struct {
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set by the caller: functions in long double are not available */
     ordernm_scalar condition; /* the largest condition number of the closure matrices */
-    ordernm_scalar condition_here; /* the same at the end of the last step */
+    ordernm_scalar condition_here; /* the largest one at the end of the last step */
     ordernm_scalar next_step; /* size of the next step, s */
     ordernm_scalar coarse, coarsest, coarse_at; /* of ORDERNM_RK4 in models with loops: the sum of the steps' errors relative to the
                                * state; the largest error, and the start of its step */

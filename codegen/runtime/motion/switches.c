@@ -236,7 +236,7 @@ int ordernm_let_go(ordernm_motion *m)
     return held && !ordernm_rates(m, m->t, m->z, m->rate[0]);
 }
 
-/* Holds the modes again after such a step. Returns the status of a function. */
+/* Holds the modes again after a step without held modes. Returns the status of a function. */
 int ordernm_hold_again(ordernm_motion *m)
 {
     int status = 0, any = 0;

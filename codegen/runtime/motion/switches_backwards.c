@@ -40,7 +40,7 @@ int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, c
     return status;
 }
 
-/* The adjoint before a step of size h that starts or ends at the zero of a root, see powers.c: the same, with f+ at its end. */
+/* The adjoint before a step of size h that starts or ends at the zero of a root, see powers.c: the formula above, with f+ at the end of the step. */
 int ordernm_root_transposed(ordernm_adjoint *a, int k, scalar h)
 {
     ordernm_motion *const m = a->motion;

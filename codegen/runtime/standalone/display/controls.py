@@ -1,4 +1,4 @@
-"""What a view lets its user change: the time of a motion, coordinates, and design parameters."""
+"""Controls of a view: the time of a motion, coordinates, and design parameters."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Playback:
 
 
 def add_choices(viewer: Viewer) -> None:
-    """Add a choice of what colours show, and whether forces are shown, where something is known of these."""
+    """Add controls for the quantity that colours show, and for forces, if the view has such quantities or forces."""
     gui = viewer.server.gui
     if viewer.poses.shades:
         plain = "body"
@@ -84,7 +84,7 @@ def add_choices(viewer: Viewer) -> None:
 
 
 class Sliders:
-    """Sliders for named numbers, and a line that says what is wrong with them.
+    """Sliders for named numbers, and a line for errors in their values.
 
     While a change is shown, further ones wait; only the last of them is shown next.
 

@@ -1,4 +1,4 @@
-"""Poses of bodies over time, and what is drawn once for all bodies that look alike."""
+"""Poses of bodies over time, and groups of solids that look alike, which are drawn together."""
 
 from __future__ import annotations
 
