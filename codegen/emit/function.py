@@ -33,12 +33,12 @@ class Function:
 
     @property
     def begin(self) -> list[str]:
-        """Lines before it, including its condition for compilation."""
+        """Lines before the function, including its condition for compilation."""
         return [*self.before, *([f"#if {self.guard}"] if self.guard else [])]
 
     @property
     def end(self) -> list[str]:
-        """Lines after it."""
+        """Lines after the function, including the end of its condition for compilation."""
         declaration = ["#else", f"{self.signature};"] if self.declared else []
         return [*([*declaration, "#endif"] if self.guard else []), *self.after]
 

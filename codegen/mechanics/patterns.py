@@ -173,7 +173,7 @@ class Patterns:
         """
         self._runs.clear()
         kinds = sweep.kinds(self.system)
-        order = [*reversed(kinds)] if sweep.direction == INWARD else kinds  # as the sweep runs
+        order = [*reversed(kinds)] if sweep.direction == INWARD else kinds  # the order in which the sweep visits them
         changed = True
         while changed:
             changed = False

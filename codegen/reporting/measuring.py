@@ -142,7 +142,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             folder = Path(scratch) / f"{model.name}_{partitions}"
             packages.append(folder)
             generate(model, folder, compile=False, check=False, progress=progress, partitions=partitions)
-            for library in Path(scratch).glob("*/*.so"):  # with fewer choices, as before
+            for library in Path(scratch).glob("*/*.so"):  # reuse libraries of packages with fewer partitions
                 if library.parent != folder:
                     shutil.copy(library, folder)
             _compile(folder, "precise")

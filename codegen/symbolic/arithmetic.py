@@ -56,15 +56,15 @@ class SymbolicArithmetic(Arithmetic):
         return self.algebra.convert(sympy.Pow(x.short, y.short))
 
     def where_zero(self, x: Polynomial, value: Polynomial, otherwise: Polynomial) -> Polynomial:
-        """A case distinction."""
+        """`value` where x is zero, else `otherwise`, as a piecewise expression."""
         return self._cases((value, sympy.Eq(x.short, 0)), (otherwise, sympy.true))
 
     def where_negative(self, x: Polynomial, value: Polynomial, otherwise: Polynomial) -> Polynomial:
-        """A case distinction."""
+        """`value` where x is negative, else `otherwise`, as a piecewise expression."""
         return self._cases((value, sympy.Lt(x.short, 0)), (otherwise, sympy.true))
 
     def of_largest(self, numbers: Sequence[Polynomial], values: Sequence[Polynomial]) -> Polynomial:
-        """A case distinction; the last number is the largest if no other one is."""
+        """The value of the largest number, as a piecewise expression; if several are equally large, that of one of them."""
         x = [number.short for number in numbers]
         largest = [sympy.And(*(sympy.Ge(a, b) for b in x[i + 1 :])) for i, a in enumerate(x)]
         return self._cases(*zip(values, largest, strict=True))

@@ -29,7 +29,7 @@ def needed(
 
 
 def count(e: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
-    """Terms of an expression: of a product those of its factors that are sums."""
+    """Number of terms of an expression; a product has the terms of those factors that are sums."""
     if e not in known:
         inner = [count(x, known) for x in e.args]
         known[e] = sum(inner) if e.is_Add else sum(n for n in inner if n > 1) or 1

@@ -48,7 +48,7 @@ ARGUMENTS = frozenset("q u p inputs t tau udot qdot dq du dp dinputs dt dtau dud
 
 @dataclass(frozen=True)
 class Kept:
-    """What a symbol in memory is.
+    """The quantity that a symbol in memory denotes.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def constant(store: str, component: str, owner: Constants | None) -> sympy.Symbo
 
 
 def of_constants(users: Sequence[Constants], store: Store, component: str) -> sympy.Expr:
-    """In the block of constants: parameters and numbers of the one that has them, if it is one alone."""
+    """The symbol of a component in a block of constants; with a single owner, its parameter or number."""
     if store is SHAPE:
         return constant("c", component, users[0] if len(users) == 1 else None)
     if len(users) == 1 and store is NUMBER:
@@ -111,7 +111,7 @@ class Names:
         }  # fmt: skip
 
     def of_kind(self, kind: Kind, sweep: str, store: Store, component: str) -> sympy.Expr:
-        """In the block of a kind: entries of arguments by name where the kind has one member."""
+        """The symbol of a component in the block of a kind; if the kind has one member, arguments have their names."""
         if len(kind.members) == 1 and store is CONSTANTS and isinstance(kind, LinkKind):
             return constant(store.label, component, self.system.constants_of[kind.members[0]])
         if len(kind.members) > 1 or store.memory not in (*COORDINATES, *SPEEDS, PER_PARAMETER_LANE, TRIG.memory):
@@ -146,7 +146,7 @@ class Names:
         return found
 
     def of_formula(self, formula: Formula, store: Store, component: str) -> sympy.Expr:
-        """In a formula that is the only one of its form: entries by name."""
+        """The symbol of a component in a formula; if no other formula has its form, entries have their names."""
         if len(formula.rows) != 1 or not component.isdigit():
             return kept(store, component)
         target, _, places, numbers = formula.rows[0]

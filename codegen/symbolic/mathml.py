@@ -22,7 +22,7 @@ RELATIONS = {">=": "≥", "<=": "≤", ">": "&gt;", "<": "&lt;", "==": "=", "!="
 
 
 def row(*parts: str) -> str:
-    """One element of several."""
+    """Several elements joined into one."""
     return parts[0] if len(parts) == 1 else f"<mrow>{''.join(parts)}</mrow>"
 
 
@@ -41,7 +41,7 @@ LARGEST = 100_000
 """Largest denominator of fractions that are printed as such."""
 
 TIMES = '<mo lspace="0" rspace="0.17em">\u2062</mo>'
-"""Between factors: a thin space."""
+"""The thin space between factors."""
 
 
 def word(text: str) -> str:
@@ -113,7 +113,7 @@ class MathML:
         )
 
     def _bound(self, e: sympy.Basic, strength: int) -> str:
-        """In brackets if it binds less strongly."""
+        """The text of an expression, in brackets if it binds less strongly than `strength`."""
         text, own = self._printed(e)
         return row(operator("("), text, operator(")")) if own < strength else text
 

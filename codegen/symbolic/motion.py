@@ -22,7 +22,7 @@ from .size import expected_terms, most_terms
 from .system import MOST_TERMS, SymbolicEngine, matrix_of, symbols_of
 
 FORMS = ("tree", "multipliers", "embedded")
-"""Of models without loops; of models with loops: with multipliers, and in the independent speeds."""
+"""Forms of the equations: of models without loops; of models with loops, with multipliers or in the independent speeds."""
 
 MOST_PRODUCTS = 600_000
 """Equations that take more products of terms are computed only if forced."""
@@ -248,7 +248,7 @@ def _evaluation(
     shapes: dict[str, tuple[int, int]],
     computed: Callable[..., Any],
 ) -> Callable[..., dict[str, Array]]:
-    """What `Equations.lambdify` returns, for the entries that are computed from single numbers."""
+    """The function that `Equations.lambdify` returns, from the function `computed`, which computes entries from numbers."""
 
     def evaluate(
         q: Any, u: Any, p: Any = None, inputs: Any = None, t: float = 0.0, udot: Any = None

@@ -28,10 +28,10 @@ details { border-top: 1px solid #ccc; padding: .6rem 0; } summary { cursor: poin
 """
 
 OPEN = 1500
-"""A page with at most this many statements shows all sweeps; of larger ones a reader opens them."""
+"""A page with at most this many statements shows all sweeps; on a larger page the reader opens single sweeps."""
 
 WIDTH = 110
-"""Characters of a sum, as sympy prints it, on one line."""
+"""Number of characters of a sum, in sympy's notation, on one line."""
 
 
 def page(title: str, body: Iterable[str]) -> str:

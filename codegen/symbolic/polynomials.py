@@ -26,14 +26,14 @@ Terms = dict[Monomial, Rational]
 """Monomials with their factors. Whole numbers are ints, which are faster than fractions."""
 
 DENOMINATOR, OF_PI = 100_000, 1000
-"""Largest denominators with which a float that is not a short decimal is taken as a fraction, or as one of pi."""
+"""Largest denominators of the fraction, or multiple of pi, for which a float that is not a short decimal stands."""
 
 SHORT = 15
 """A float with at least this many digits is not a short decimal."""
 
 
 LONGEST_FACTOR, LONGEST_SUM = 2, 40
-"""With intermediate variables: terms of a factor, and of a sum, that are not replaced by a symbol."""
+"""With intermediate variables: largest number of terms of a factor, and of a sum, that is not replaced by a symbol."""
 
 PI = Fraction(str(sympy.pi.evalf(40)))
 

@@ -43,7 +43,7 @@ EQUATIONS = {
     "moment": "first moment", "mass_in": "Eq. 45", "force": "Eq. 45", "gradient_out": "Eq. 54", "gradient_in": "Eq. 45",
     "formula": "formula",
 }  # fmt: skip
-"""Of statements without a tag in sweeps whose title names no equation, by the beginning of the sweep's name."""
+"""Tags of statements without a tag in sweeps whose title names no equation, by the beginning of the sweep's name."""
 
 
 def tag_of_sweep(sweep: str, title: str, each_direction: bool) -> str:
@@ -247,7 +247,7 @@ class _Reader:
         self.number = 0
 
     def recursion(self) -> Recursion:
-        """All of them."""
+        """All statements of the plan."""
         plan, name = self.plan, self.system.model.name
         users: dict[int, list[tuple[str, Constants]]] = {shape.index: [] for shape in plan.shapes}
         for owner, of_owner in plan.owners:
@@ -334,7 +334,7 @@ class _Reader:
         self, target: sympy.Symbol, value: sympy.Expr, tag: str, *, is_primitive: bool = False, each: bool = False,
         adds: bool = False,
     ) -> Assignment:  # fmt: skip
-        """The next one."""
+        """An assignment with the next number."""
         self.number += 1
         return Assignment(self.number, target, value, tag, is_primitive, each, adds)
 

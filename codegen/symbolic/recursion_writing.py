@@ -1,4 +1,4 @@
-"""Statements as text and in LaTeX, and how the symbols of statements are set."""
+"""Statements as text and in LaTeX, and their symbols in typeset form."""
 
 from __future__ import annotations
 

@@ -24,7 +24,8 @@ PRODUCTS = 60_000
 
 
 FIRST, GROWTH = 8, 5 / 3
-"""Bodies on a path that are computed with intermediate variables; on longer ones, terms grow with this power of their number."""
+"""Largest number of bodies on a path for which equations with intermediate variables are computed; on longer paths, the number
+of terms grows with this power of the number of bodies."""
 
 
 def expected_terms(model: Model, parameters: Mapping[str, Any], intermediates: bool = False) -> float:

@@ -153,12 +153,12 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def mass(self) -> Array:
-        """M over all speeds of the tree, (nu, nu), of prescribed ones too."""
+        """M over all speeds of the tree, including prescribed ones, (nu, nu)."""
         return self._mass_matrix(self.state).value
 
     @cached_property
     def right_side(self) -> Array:
-        """K less what prescribed accelerations take, (nu, 1), for all speeds of the tree."""
+        """K minus the forces of prescribed accelerations, (nu, 1), for all speeds of the tree."""
         pairs = self.state.pairs
         return -self._inverse_dynamics(self.state, pairs.zeros(self.model.nu, 1)).value
 
@@ -169,7 +169,7 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def seen(self) -> Seen:
-        """What outputs read."""
+        """Motions and sums that outputs read."""
         return self._seen(self.state)
 
     def output(self, output: Output) -> Polynomial:
@@ -202,7 +202,7 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def _every_condition(self) -> Constraints:
-        """All conditions, redundant ones too."""
+        """All conditions, including redundant ones."""
         pairs, model, bodies = self.state.pairs, self.model, self.bodies
         speeds = tuple(range(model.nu))
         tree = Group(tuple(model.outward), (), (), (), speeds)
@@ -241,7 +241,7 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
-        """How all speeds follow from the independent ones, (nu, nu), and what the dependent accelerations have besides."""
+        """The map from independent speeds to all speeds, (nu, nu), and the accelerations at zero independent ones, (nu, 1)."""
         known, nu = self.constraints, self.model.nu
         motion, besides = self.arithmetic.eye(nu), self.arithmetic.zeros(nu, 1)
         for i in self.dependent:
@@ -320,14 +320,14 @@ def orthogonal_solution(A: Array, B: Array) -> Array:
 
 
 class _Minors:
-    """Determinants of parts of a matrix, each once; with the sign 1 sums of the same products, all with plus."""
+    """Minors of a matrix, each computed once; with the sign 1 permanents, in which all products are added."""
 
     def __init__(self, A: Array, sign: int = -1) -> None:
         self.A, self.sign = A, sign
         self.known: dict[tuple[tuple[int, ...], tuple[int, ...]], Any] = {((), ()): 1}
 
     def of(self, rows: tuple[int, ...], columns: tuple[int, ...]) -> Any:
-        """By its first row."""
+        """The minor of these rows and columns, by expansion along its first row."""
         if (rows, columns) not in self.known:
             total: Any = 0
             for k, column in enumerate(columns):

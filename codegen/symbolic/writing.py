@@ -14,10 +14,10 @@ from .motion import Equations
 from .names import identifiers, latex_name, unused_prefix
 
 SMALL = 240
-"""A matrix of at most this many characters, as sympy prints it, is printed as a whole, others entry by entry."""
+"""A matrix of at most this many characters in sympy's notation is printed as a whole, a longer one entry by entry."""
 
 PER_LINE = 4
-"""Terms of a sum in a line of LaTeX."""
+"""Number of terms of a sum in a line of LaTeX."""
 
 NESTED = 8
 """In LaTeX, a sum of more terms that is a part of a product or function is named, and printed before."""
@@ -27,7 +27,7 @@ LAWS = {
     "multipliers": ("M*udot + J.T*multipliers = forcing", "J*udot = -rate"),
     "embedded": ("M*udot_i = forcing", "u = S*u_i + s", "udot = S*udot_i + remainder"),
 }
-"""What the matrices of a form say."""
+"""Equations that the matrices of each form satisfy."""
 
 LATEX_LAWS = {
     "tree": (r"M\,\dot{u} = f",),
@@ -37,7 +37,7 @@ LATEX_LAWS = {
 
 LETTERS = {"M": "M", "forcing": "f", "qdot": "\\dot{q}", "position": "\\Phi", "J": "J", "rate": "b", "drift": "d", "S": "S",
            "s": "s", "remainder": "r"}  # fmt: skip
-"""What matrices are called in typeset equations."""
+"""Names of matrices in typeset equations."""
 
 
 def entries(found: Equations, name: str) -> Iterator[tuple[int, int, sympy.Expr]]:
@@ -68,7 +68,7 @@ def as_text(found: Equations) -> str:
 
 
 def vectors(found: Equations) -> dict[str, tuple[sympy.Symbol, ...]]:
-    """What the vectors of symbols hold, by name."""
+    """The symbols in each vector, by the name of the vector."""
     every = {"q": found.q, "u": found.u, "u_i": found.independent, "multipliers": found.multipliers,
              "parameters": found.parameters, "inputs": found.inputs}  # fmt: skip
     if found.form != "embedded":
@@ -123,7 +123,7 @@ class _Latex:
         self.parts: dict[sympy.Expr, sympy.Symbol] = {}
 
     def __call__(self, left: str, value: sympy.Expr) -> list[str]:
-        """An equation, after those of its parts that are not printed yet."""
+        """The lines of an equation, preceded by definitions of its named parts that have not been printed."""
         known = len(self.parts)
         if not value.is_Add:
             value = self._named(value)
@@ -200,6 +200,6 @@ def as_sympy(found: Equations) -> str:
 
 MODULE = ("q", "u", "udot", "independent", "multipliers", "parameters", "inputs", "t", "defaults", "outputs",
           "intermediates")  # fmt: skip
-"""Names that a module of `as_sympy` has beside those of matrices."""
+"""Names in a module of `as_sympy`, besides those of matrices."""
 
 __all__ = ["as_latex", "as_sympy", "as_text", "entries"]

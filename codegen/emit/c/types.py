@@ -45,7 +45,7 @@ MEMBERS, COMMENTED = 100, 120
 
 
 SHARES = {1: 3, 2: 2}
-"""Parts of long functions that each unit of a library compiles; the second unit has more functions over directions."""
+"""Shares of the parts of long functions, by unit of a library; the second unit has more functions over directions."""
 
 
 @dataclass(frozen=True, slots=True)
