@@ -1,4 +1,4 @@
-"""What views need to know of a model, for `model.json`: visuals, joints, loops, points and force elements on bodies.
+"""Data of a model for views, in `model.json`: visuals, joints, loops, points and force elements on bodies.
 
 Numbers that depend on parameters are expression trees, so that a view follows a change of the design.
 """

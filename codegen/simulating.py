@@ -215,7 +215,7 @@ def _with_choices(
             with _remarks(again):
                 solver = stack.enter_context(solver_of(model, status, partitions=held))
                 trajectory = moved(solver)
-        except KeyboardInterrupt:  # before the second motion has results: keeps the first one
+        except KeyboardInterrupt:  # the second motion has no results yet; the first one is returned
             break
         remarks[:] = again
     return trajectory

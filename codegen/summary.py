@@ -13,7 +13,7 @@ SHOWN = 20
 
 @dataclass(slots=True, repr=False)
 class Report:
-    """What `generate` wrote, and its cost. It prints as text.
+    """The report of `generate`: the files that it wrote, and the cost of the solver. It prints as text.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ JOINT, SPEED = "joint ", "speed of joint "
 
 @dataclass(frozen=True)
 class Setting:
-    """How a motion is integrated.
+    """Integration method, tolerances and steps of a motion.
 
     Attributes
     ----------

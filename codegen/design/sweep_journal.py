@@ -154,7 +154,7 @@ def _is_flat(row: Any) -> bool:
 
 
 def _header(solver: Any, measure: Callable[..., Any]) -> Case:
-    """What identifies a journal: everything on which results depend, except what `measure_digest` leaves out and rounding."""
+    """The key of a journal. It covers everything that affects results, except rounding and what `measure_digest` leaves out."""
     return {
         "format": FORMAT,
         "version": VERSION,

@@ -1,4 +1,4 @@
-"""What functions run: sweeps, formulas and routines by name, with the numbers of directions."""
+"""Sweeps, formulas and routines that functions run, by name, with the numbers of directions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def widest_first(procedure: Procedure) -> tuple[int, ...]:
 
 
 def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
-    """What a procedure runs over directions, by name and width, with the widths of the functions that call it."""
+    """Sweeps, formulas and routines that a procedure runs over directions, by name and width, with widths of its functions."""
     found: dict[tuple[str, int], set[int]] = {}
     own = (*procedure.widths, *procedure.apart)
 

@@ -1,4 +1,4 @@
-"""Which coordinates belong to which speeds.
+"""Groups of speeds, and the coordinates that belong to each group.
 
 A scalar coordinate belongs to its rate. A quaternion belongs to the three angular speeds of its joint, a position to the
 three linear ones: none of these coordinates is the integral of a single speed. A group of coordinates counts as

@@ -117,7 +117,7 @@ def usual_state(theirs: Any, q: Array | None = None, u: Array | None = None) -> 
         if joint.nv == 1:
             rates[i, v] = 1.0
             continue
-        at = i + joint.nq - 4  # of the quaternion
+        at = i + joint.nq - 4  # index of the first entry of the quaternion
         e = q[at : at + 4] + [0, 0, 0, 1]
         x, y, z, w = q[at : at + 4] = e / np.linalg.norm(e)
         of_q[at : at + 4] = at + np.array([1, 2, 3, 0])

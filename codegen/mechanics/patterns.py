@@ -33,7 +33,7 @@ Place = tuple[MemoryKey, KindKey, str]
 
 
 class Reach:
-    """Which memory of which kinds a store accesses in the blocks of a kind."""
+    """The memory, by sort and kind, that a store accesses in the blocks of a kind."""
 
     def __init__(self, system: System):
         self.system = system

@@ -234,7 +234,7 @@ def check_freedoms(
         parent = bodies[k].parent
         inside[k] = parent != GROUND and inside[parent]
         type_ = bodies[k].joint.type
-        if k in driven:  # its other coordinates are checked together with all others
+        if k in driven:  # `singular_joint` checks the coordinates of this joint that are not prescribed
             continue
         if light[k] and not inside[k] and not bodies[k].joint.is_fixed and not _all_geared(bodies[k].joint, value):
             inside[k] = True

@@ -34,7 +34,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where a component lies.
+    """Place of a component in memory.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a procedure runs, how often, in which order: from this the operations of functions are counted."""
+"""The sweeps, formulas and preparations that a procedure runs, in their order, for the operation counts of functions."""
 
 from __future__ import annotations
 

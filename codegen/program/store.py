@@ -14,7 +14,7 @@ from ..records import dataclass
 
 
 class Life(Enum):
-    """How long values are kept."""
+    """Lifetime of the values in a memory."""
 
     CALL = "for one call"
     SWEEP = "while neighbours need them, within one sweep"

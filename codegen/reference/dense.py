@@ -313,7 +313,7 @@ class DenseEngine(Engine):
         Raises
         ------
         SingularMatrixError
-            If the dependent speeds are not determined by the conditions, or do not determine them.
+            If the conditions do not determine the dependent speeds, or if they cannot all be satisfied by these speeds.
         """
         self._check_rank(jacobian)
         place = {int(s): i for i, s in enumerate(self.dependent)}

@@ -203,7 +203,7 @@ class Pairs:
         return value() if x.value < 0 else otherwise()
 
     def of_largest(self, numbers: Sequence[Pair], value: Callable[[int], Pair]) -> Pair:
-        """What belongs to the first one of the largest numbers, by its place; symbols keep all."""
+        """`value(i)` for the index i of the largest number, the first one of several; for symbols, a piecewise expression."""
         if self.arithmetic.symbolic:
             values = [value(i).value for i in range(len(numbers))]
             return Pair(self.arithmetic.of_largest([x.value for x in numbers], values), self._zero)

@@ -1,4 +1,4 @@
-"""What a report leaves out, with the reason and the time that it would have taken."""
+"""Measurements that a report leaves out, with the reason and the time that they would have taken."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Skipped:
-    """Something that was not measured.
+    """A measurement that was left out.
 
     Attributes
     ----------

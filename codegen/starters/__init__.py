@@ -10,7 +10,7 @@ DEFAULT = "pendulum"
 
 
 def starters() -> dict[str, str]:
-    """What each starter is, by its name: the first line of its file."""
+    """Descriptions of the starters by their names, from the first lines of their files."""
     first = {path.stem: path.read_text(encoding="utf-8").partition("\n")[0] for path in sorted(FOLDER.glob("*.yaml"))}
     return {name: line.partition(": ")[2] for name, line in first.items()}
 

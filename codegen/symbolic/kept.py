@@ -71,12 +71,12 @@ def symbol(name: str) -> sympy.Symbol:
 
 
 def kept(store: Store, component: str) -> sympy.Expr:
-    """``STORE.COMPONENT``"""
+    """The symbol ``STORE.COMPONENT`` of a stored component."""
     return symbol(f"{store.plain.label}.{component}")
 
 
 def constant(store: str, component: str, owner: Constants | None) -> sympy.Symbol:
-    """A constant, or (``/PARAMETER``) its derivative by a parameter, whose name is known where one owner has it."""
+    """The symbol of a constant, or of its derivative by a parameter; `owner` is the only owner, which names the parameter."""
     field, slash, parameter = component.partition("/")
     name = owner.parameters[int(parameter)] if owner is not None and slash else parameter
     return symbol(f"{store}.{field}{slash}{name}")
@@ -129,7 +129,7 @@ class Names:
         return symbol(f"{store.plain.name}.{names[place]}") if place < len(names) else kept(store, component)
 
     def owner(self, kind: Kind, sweep: str, store: Store) -> str:
-        """Whose memory a store of a kind is: a link by its name where the kind has one member."""
+        """The owner of the memory that a store of a kind accesses; a link has its name if the kind has one member."""
         own = store.owner is LINK and store.place is None
         if store.owner in OF_LINKS and len(kind.members) == 1 and (store.memory.region or store.memory is CONSTANT):
             assert isinstance(kind, UnitKind)

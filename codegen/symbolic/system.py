@@ -295,7 +295,7 @@ class SymbolicEngine(RecursiveEngine):
 
 
 LARGEST_INVERSE = 3
-"""With intermediate variables, larger matrices are made orthogonal column by column."""
+"""With intermediate variables, matrices of more rows are not inverted by cofactors: `orthogonal_solution` solves with them."""
 
 
 def orthogonal_solution(A: Array, B: Array) -> Array:

@@ -20,7 +20,7 @@ PER_LINE = 4
 """Number of terms of a sum in a line of LaTeX."""
 
 NESTED = 8
-"""In LaTeX, a sum of more terms that is a part of a product or function is named, and printed before."""
+"""In LaTeX, a sum of more terms within a product or function gets a name, and is printed before the equation."""
 
 LAWS = {
     "tree": ("M*udot = forcing",),

@@ -245,7 +245,7 @@ class Lines:
         return [f"return {self.base(last.lanes)}singular;" if isinstance(last, steps.Check) else "return 0;"]
 
     def bound(self, given: tuple[Array, ...]) -> dict[str, str]:
-        """Which arrays of the call are arguments or seeds."""
+        """The arrays of the call that are arguments or seeds."""
         p = self.procedure
         assert p is not None
         held = p.held()
@@ -260,7 +260,7 @@ class Lines:
         return found
 
     def bound_results(self, lanes: bool) -> dict[str, str]:
-        """Which arrays of the call are results."""
+        """The arrays of the call that are results."""
         p = self.procedure
         assert p is not None
         apart = p.written_apart()

@@ -1,4 +1,4 @@
-"""How statements, loops, tables and places in memory are written in C."""
+"""Writes statements, loops, tables and places in memory in C."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class CLanguage(Writer):
         self.has_parts = False
         """Whether a function is divided."""
         self.lines_of_units = dict.fromkeys(SHARES, 0)
-        """Lines of parts that each unit of a library compiles for both."""
+        """Number of lines of shared parts that each unit of a library compiles."""
         self.touched: dict[str, set[str]] = {}
-        """By sweep: the regions of memory, arguments and results that it reads or writes."""
+        """Regions of memory, arguments and results that each sweep reads or writes, by the name of the sweep."""
 
     # -- numbers ---------------------------------------------------------------------------------------------------
 

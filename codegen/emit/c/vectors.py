@@ -53,7 +53,7 @@ def states(scalar: Scalar) -> list[str]:
 
 
 def parts(scalar: Scalar) -> list[str]:
-    """How vectors of states are loaded from 16-byte parts of rows, and the exchange of their entries."""
+    """Lines that load vectors of states from 16-byte parts of rows, and exchange their entries."""
     if not scalar.integer:
         return []
     part = 16 // scalar.bytes

@@ -1,4 +1,4 @@
-"""Which functions a solver has: all of them, or a selection."""
+"""Choice of the functions of a solver: all of them, or a selection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which sweeps the procedures run."""
+"""The sweeps that the procedures run."""
 
 from __future__ import annotations
 

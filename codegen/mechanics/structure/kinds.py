@@ -83,7 +83,7 @@ class LinkKind(SharedConstants):
 
     @property
     def geared(self) -> tuple[bool, ...]:
-        """Which of the joint's speeds, including a prescribed one, have a rotor with reflected inertia."""
+        """Whether each of the joint's speeds, including a prescribed one, has a rotor with reflected inertia."""
         return tuple(f"rotor{j}" in self.shape.fields for j in range(self.joint.speeds()))
 
 

@@ -51,7 +51,7 @@ class BodySection:
     frames : dict of str to int
         Index of each body, and of the ground.
     bodies : list of Body
-        The bodies without errors; as many as `names` if there are none.
+        The bodies without errors; without any error, as many as `names`.
     is_tree : bool
         Whether every body leads to the ground.
     is_sound : bool

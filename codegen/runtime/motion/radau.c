@@ -336,7 +336,8 @@ static int ends_along(ordernm_motion *m, scalar h)
     return CONVERGED;
 }
 
-/* What to keep of the previous step and of its Jacobian at the start of this one. Returns the status of a function. */
+/* At the start of a step: decides which data of the previous step, such as its Jacobian, are used again. Returns the status of a
+ * function. */
 static int take_up(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
@@ -346,7 +347,7 @@ static int take_up(ordernm_motion *m, scalar h)
         if (m->switched || m->t == m->root_end) begin_anew(r);
     }
     if (m->ngroups && (!r->tried || m->system->split || m->segment != r->segment || m->switched)) {
-        /* By the function without directions, so that steps are the same to the last bit. */
+        /* Rates by the function without directions, so that steps are the same to the last bit with and without directions. */
         const int status = ordernm_rates_of(m, m->t, m->z, m->rate[0], 0, 0, RATES);
         if (status) return status;
     }

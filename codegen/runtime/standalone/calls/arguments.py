@@ -313,7 +313,7 @@ def broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
 
 
 def placing(arrays: Mapping[str, Any], batch: Shape, manifest: Mapping[str, Any]) -> Array:
-    """Everything on which positions depend besides q: parameters and, with prescribed motion, inputs and time, (*batch, n)."""
+    """Arguments besides q on which positions depend: parameters and, with prescribed motion, inputs and time, (*batch, n)."""
     p = np.broadcast_to(arrays["p"], (*batch, len(manifest["parameter_names"])))
     if not manifest["prescribed_names"]:
         return p

@@ -103,7 +103,7 @@ def ends_of(lines: Sequence[Line], poses: Poses, i: int) -> Array:
 
 
 def places_of(marks: Sequence[Mark], poses: Poses, i: int) -> Array:
-    """Where each of some points is at time i in the ground frame, (n, 3), m."""
+    """Positions of points at time i in the ground frame, (n, 3), m."""
     bodies = np.array([m.body for m in marks], dtype=np.intp)
     return poses.many(bodies, np.array([m.at for m in marks]).reshape(-1, 3), i)
 

@@ -1,4 +1,4 @@
-"""What a view shows of a model at given parameters: solids and lines fixed in bodies, points, and lines between bodies."""
+"""Scene of a view: a model at given parameters, as solids and lines fixed in bodies, points, and lines between bodies."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ class Views(Room):
     def _shades(
         self, scene: Scene, q: Array, p: Array, inputs: Array, t: Array, dq: Array, names: Sequence[str]
     ) -> dict[str, Array]:
-        """How far centres of mass move with some quantities, along whose directions q changes by dq (k, nt, nq)."""
+        """Displacements of centres of mass per unit of each quantity in `names`; dq (k, nt, nq) are the derivatives of q."""
         dp = np.zeros((len(names), 1, self.np))
         for k, name in enumerate(names):
             if name in self.parameter_names:

@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Array, Numbers, filled
 
 METHODS = ("rk4", "dop853", "radau")
-"""In the order of the constants of ``motion.h``."""
+"""Integration methods, in the order of the constants of ``motion.h``."""
 
 METHOD = "dop853"
 RTOL = 1e-9

@@ -263,7 +263,7 @@ def neutral_directions(J: Array) -> Array:
 
 
 def _regular(sizes: Array) -> NDArray[np.bool_]:
-    """Which singular values are not zero."""
+    """Mask of the singular values that are not zero."""
     return sizes > max(SINGULAR * sizes.max(initial=0.0), NONE)
 
 

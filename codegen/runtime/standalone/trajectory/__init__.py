@@ -1,1 +1,1 @@
-"""What a motion returns: the trajectory with its events, its files, tables and pictures."""
+"""Results of a motion: the trajectory with its events, its files, tables and pictures."""

@@ -1,1 +1,1 @@
-"""How far results can be trusted: rounding errors, diagnosis, more digits, single precision."""
+"""Accuracy of results: rounding errors, diagnosis, more digits, single precision."""
