@@ -112,13 +112,34 @@ class _Figure:
         self.figure: Any = Figure(figsize=(6.0, 5.0))
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes: Any = self.figure.add_axes((0, 0, 1, 1), projection="3d", proj_type="ortho", computed_zorder=False)
-        low, high = self._limits()
-        half = 0.52 * max(float((high - low).max()), 1e-3)
-        self.low, self.high = (low + high) / 2 - half, (low + high) / 2 + half
         self.view = view_of(view, scene, poses)
+        points = self._points()
+        low, high = points.min(axis=0), points.max(axis=0)
+        self.middle, self.half = (low + high) / 2, 0.5 * max(float((high - low).max()), 1e-3)
+        self._look()
+        self.half *= self._extent(points) / 0.9
 
-    def _limits(self) -> tuple[Array, Array]:
-        """Corners of the box that contains the scene at all times."""
+    def _look(self) -> None:
+        """Sets the direction of the view and the limits of the axes."""
+        axes = self.axes
+        axes.view_init(*self.view)
+        for k, set_limits in enumerate((axes.set_xlim, axes.set_ylim, axes.set_zlim)):
+            set_limits(self.middle[k] - self.half, self.middle[k] + self.half)
+        axes.set_box_aspect((1, 1, 1))
+
+    def _extent(self, points: Array) -> float:
+        """Largest distance of points from the middle of the picture, by half of its width."""
+        from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+        self.axes.apply_aspect()
+        x, y, _ = proj_transform(*points.T, self.axes.get_proj())
+        places = self.axes.transData.transform(np.column_stack([x, y]))
+        window = self.axes.bbox
+        middle, half = (window.p0 + window.p1) / 2, (window.p1 - window.p0) / 2
+        return float(np.abs((places - middle) / half).max())
+
+    def _points(self) -> Array:
+        """Points (n, 3) of the scene at some of its times, m."""
         poses = self.poses
         steps = np.unique(np.linspace(0, len(poses.t) - 1, 60).astype(int))
         found = [poses.of(s.body, v, i) for i in steps for s, v, _ in self.surfaces]
@@ -126,8 +147,7 @@ class _Figure:
             found += [ends_of(self.scene.lines(kind), poses, i).reshape(-1, 3) for kind in LINES]
             found += [places_of(self.scene.marks(kind), poses, i) for kind in MARKS]
         every = np.concatenate(found)
-        every = every if len(every) else poses.position[0]
-        return every.min(axis=0), every.max(axis=0)
+        return every if len(every) else poses.position[0]
 
     def show(self, i: int) -> None:
         """Draw the scene at time i."""
@@ -136,12 +156,7 @@ class _Figure:
         axes, poses, scene = self.axes, self.poses, self.scene
         axes.clear()
         axes.set_axis_off()
-        axes.view_init(*self.view)
-        for set_limits, low, high in zip(
-            (axes.set_xlim, axes.set_ylim, axes.set_zlim), self.low, self.high, strict=True
-        ):
-            set_limits(low, high)
-        axes.set_box_aspect((1, 1, 1), zoom=1.3)
+        self._look()
         triangles, colors = [], []
         for solid, vertices, faces in self.surfaces:
             corners = poses.of(solid.body, vertices, i)[faces]
