@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,11 @@ def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
             model, parameters=given, form=options.form, intermediates=options.intermediates, simplify=options.simplify,
             force=options.force or options.force_size,
         )  # fmt: skip
+        if options.intermediates and not found.intermediates:
+            print(
+                f"equations: {model.name} has no long sums, so no intermediate variables are introduced",
+                file=sys.stderr,
+            )
         write = {"": as_text, "latex": as_latex, "sympy": as_sympy, "mathml": equations_mathml, "html": equations_page}
         return write[options.format](found), f"{found.terms} terms"
 
