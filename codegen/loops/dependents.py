@@ -121,7 +121,7 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, de
         The columns in order of preference; those of one tuple are taken together or not at all.
     rank : int
     dense : bool
-        Whether distance from the cut hardly matters: halving the condition number is then worth twice the distance.
+        Whether the distance from the cut has less weight: half the condition number then outweighs twice the distance.
 
     Returns
     -------

@@ -13,10 +13,10 @@ from .geometry import Joints, advance
 from .paths import PoseGroups
 
 ROUNDING = 5e-16
-"""Residual that counts as rounding, per unit of the distance from the base in characteristic lengths: no further step."""
+"""Residual, per unit of the distance from the base in characteristic lengths, below which no further step is made."""
 
 CLOSED = 1e-10
-"""Residual that counts as closed, in the same measure: between rounding and any intended gap."""
+"""Residual, per unit of that distance, below which a ring counts as closed: between rounding and any intended gap."""
 
 SETTLED = 1e-3
 """Iteration ends with a step that changes the residual by less than this fraction."""

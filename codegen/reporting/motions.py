@@ -336,7 +336,7 @@ def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) 
 
 
 def _seconds_of_condition(columns: int) -> float:
-    """Seconds for a large matrix, from the singular values of a smaller one; they grow with the cube of its size."""
+    """Estimated seconds for the singular values of a large matrix: proportional to the cube of its size, from a smaller one."""
     matrix = np.random.default_rng(0).normal(size=(LARGEST_MATRIX, LARGEST_MATRIX))
     run = elapsed(lambda: np.linalg.svd(matrix, compute_uv=False), clock=time.thread_time)
     return in_rounds({"": run}, 3)[""].least * (columns / LARGEST_MATRIX) ** 3

@@ -129,7 +129,7 @@ class Frame(Root):
 
     @property
     def moves(self) -> bool:
-        """Whether its motion is among the sources: the region then moves relative to it."""
+        """Whether the base's motion is among the sources; if so, the region moves relative to the base."""
         return not self.kind.rigid
 
     def attitude(self) -> Matrix:

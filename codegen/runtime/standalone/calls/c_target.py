@@ -289,7 +289,7 @@ class CTarget(Target):
         return finite
 
     def _one_by_one(self, task: Task, given: Mapping[str, tuple[Any, int, int]]) -> Failed:
-        """Computes one state after another, up to the first failure or all of them; returns the failures.
+        """Computes one state after another, up to the first failure or through the whole batch; returns the failed states.
 
         `given` are pointers to arguments and seeds, with strides between states and between directions.
         """
