@@ -59,7 +59,7 @@ class Frames:
         return self.of(scope, home, name or otherwise, pose if pose is not None else user)
 
     def of(self, scope: Scope, home: Scope, name: str, user: Element) -> Placement:
-        """Pose, in the scope of names, of the frame that a name denotes for an element in `home`."""
+        """Pose of a named frame in a scope of names; `home` is the scope of the element that uses the name."""
         if name in ("", "__model__"):
             return self.of_model(home) if home.is_merged else Placement()
         return self.named(scope, name, user)

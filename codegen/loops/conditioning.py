@@ -54,7 +54,7 @@ BRANCHES = 3
 """Number of the fastest dependent speeds that are tried as independent ones, each in turn."""
 
 ROUNDS = 2
-"""Number of rounds of these trials."""
+"""Number of rounds in which fast dependent speeds are tried as independent ones."""
 
 
 class Conditioning:

@@ -33,7 +33,7 @@ SMALL = 1e-2
 """Motions whose singular value is below this fraction of the largest are nearly permitted."""
 
 PART = 0.2
-"""Joints whose component in such a motion is below this fraction of the largest are not named."""
+"""Joints whose component in a nearly permitted motion is below this fraction of the largest are not named."""
 
 
 def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:

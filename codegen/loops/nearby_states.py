@@ -27,13 +27,13 @@ DRAWS = 20
 """Number of random sets of independent coordinates with which a choice of dependents is tested."""
 
 RANGE = 0.5
-"""Largest distance of these sets from the initial configuration, rad and characteristic lengths."""
+"""Largest distance of the random independent coordinates from the initial ones, rad and characteristic lengths."""
 
 PARTS = 3
-"""Number of steps in which the independent coordinates move to these values."""
+"""Number of steps in which the independent coordinates move to their random values."""
 
 TRIALS = 10
-"""Number of Newton steps that may close the loops after the last of these steps."""
+"""Number of Newton steps that may close the loops after the last of the `PARTS` steps."""
 
 DAMPING = 1e-11
 """This fraction of the trace of E E^T is added to its diagonal, so that redundant conditions do not make it singular."""

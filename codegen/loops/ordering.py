@@ -125,7 +125,7 @@ class Sweep:
         self.motion = Motion(geometry, q, np.repeat(motions, len(q), axis=0))
 
     def run(self, order: Order) -> tuple[list[Draft], Open | None]:
-        """The ears up to the first that does not close by itself, and why that one does not; None if all close."""
+        """The ears before the first one that does not close by itself, and the reason why it does not; None if all close."""
         self.motion.restart()
         self.regular = np.ones(len(self.q), dtype=bool)
         drafts: list[Draft] = []

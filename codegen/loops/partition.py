@@ -35,10 +35,10 @@ from .velocities import Motion
 __all__ = ["Ear", "Partition", "partition"]
 
 NEARBY = 2
-"""Number of configurations near the initial one that are examined where that one may be singular."""
+"""Number of configurations near the initial one that are examined if the initial one may be singular."""
 
 DISTANCE = 0.08
-"""Distance of these configurations from it, rad and characteristic lengths."""
+"""Distance of the nearby configurations from the initial one, rad and characteristic lengths."""
 
 FEW = 100
 """With more ears than this, redundant conditions are examined at the initial configuration only."""

@@ -15,11 +15,11 @@ CARRIED_OVER = {along: Store(name, Owner("function"), Memory("stack", along)) fo
 """Values that parts carry over to later ones: shared by all directions (False), or per direction (True)."""
 
 STACK = {False: "values", True: "lane_values"}
-"""Arrays for these values, in the function that calls the parts."""
+"""Names of the arrays for values that are carried over, in the function that calls the parts."""
 
 
 def _type(along: bool, real: str) -> str:
-    """Element type of such an array; `real` is the scalar type."""
+    """Element type of an array of values that are carried over; `real` is the scalar type."""
     return "LANES" if along else real
 
 
@@ -29,7 +29,7 @@ def carried_over(number: int, along: bool) -> Component:
 
 
 def in_stack(place: Place, real: str) -> Place:
-    """The place of a component in a part: in such an array, or the same as in the whole function."""
+    """The place of a component in a part: in an array of values that are carried over, or that in the whole function."""
 
     def placed(store: Store, name: str) -> Located:
         for along, of in CARRIED_OVER.items():

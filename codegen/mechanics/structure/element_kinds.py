@@ -179,7 +179,7 @@ def end_name(i: int) -> str:
 
 
 def without_parts(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
-    """A coefficient whose parts without positions and velocities of points are replaced; they are appended to `parts`."""
+    """The form of a coefficient: its parts without positions and velocities of points are replaced, and appended to `parts`."""
 
     def part(unmeasured: Tree) -> Tree:
         parts.append(unmeasured)

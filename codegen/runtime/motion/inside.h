@@ -78,7 +78,7 @@ typedef struct {
     int (*step)(ordernm_motion *m, scalar h, scalar *error);                   /* error: relative to the tolerance */
     int (*complete)(ordernm_motion *m, scalar h);                              /* the stages of the interpolant */
     void (*interpolate)(ordernm_motion *m, scalar h, scalar theta, scalar *z); /* at t + theta h */
-    /* of explicit methods */
+    /* of explicit methods only */
     const row *rows;          /* sums for the stages; the one with the number `stages` is the end of the step */
     const scalar *times;      /* of stages, relative to the step */
     void (*weights)(scalar theta, scalar *factor); /* of all rates, at t + theta h */

@@ -17,7 +17,7 @@ STATE = ("q", "u", "p", "inputs", "t")
 """Arguments of solver methods that take a state, in order."""
 
 ALONG = ("dq", "du", "dp", "dinputs", "dt")
-"""Seeds of these arguments, in order."""
+"""Seeds of the arguments of a state, in order."""
 
 TAKES = {
     "mass_matrix": ("q", "p", "inputs", "t"),
@@ -44,7 +44,7 @@ WEIGHTS = {
     "dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
     "dfull_u": "weights_u",
 }  # fmt: skip
-"""Names of these seeds in solver methods."""
+"""Names of the seeds of transposed functions in solver methods."""
 
 BESIDE = {
     "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
