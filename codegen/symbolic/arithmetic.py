@@ -1,4 +1,4 @@
-"""Polynomials as the numbers of the reference engines, and expressions of a model as those of sympy."""
+"""The number type of the reference engines for symbols: polynomials; it converts expressions of a model to those of sympy."""
 
 from __future__ import annotations
 

@@ -37,9 +37,8 @@ class BlockLines:
     ):
         self.block, self.place, self.culprit = block, place, culprit
         self.real, self.zero = of.scalar.word, of.scalar.literal("0.0")
-        to = [
-            place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN
-        ]  # loads that name rows come first
+        # `place` gives names to rows: to those of stores before those of loads
+        to = [place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN]
         names = of.called_by(block, place)
         self.stored = {*to}
         self.written = {at.variable for at in to}

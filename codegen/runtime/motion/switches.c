@@ -12,8 +12,8 @@
  * rounding. */
 static const scalar SAME = 1e-13, NEGLIGIBLE = 1e-6;
 
-/* A switching function counts as zero at the start if it would be zero within this fraction of the motion's duration. A constant one,
- * such as abs(x) - x where x > 0, is zero up to the second, a rounding error. */
+/* A switching function counts as zero at the start if it would be zero within this fraction of the motion's duration. A function that
+ * is constant, such as abs(x) - x where x > 0, counts as zero if it is smaller than the second number, a rounding error. */
 static const scalar AT_ZERO = 1e-13, ROUNDED = 1e-12;
 
 enum { FEW_REFUSED = 3 };
