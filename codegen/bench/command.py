@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="problems to measure (default: all); motions or families selects a kind",
     )
     parser.add_argument("--list", action="store_true", help="print the names of the problems")
-    parser.add_argument("--quick", action="store_true", help="measure only a small part of each problem, which takes less time")
+    parser.add_argument(
+        "--quick", action="store_true", help="measure only a small part of each problem, which takes less time"
+    )
     parser.add_argument(
         "--peers", action="store_true", help="also measure other programs, if installed, on the same models"
     )
