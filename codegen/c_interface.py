@@ -217,7 +217,7 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, result: str, count: str) -> list[str]:
-    """The main function of that program: the state, and the first entries of the result and of a derivative."""
+    """The main function of the example program: the state, and the first entries of the result and of a derivative."""
     name, NAME, functions = model.name, model.name.upper(), manifest["functions"]
     given, call = functions[shown]["arguments"], _arguments(manifest, shown)
     turned = [f"q[{_index(model, 'Q', model.coordinate_names, n)}]" for n in manifest["independent_names"][:1]]

@@ -76,7 +76,7 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, f
     with contextlib.suppress(PackageError, OSError):
         if all(trusted(file) for file in folder.rglob("*")):
             check_files(folder, read_manifest(folder), ("",))
-            os.utime(folder)  # marks it as recently used
+            os.utime(folder)  # marks the package as recently used
             return
     shutil.rmtree(folder, ignore_errors=True)  # generate would refuse a damaged folder
     mask = os.umask(0o077)
@@ -88,8 +88,8 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, f
 
 
 def _cached(model: Model, partitions: int, frames: bool, reactions: bool) -> Path | None:
-    """The cache folder for the package of a model; None, with a warning, if there is no cache (without one if the user has no
-    home).
+    """The cache folder for the package of a model; None if there is no cache: with a warning, unless the user has no
+    home directory.
 
     The folder's name contains a digest of everything that affects the package: the model's files as read, the generator, the
     versions of Python packages, and the options. Names of compiled libraries contain flags, compiler and processor.

@@ -85,7 +85,7 @@ def _tolerate_terminal() -> None:
         ("stdin", "r"),
         ("stdout", "w"),
         ("stderr", "w"),
-    ):  # in the order of their file descriptors, which are free
+    ):  # in the order of the file descriptors: each file opened takes the lowest free one
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
     with contextlib.suppress(AttributeError):  # stdout may be replaced by another stream
@@ -292,9 +292,9 @@ def _how_it_ended(run: Any, received: Sequence[int]) -> int:
 
 
 def _be_short_lived(command: str) -> None:
-    """Saves time in commands, which end soon: without garbage collection, which took a third of it.
+    """Disables garbage collection in commands, which end soon; it took a third of their time.
 
-    Also disables Pydantic's search for plugins in installed packages, and threads for matrices in commands with small ones only.
+    Also disables Pydantic's search for plugins in installed packages, and threads of NumPy in commands with small matrices only.
     """
     gc.disable()
     if command not in COMPUTING:

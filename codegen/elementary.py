@@ -89,7 +89,7 @@ class Elementary:
 
     @property
     def rounds(self) -> bool:
-        """Whether libraries compute it by several operations, so that the result has more than one rounding error."""
+        """Whether libraries compute the function by several operations, so that the result has more than one rounding error."""
         return self.pure or self.name == "atan2"
 
     @property

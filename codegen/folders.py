@@ -220,7 +220,7 @@ def _locked(folder: Path) -> Iterator[bool | None]:
         except OSError:
             yield None
         else:
-            yield folder.exists()  # its previous owner may have removed it
+            yield folder.exists()  # the previous owner of the lock may have removed the folder
     finally:
         os.close(handle)
 
@@ -250,12 +250,12 @@ def _take_place(new: Path, folder: Path) -> None:
     """Moves a finished folder to its place, even if other processes do the same."""
     for attempt in range(ATTEMPTS):
         try:
-            os.rename(new, folder)  # works if the place is empty
+            os.rename(new, folder)  # succeeds if no folder, or an empty one, has this name
             return
         except OSError as error:
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                 raise
-        with contextlib.suppress(FileNotFoundError):  # another process has moved it away
+        with contextlib.suppress(FileNotFoundError):  # another process has moved the old folder away
             if exchange(new, folder):
                 return
         if _replace(new, folder):
@@ -277,7 +277,7 @@ def _replace(new: Path, folder: Path) -> bool:
             os.rename(old, folder)
         return False
     finally:
-        if folder.exists():  # otherwise the old one stays, to be restored
+        if folder.exists():  # if not, the old folder stays for the next run to restore
             shutil.rmtree(old, ignore_errors=True)
 
 

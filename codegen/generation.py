@@ -378,7 +378,7 @@ def _errors(
             return f"none of them can be assembled, the last because {open_loop}"
     q, u, inputs = (
         x.astype(solver.parameters.dtype).astype(float) for x in (q, u, inputs)
-    )  # as the solver rounds them
+    )  # rounded to the scalar type, as the solver does
     state = q, u, None, inputs, t
     derivatives = "sensitivities" in solver.operations
     with np.errstate(all="ignore"), warnings.catch_warnings():

@@ -18,7 +18,7 @@ from .elementary import ON_ARRAYS, TABLE, Tree, tree_of
 Array = NDArray[np.float64]
 
 BESIDE, FAR_BESIDE = 1e-9, 1e-5
-"""Relative distance from a time at which its branches are evaluated; and the distance where no derivative exists at the time."""
+"""Relative distances from a time: for the choice of branches, and for extrapolating values that are not finite at the time."""
 
 JUMP = 1e-7
 """Jumps below this fraction of the largest nearby value are rounding errors."""
@@ -154,7 +154,7 @@ def _beside(tree: Tree, known: Known, t: Array, side: float, order: int) -> Arra
         return here
     far = np.maximum(np.abs(t), 1e-3) * FAR_BESIDE * side
     near, farther = (evaluated(tree, known(t + x * far), t.shape)[order] for x in (1.0, 2.0))
-    with np.errstate(invalid="ignore"):  # both may be infinite
+    with np.errstate(invalid="ignore"):  # both values may be infinite
         return np.where(np.isfinite(here), here, 2.0 * near - farther)
 
 

@@ -21,7 +21,7 @@ def add_new_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_new(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm new``: write a first model file, or list what there is."""
+    """``ordernm new``: write a first model file, or list the starters."""
     known = starters()
     if options.list:
         if options.model is not None or options.starter is not None or options.force:

@@ -25,7 +25,7 @@ MARKED = {"": "# {}\n", "sympy": "# {}\n", "latex": "% {}\n", "mathml": "<!-- {}
 
 
 class WrongRequest(Failure):
-    """A model that has no such equations, or an argument that names nothing of the model."""
+    """The model lacks the requested equations, or an argument names nothing in the model."""
 
     code = MODEL_WRONG
 
@@ -120,7 +120,8 @@ def run_statements(options: argparse.Namespace, status: StatusLine) -> int:
 def _run(
     options: argparse.Namespace, status: StatusLine, made: Callable[[Any], tuple[str, str]], to_replace: str
 ) -> int:
-    """Read the model, and print or write what is made of it; `to_replace` is the option that replaces a foreign file."""
+    """Read the model, and print the text that `made` returns or write it to a file; `to_replace` is the option that replaces a
+    foreign file."""
     from .model import load_model
     from .symbolic import SymbolicError
 

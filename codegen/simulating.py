@@ -243,7 +243,8 @@ def motion_errors() -> Iterator[None]:
         yield
     except (CompileError, NoCompilerError):
         raise
-    except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:  # the first two are ValueErrors
+    except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:
+        # LinAlgError and AssemblyError are ValueErrors, so they are caught first
         raise MotionError(str(error)) from None
     except (ValueError, KeyError, AttributeError) as error:  # AttributeError: a package without simulate
         raise RequestError(str(error)) from None

@@ -49,7 +49,7 @@ def run_view(options: argparse.Namespace, status: StatusLine) -> int:
     Raises
     ------
     RequestError, FolderError, ImportError
-        Before the work, for what cannot be done.
+        Before the work, for impossible requests.
     """
     _check(options)
     model = read(options.model, status)

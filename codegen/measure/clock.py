@@ -95,11 +95,11 @@ def repeated(run: Callable[[int], float], batch: float = 2e-3, warm_up: bool = F
     Parameters
     ----------
     run : callable
-        Repeats something N times and returns the seconds of all.
+        Repeats something N times and returns the total time, s.
     batch : float, optional
         Time of the repetitions, s, which sets their number.
     warm_up : bool, optional
-        Before each turn run a quarter of them, untimed, to bring code and data into the caches.
+        Before each turn, run a quarter of the repetitions, untimed, to bring code and data into the caches.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def alternate(
     contestants : mapping of str to callable
         Each returns the seconds of one turn.
     budget : float
-        Time for each, s, approximately. A slower one has `least_turns`.
+        Approximate time for each contestant, s. A slow contestant has `least_turns`.
     least_turns, most_turns : int, optional
         Bounds of the number of turns.
 
@@ -162,7 +162,7 @@ def turns(
     contestants : mapping of str to callable
         Each returns the seconds of one turn.
     budget : float
-        Time for each, s, approximately. A slower one has `least_turns`.
+        Approximate time for each contestant, s. A slow contestant has `least_turns`.
     least_turns : int
         Least number of turns.
     most_turns : int, optional
@@ -337,7 +337,7 @@ def cores() -> list[int]:
     Returns
     -------
     list of int
-        Numbers of the cores; empty if the system does not tell.
+        Numbers of the cores; empty if the system does not report them.
 
     Examples
     --------

@@ -265,8 +265,8 @@ def record(turns: Iterable[Turn]) -> dict[str, Any]:
     -------
     dict
         ``least``, ``median``, ``high`` (at least nine of ten turns were shorter) and ``turns``; ``core`` and ``cache``, the
-        medians of the fixed work around them. The one around the shortest turn would not suffice, because cores change during a
-        turn.
+        medians of the fixed work around them. The fixed work around the shortest turn would not suffice, because cores
+        change during a turn.
     """
     known = list(turns)
     beside = {name: statistics.median(getattr(t, name) for t in known) for name in FIXED_WORK}

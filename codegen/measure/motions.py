@@ -24,7 +24,7 @@ def timed(run: Callable[[], T]) -> tuple[T, float]:
     """The result of a call, and the time of the integrator in it, s.
 
     The wall time in C and the CPU time of the whole call are both upper bounds of the integrator's CPU time, so the smaller one
-    is used. If the call fails, the latter is used.
+    is used. If the call fails, its CPU time is used.
     """
     began = time.thread_time()
     found = run()

@@ -17,7 +17,7 @@ Sweeps = Mapping[str, Mapping[str, Mapping[str, int]]]
 
 
 def of_manifest(manifest: Mapping[str, Any], function: str) -> Sweeps:
-    """The sweeps of a generated function; `Solver.operations` has the same."""
+    """The sweeps of a generated function, with the names that `Solver.operations` uses."""
     return {sweep: manifest["operations"].get(sweep, {}) for sweep in manifest["functions"][function]["sweeps"]}
 
 

@@ -42,8 +42,8 @@ def largest(x: Array) -> float:
 
 
 LONG = 4096
-"""Up to this length a dot product is the faster check. For longer arrays BLAS starts threads, which may cost 4 ms on a busy
-machine for work of 20 us."""
+"""Up to this length, a dot product is the faster test for finite numbers. For longer arrays BLAS starts threads, which
+may cost 4 ms on a busy machine for work of 20 us."""
 
 
 def all_finite(x: Array) -> bool:
@@ -61,7 +61,7 @@ def all_finite(x: Array) -> bool:
 
 
 def once(x: Array) -> Array:
-    """An array without the repetitions of broadcasting: those axes have length 1."""
+    """An array without the repetitions of broadcasting: axes along which it repeats have length 1."""
     if 0 not in x.strides:
         return x
     return x[tuple(slice(None) if step else slice(0, 1) for step in x.strides)]

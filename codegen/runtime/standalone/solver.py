@@ -366,8 +366,9 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
         follow : bool, optional
-            Treat the states along the last batch axis as a path: each is followed from the one before it, and the first from
-            its guess. Left out: True along the axis of t where motion is prescribed and all times share one guess.
+            Treat the states along the last batch axis as a path: each state is followed from the state before it, the
+            first from its guess. Left out: True along the axis of t where motion is prescribed and all times share one
+            guess.
 
         Returns
         -------
@@ -462,7 +463,7 @@ class Solver(Package):
         position : ndarray (..., nclosure)
             One residual for each of `closure_names`; rad for angular conditions.
         velocity : ndarray (..., nclosure)
-            Their time derivatives, 1/s.
+            Time derivatives of the residuals, 1/s.
 
         Examples
         --------
@@ -1406,8 +1407,8 @@ class Solver(Package):
             force included. NaN for a body on a fixed joint, which is merged with the body that carries it.
         loops : ndarray (..., nloops, 6)
             The same for each loop joint, exerted on its ``to`` body about the origin of the face there. Where redundant
-            conditions leave them undetermined, the values have the least sum of squares of moments, and forces times
-            the characteristic length, in each closure group.
+            conditions leave these wrenches undetermined, the values have the least sum of squares of moments, and
+            forces times the characteristic length, in each closure group.
 
         Examples
         --------
@@ -1485,7 +1486,7 @@ class Solver(Package):
         Returns
         -------
         FrameMotion
-            Rotation, position and velocities of the bodies relative to the ground, along its axes.
+            Rotation, position and velocities of the bodies relative to the ground, in the ground frame.
 
         Examples
         --------
@@ -1599,7 +1600,7 @@ class Solver(Package):
         Returns
         -------
         PointMotion
-            Position and velocity of the points relative to the ground, along its axes.
+            Position and velocity of the points relative to the ground, in the ground frame.
 
         Examples
         --------
@@ -1841,7 +1842,7 @@ class Solver(Package):
         Raises
         ------
         SimulationError
-            If the motion cannot continue. It has time and cause; its `trajectory` holds the motion up to there.
+            If the motion cannot continue. The error gives time and cause; its `trajectory` holds the motion up to there.
         AssemblyError
             If the initial state cannot be closed.
         NoCompilerError
@@ -1894,7 +1895,7 @@ class Solver(Package):
             What to differentiate by, like `sensitivities` of `simulate`.
         method : {"auto", "forward", "adjoint"}, optional
             Sensitivities along with the motion, or the discrete adjoint, whose cost does not grow with the number of
-            parameters. "auto" uses the cheaper one. Their results agree to rounding.
+            parameters. "auto" uses the cheaper one. Both gradients agree to rounding.
         dq0, du0 : array_like (k, nq), (k, nu), optional
             Derivatives of the initial state, as in `simulate`.
         rtol, atol : float, optional
@@ -1989,5 +1990,6 @@ class Solver(Package):
         return extended(self, digits, None if model is None else self._extended_modules(model, digits))
 
     def _extended_modules(self, model: Any, digits: int) -> PartitionModules:
-        """The NumPy modules of the partitions, with constants of a model in more digits; its generator writes them."""
+        """The NumPy modules of the partitions, with constants of the model in more digits; a solver opened by `ordernm.load`
+        generates them."""
         raise ValueError("model: a package by itself generates nothing; open it with ordernm.load to give its model")

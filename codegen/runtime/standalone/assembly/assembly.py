@@ -25,10 +25,11 @@ STEPS_OFF = (0.02, -0.02, 0.1, -0.1, 0.5, -0.5)
 """rad or m: offsets of the dependent coordinates, tried one after the other, from a guess at which a loop has lost rank."""
 
 GUESSES = 48
-"""Number of other guesses for the dependent coordinates if the given one leads to no closed state; their distance increases."""
+"""Number of other guesses for the dependent coordinates if the given guess leads to no closed state; their distance
+increases."""
 
 FURTHEST = 3.0
-"""rad or m: distance of the last of these guesses."""
+"""rad or m: distance between the given guess and the last of the `GUESSES`."""
 
 SEVERAL = 200
 """With more dependent coordinates than this, no other guesses are tried, because they would take too long."""
@@ -124,7 +125,8 @@ class Assembly:
         return found
 
     def may_be_turned(self, q: Array) -> bool:
-        """A faster test for one state (nq,), which may be true too often: with prescribed motion it ignores the time."""
+        """Faster version of `is_turned` for one state (nq,). It may be true too often: with prescribed motion it ignores the
+        time."""
         numbers = q.tolist()
         for i, initial in self._others:
             if numbers[i] != initial:
@@ -155,8 +157,8 @@ class Assembly:
         return self._checked(found, x, called)
 
     def continued(self, q: Array, x: Array, called: Sequence[Sequence[tuple[int, ...]]]) -> Array:
-        """Closed states (m, n, nq) along m paths: each state is continued from the one before it, the first is closed from its
-        guess."""
+        """Closed states (m, n, nq) along m paths: each state is continued from the state before it; the first is closed
+        from its guess."""
         found = np.empty_like(q)
         found[:, 0] = self.close(q[:, 0], x[:, 0], [row[0] for row in called])
         for k in range(1, q.shape[1]):
@@ -183,7 +185,8 @@ class Assembly:
     # -- from afar -----------------------------------------------------------------------------------------------------
 
     def _from_afar(self, q: Array, x: Array, of_initial: NDArray[np.bool_], beside: Array, names: list[str]) -> Array:
-        """Closes guesses (n, nq) that are not near a closed state. `beside` are closed states somewhat near them, or NaN."""
+        """Closes guesses (n, nq) that are not near a closed state. `beside` contains a closed state in the vicinity of each
+        guess, or NaN."""
         found, left = q.copy(), np.ones(len(q), bool)
         n = np.flatnonzero(of_initial)
         if n.size:
@@ -203,8 +206,8 @@ class Assembly:
     def _from(
         self, start: tuple[Array, Array], q: Array, x: Array, names: list[str]
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Continues closed states to guesses (n, nq). Also returns which did not arrive, because of lost rank or too great a
-        distance.
+        """Continues closed states to guesses (n, nq). Also returns which states did not arrive, because of lost rank or
+        too great a distance.
 
         Raises
         ------
@@ -221,12 +224,12 @@ class Assembly:
         """Straight lines from closed states (q0, x0) to guesses (q1, x1)."""
         i = self.follower.independent
         last = q1.copy()
-        for k in self.newton.quaternions:  # of e and -e, the nearer quaternion
+        for k in self.newton.quaternions:  # the quaternions e and -e are the same rotation: take the nearer one
             last[:, k : k + 4] *= np.where((q0 * q1)[:, k : k + 4].sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
         return Line(q0[:, i], last[:, i], x0, x1, last)
 
     def _followed(self, first: Array, line: Line, wanted: Array, names: Sequence[str], part: float = FIRST) -> Followed:
-        """Continues closed states along lines; those that reach the end are closed to rounding."""
+        """Continues closed states along lines; states that reach the end of their line are closed to rounding."""
         way = self.follower.follow(first, line, part)
         n, i = np.flatnonzero(way.s == 1.0), self.follower.independent
         if n.size:
@@ -278,9 +281,9 @@ class Assembly:
         return direction
 
     def _from_elsewhere(self, q: Array, x: Array, parts: Parts) -> Array | None:
-        """A closed state with the guess's independent coordinates, from random dependent ones; None if none is found.
+        """A closed state with the guess's independent coordinates, from random dependent coordinates; None if none is found.
 
-        Loops that share no dependent coordinates are closed separately, so one that fails does not affect the others.
+        Loops that share no dependent coordinates are closed separately, so a loop that fails does not affect the others.
         """
         others = self.follower.others
         if len(others) > SEVERAL:
@@ -314,7 +317,7 @@ class Assembly:
         normalise(moved, self.newton.quaternions)
         gaps = self.newton.gaps(moved, np.tile(x, (n + 1, 1)))
         concerned = np.abs(gaps[1:] - gaps[0]) > 1e-9 * (1.0 + np.abs(gaps[0]))
-        sets: list[tuple[set[int], set[int]]] = []  # conditions, and positions in `others`
+        sets: list[tuple[set[int], set[int]]] = []  # conditions, and positions of coordinates in `others`
         for name in dict.fromkeys(self.loops):
             rows = {k for k, loop in enumerate(self.loops) if loop == name}
             columns = {int(i) for i in np.flatnonzero(concerned[:, sorted(rows)].any(axis=1))}
@@ -394,7 +397,7 @@ class Assembly:
         return self.open(int(np.argmax(np.abs(gaps[0]))), float(np.abs(gaps).max(initial=0.0)), name)
 
     def open(self, condition: int, size: float, where: str) -> AssemblyError:
-        """The error for the residual of a condition; `condition` is its index among the retained ones."""
+        """The error for the residual of a condition; `condition` is its index among the retained conditions."""
         loop = self.loops[condition]
         tolerance = 0.0
         if self.newton.slack is not None and self.newton.slack[condition] > 0.0:

@@ -1,8 +1,8 @@
 """Continuation: closed states are continued along straight lines in the independent coordinates, parameters and time.
 
 A step predicts along the tangent and corrects with Newton's method. It is accepted only if Newton's steps contract and the
-tangents at both ends agree with the step (trapezoidal rule). Beyond the end of a branch, or on another branch, they do not
-agree. The steps shrink toward the end of a branch and never pass it.
+tangents at both ends agree with the step (trapezoidal rule). Beyond the end of a branch, or on another branch, the
+tangents do not agree with the step. The steps shrink toward the end of a branch and never pass it.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Line(NamedTuple):
         """Independent coordinates and parameters at fractions s (n,) of the lines."""
         part = s[:, None]
         q, x = self.q0 + part * (self.q1 - self.q0), self.x0 + part * (self.x1 - self.x0)
-        # at an end, its exact values
+        # at an end of the line, its exact values
         return np.where(part == 1.0, self.q1, q), np.where(part == 1.0, self.x1, x)
 
 

@@ -92,7 +92,7 @@ class Loops(States):
         if not axes:
             return None
         q = arrays["q"][..., self.assembly.follower.others]
-        k = axes[-1] - len(batch) - 1  # counted from the end, since q may have fewer axes
+        k = axes[-1] - len(batch) - 1  # axes are counted from the end, since q may have fewer of them
         same = q.ndim < -k or q.shape[k] == 1 or bool((q == np.take(q, [0], axis=k)).all())
         return axes[-1] if same else None
 

@@ -41,7 +41,7 @@ CLOSED = 1e-10
 """Scaled residual up to which a loop is closed; Newton's method continues below it while the residual decreases."""
 
 NEAREST = 1e-10
-"""Step size below which nearly redundant conditions are met as well as possible."""
+"""Newton step size below which residuals of redundant conditions within `slack` count as zero."""
 
 BETTER = 0.64
 """Below `CLOSED`, another step is taken only if the last one reduced the sum of squares at least by this factor."""
@@ -219,7 +219,8 @@ class Newton:
         return found
 
     def single(self, q: Array, x: Array) -> tuple[Array | None, float]:
-        """`quick` for one guess (nq,), with less overhead; None if the guess is not near a closed state."""
+        """Full Newton steps from one guess (nq,), with less overhead than `quick`; None if the guess is not near a closed
+        state."""
         if self.slack is not None:
             closed, near, step = self.quick(q[None], x[None])
             return closed[0] if near[0] else None, float(step[0])
@@ -316,7 +317,7 @@ class Newton:
         """One step of all unfinished groups: coordinates, steps, residuals, fractions of steps, and which groups remain
         unfinished."""
         q, x = at
-        # very open loops (changed parameters) need larger units of length than the characteristic ones
+        # very open loops (changed parameters) need a larger unit of length than their characteristic length
         lengths = np.maximum(1.0, np.abs(gaps).max(axis=1, initial=0.0))[:, None]
         scale = self.scale * np.where(self.slides, lengths, 1.0)
         with np.errstate(all="ignore"):
@@ -333,7 +334,7 @@ class Newton:
         q, step, gaps = np.where(over, trial, q), np.where(over, there.step, step), np.where(rows, there.gaps, gaps)
         on = np.where(near, good & (now <= BETTER * square), good | (fraction > LEAST))
         going = going & on & (parts.open_by(gaps) > goal)
-        # the less the path curves, the longer the next step; shorter after a rejected one
+        # the less the path curves, the longer the next step; after a rejected step, the next one is shorter
         with np.errstate(all="ignore"):
             longer = np.minimum(1.0, fraction * np.clip(0.5 * BENT / off, 1.0, 4.0))
         return q, step, gaps, np.where(good, longer, np.where(going, 0.4 * fraction, fraction)), going

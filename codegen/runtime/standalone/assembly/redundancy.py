@@ -24,11 +24,12 @@ OPEN_SEED = 1e-7
 CLOSING = frozenset({
     "closure", "conditions", "newton_step", "closing_step", "completion", "completion_sensitivities", "closure_sensitivities",
 })  # fmt: skip
-"""Functions without this warning: they report the residuals themselves, or belong to assembly, which issues its own."""
+"""Functions for which `Redundancy` does not warn: they report residuals themselves, or belong to assembly, which has its own
+warnings."""
 
 
 class WatchedCalls(dict[Any, Call]):
-    """Calls that first warn of dropped conditions with large residuals."""
+    """Direct calls that first warn if dropped conditions have large residuals in the given state."""
 
     def __init__(self, redundancy: Redundancy, calls: Mapping[Any, Call]):
         super().__init__()
@@ -48,7 +49,8 @@ class Redundancy(Room):
     """Warns of directions that open redundant conditions, and of states in which dropped conditions are open."""
 
     def watch_calls(self) -> None:
-        """Also tests states that are passed directly to C, if the package has dropped conditions."""
+        """Makes direct calls of C test their states for dropped conditions that are open, if the package has dropped
+        conditions."""
         if self._opened.manifest.get("dropped"):
             self.package._calls = WatchedCalls(self, self.package._calls)
 

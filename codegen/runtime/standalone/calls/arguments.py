@@ -48,7 +48,7 @@ class Arguments:
     _largest = float(np.finfo(float).max)
     is_finite: Callable[[Any], bool] = staticmethod(is_finite)
     finite: Callable[[Any], Any] = staticmethod(np.isfinite)
-    """Tests a one-dimensional array as a whole; tests each entry."""
+    """`is_finite` tests a one-dimensional array as a whole; `finite` tests each entry."""
 
     def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
         self.names = names_of(manifest)
@@ -139,7 +139,7 @@ class Arguments:
             raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
 
     def _named(self, name: str, given: Mapping[str, Any], of: str, rest: Array | float) -> Array:
-        """An array from a mapping of some of its entries; the others have the values `rest`."""
+        """An array from a mapping that gives some of its entries; missing entries have the values `rest`."""
         if of not in self.names:
             raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
         names = self.names[of]
@@ -177,7 +177,7 @@ class Arguments:
 
     def _numbers(self, name: str, value: Any) -> Array:
         """Converts to an array of floats; raises ValueError for text, complex numbers and ragged lists."""
-        if np.ma.is_masked(value):  # asarray would take the values under the mask
+        if np.ma.is_masked(value):  # numpy.asarray would take the values under the mask
             raise ValueError(f"{name} has masked entries, expected real numbers; fill them first, such as by filled()")
         try:
             array = np.asarray(value)
@@ -192,7 +192,7 @@ class Arguments:
         q = once(q)
         for i in self.quaternions:
             e = q[..., i : i + 4]
-            with np.errstate(all="ignore"):  # entries beyond 1e154 overflow
+            with np.errstate(all="ignore"):  # squares of entries beyond 1e154 overflow
                 square = e.dot(e) if e.ndim == 1 else np.einsum("...i,...i", e, e).min(initial=math.inf)
             if square < SMALLEST_QUATERNION**2:
                 names = ", ".join(self.names["q"][i : i + 4])

@@ -33,7 +33,7 @@ LEAST_STATES = 64
 """Smallest number of states per thread."""
 
 IN_LANES, ALONE, PER_STATE = 0.05, 0.1, 50
-"""Estimated nanoseconds: of an addition in SIMD lanes, of one in a single state, and of the call of each single state."""
+"""Estimated nanoseconds: an addition in SIMD lanes, an addition for a single state, and the call for each single state."""
 
 MATRICES = ("J_q", "J_u", "J_p", "J_inputs", "J_t", "M", "inverse_M")
 """Results whose columns are computed as directions."""
@@ -45,11 +45,12 @@ EVEN = 8
 """Parts of a batch are multiples of this, the largest number of SIMD lanes."""
 
 MOST_SWEPT = 48_000
-"""Doubles that the sweeps over directions use for one state. With more, several states at once exceed the cache of a core and are
-slower than one after another."""
+"""Doubles that the sweeps over directions use for one state. With more doubles, several states at once exceed the cache
+of a core and are slower than one after another."""
 
 MOST_IN_LANES = 8_000_000
-"""Doubles of workspace for several states at once; with more, they are no faster than one after another."""
+"""Doubles of workspace for several states at once; with a larger workspace, several at once are no faster than one after
+another."""
 
 MOST_COPIED = 4096
 """Largest batch, in states times (1 + directions), whose arguments are copied for one state after another."""
@@ -65,7 +66,7 @@ _pooling = threading.Lock()
 
 
 def pool(threads: int) -> ThreadPoolExecutor:
-    """A pool of this many threads; created once."""
+    """A pool of `threads` threads, created at its first use."""
     with _pooling:
         if threads not in _pools:
             _pools[threads] = ThreadPoolExecutor(threads, "ordernm-batch")
@@ -100,7 +101,7 @@ class Batches:
         self._model: str = manifest["name"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
         self._functions, self._operations = manifest["functions"], manifest["operations"]
-        self._quaternions: bool = bool(manifest["quaternions"])  # their norms are checked in Python
+        self._quaternions: bool = bool(manifest["quaternions"])  # Python checks the norms of quaternions
         self._costs: dict[str, tuple[int, int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._libraries: dict[str, Any] = {}
@@ -218,7 +219,8 @@ class Batches:
         return library and getattr(library, symbol)
 
     def _apart(self, part: str, declared: str, instead: str, flags: int = 0) -> Any:
-        """The library of ``NAME_<part>.c``; False if it is not available. Then a warning describes the substitute, once."""
+        """The library of ``NAME_<part>.c``; False if it is not available. In this case a warning, once, names the
+        slower code that is used."""
         with self._lock:
             if part not in self._libraries:
                 try:

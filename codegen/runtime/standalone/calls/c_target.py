@@ -163,7 +163,7 @@ class CTarget(Target):
         with self._lock:
             for i, symbol in reversed(
                 [*enumerate(self._of_few, 1)]
-            ):  # the first address is set last, because the C code tests only that one
+            ):  # the first address is set last, because the C code tests only the first
                 self.ffi.cdef(f"int {symbol}(void);", override=True)
                 self._few[i] = self.ffi.cast("void *", getattr(few, symbol))
 
@@ -177,7 +177,7 @@ class CTarget(Target):
         path = build.library()
         try:
             return self._opened(path)
-        except OSError:  # damaged, or from another machine
+        except OSError:  # the library is damaged, or from another machine
             path = build.library(rebuild=True)
         try:
             return self._opened(path)
@@ -373,6 +373,6 @@ class CTarget(Target):
     def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
         """Pointer to a seed, and its strides between states and between directions."""
         n = seed.shape[-1]
-        if seed.size == len(seed) * n:  # shared by all states
+        if seed.size == len(seed) * n:  # all states share the seed
             return self.pointer(self.plain(seed)), 0, n if len(seed) == k else 0
         return self._whole(seed, (k, *batch, n)), n, count * n

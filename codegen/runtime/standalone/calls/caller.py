@@ -72,7 +72,7 @@ _refused: set[str] = set()
 def find_caller(folder: Path) -> Any:
     """The module compiled from ``direct_call.c``; None if calls use cffi's ABI mode.
 
-    The environment variable ``ORDERNM_CFFI`` selects one of them: ``api`` or ``abi``.
+    The environment variable ``ORDERNM_CFFI`` selects the mode: ``api`` or ``abi``.
 
     Raises
     ------

@@ -37,7 +37,7 @@ def compare(
     TargetsDifferError
     """
     rng = np.random.default_rng(0)
-    # with loops, small deviations: both targets must take the same branch at every decision
+    # with loops, states deviate little, so that both targets take the same branch at every decision
     spread = 0.03 if manifest["closure_names"] else 0.3
     q, p = (np.array(x, float) for x in (manifest["initial"]["q"], manifest["parameters"]))
     for _, f in itertools.product(range(STATES), functions.values()):

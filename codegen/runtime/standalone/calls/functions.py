@@ -29,7 +29,7 @@ TAKES = {
     "newton_step": ("q", "p", "inputs", "t"),
     "condition": ("q", "p", "inputs", "t"),
 }
-"""Arguments of functions that do not take a whole state; their derivatives along seeds take the same."""
+"""Arguments of functions that do not take a whole state; the same functions along seeds have the same arguments."""
 
 WEIGHTED = {
     "sensitivities_transposed": ("dudot",),
@@ -262,7 +262,7 @@ def lacks(manifest: Mapping[str, Any], member: str) -> bool:
     """Whether a solver method is not available in this package."""
     names = made_of(manifest, member)
     left_out, functions = manifest.get("left_out", ()), manifest["functions"]
-    # assembly works with the closing functions that exist
+    # assembly uses whichever closing functions the package has
     if member in left_out or any(MEMBERS.get(n, n) in left_out for n in names.difference(functions, CLOSING)):
         return True
     nothing = {

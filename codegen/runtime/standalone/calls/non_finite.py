@@ -68,8 +68,8 @@ def units(f: Function, package: Mapping[str, Any]) -> dict[str, Array]:
 def outputs_without(
     opened: Opened, arrays: Mapping[str, Any], among: Collection[int], along: bool, certain: bool = False
 ) -> str:
-    """Outputs without a finite value or derivative in one state, with the variables; empty if there are none and `certain` is
-    set."""
+    """Names the outputs without a finite value or derivative in one state, and the variables; empty if there are none and
+    `certain` is set."""
     package = opened.package
     names = package["output_names"]
     f = opened.functions.get("output_sensitivities")
@@ -113,7 +113,7 @@ def culprit(opened: Opened, arrays: Mapping[str, Any], along: bool, moved: bool 
     names = ("sensitivities", "state_rate_sensitivities") if along else ("accelerations", "state_rates")
     f = next((opened.functions[n] for n in names if n in opened.functions), None)
     if f is None:
-        return ""  # without dynamics in a package of selected functions
+        return ""  # a package of selected functions may lack the dynamics
     call = Call(opened, f, arrays)
     return _first_infinite(opened.package, call, moved, elements) or (
         _first_infinite_along(opened.package, call.a) if along else ""

@@ -42,7 +42,7 @@ static struct {
     int code, infinite;
 } shares[MOST_THREADS];
 
-static atomic_uint open_batch;    /* its number, 0 if none is open */
+static atomic_uint open_batch;    /* number of the open batch, 0 if none is open */
 static atomic_int inside;         /* threads that may be reading the data above */
 static atomic_int busy, sleeping; /* whether a batch is in work; number of sleeping threads */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -170,7 +170,7 @@ int ON_THREADS(int (*function)(BATCH *), BATCH *b, int count)
         shares[i].failed = -1;
         shares[i].code = shares[i].infinite = 0;
     }
-    if (!++batches) ++batches; /* 0 means none */
+    if (!++batches) ++batches; /* 0 means that no batch is open */
     atomic_store(&open_batch, batches);
     if (atomic_load(&sleeping)) {
         pthread_mutex_lock(&lock);
@@ -179,7 +179,7 @@ int ON_THREADS(int (*function)(BATCH *), BATCH *b, int count)
     }
     take_chunks(0);
     atomic_store(&open_batch, 0);
-    for (long looks = 1; atomic_load(&inside); ++looks) { /* at most one chunk, unless its thread has lost its core */
+    for (long looks = 1; atomic_load(&inside); ++looks) { /* this takes at most one chunk, unless a thread has lost its core */
         pause_briefly();
         if (looks % 64 == 0) sched_yield();
     }

@@ -137,7 +137,7 @@ class Package:
         """Explains why a package lacks a method; Python calls this for missing attributes only."""
         member: Any = getattr(type(self), name, None)
         if hasattr(member, "__get__"):
-            return member.__get__(self)  # a property raised AttributeError itself: raise it again
+            return member.__get__(self)  # the error of a property: raise this error again
         if name in SOMETIMES:
             raise AttributeError(self._why_not(name))
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -218,7 +218,8 @@ class Package:
 
     @property
     def _composed(self) -> Mapping[str, Composed]:
-        """Functions composed from generated ones, by the names that these functions have in other models."""
+        """Functions that Python composes from generated functions, by name; in other models, generated functions have these
+        names."""
         return {}
 
     @property
@@ -262,7 +263,7 @@ class Package:
         compiled = [*(n for n in methods if self._needed(n) and not lacks(self._manifest, n)), "batches"]
         for member in members or compiled:
             if member in SOMETIMES:
-                getattr(self, member)  # raises with the reason if the package lacks it
+                getattr(self, member)  # raises with the reason if the package lacks this method
             if member not in methods and member != "batches":
                 raise ValueError(
                     f"prepare: {member!r} is not a method that is compiled; expected one of {', '.join(compiled)}"

@@ -12,7 +12,7 @@ from .targets import Opened
 
 
 class Room:
-    """Gives such a part access to its solver: names, sizes, calls, and the partition in use.
+    """Gives a part of a solver access to this solver: names, sizes, calls, and the partition in use.
 
     Parameters
     ----------

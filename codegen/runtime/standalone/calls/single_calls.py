@@ -1,9 +1,9 @@
 """Direct calls of the compiled functions, for one state or a small batch along one axis.
 
 A call takes arguments in `Function.order`, seeds in `Function.directions` or None, and arrays for results or None. It returns a
-tuple of arrays, or None for anything that is not plain, not finite or singular. Then the general path converts the arguments, or
-raises an error. ``direct_call.c`` implements these calls. If it cannot be compiled, `PlainCall` does so for one state in plain
-arrays.
+tuple of arrays, or None for anything that is not plain, not finite or singular. Then the general path converts the
+arguments, or raises an error. ``direct_call.c`` implements these calls. If this file cannot be compiled, `PlainCall`
+replaces it for one state in plain arrays.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ WITH_DEFAULT = ("p", "inputs")
 
 
 def general(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> None:
-    """Leaves a call to the general path."""
+    """A direct call that computes nothing and returns None, so that the general path is used."""
 
 
 class NoCalls(dict[Any, Call]):
-    """For targets without direct calls."""
+    """The calls of a target without direct calls: `general` for every function."""
 
     def __missing__(self, wanted: str | Wanted) -> Call:
         return general

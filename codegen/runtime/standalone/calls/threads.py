@@ -14,7 +14,7 @@ from pathlib import Path
 from ..warning import warn
 
 WORTH_A_THREAD = 100_000
-"""Work per thread, in nanoseconds of a single thread: a batch has at most one thread for each."""
+"""Work per thread, ns on a single thread: a batch has at most one thread for each such amount of work."""
 
 MANY = 1024
 """More threads than any batch uses."""
@@ -102,7 +102,7 @@ def _quota() -> float:
         inner = root / path.lstrip("/")
         for group in (inner, *inner.parents):
             words = " ".join(_read(group / file) for file in files).split()
-            if len(words) == 2 and all(word.isdecimal() and int(word) for word in words):  # else "max", or -1
+            if len(words) == 2 and all(word.isdecimal() and int(word) for word in words):  # else "max" or -1: no quota
                 least = min(least, int(words[0]) / int(words[1]))
             if group == root:
                 break

@@ -14,10 +14,10 @@ from ..arrays import Array
 from .viewer import RATE, Viewer
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5")
-"""Speeds of playback, by the speed of the motion."""
+"""Speeds of playback, relative to the speed of the motion."""
 
 MOST_SLIDERS = 24
-"""Number of sliders of a kind; those of further names are left out, which the view says."""
+"""Maximum number of sliders of a kind; the view states how many names have no slider."""
 
 
 class Playback:
@@ -86,7 +86,7 @@ def add_choices(viewer: Viewer) -> None:
 class Sliders:
     """Sliders for named numbers, and a line for errors in their values.
 
-    While a change is shown, further ones wait; only the last of them is shown next.
+    While the view shows a change, further changes wait; only the last one is shown next.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class Sliders:
 
 
 def around(values: Array) -> tuple[Array, Array]:
-    """Ends of sliders for numbers of any size: half and one and a half times each; -1 and 1 for zero."""
+    """Lower and upper ends of sliders: half and one and a half times each number; -1 and 1 for zero."""
     half = np.where(values == 0.0, 1.0, np.abs(values) / 2)
     return values - half, values + half
 

@@ -28,7 +28,7 @@ class Meshes:
         self._found: dict[str, Surface | None] = {}
 
     def surface(self, solid: Solid) -> Surface:
-        """The surface of a solid in its own frame; of a mesh that cannot be read a small cube, with a warning."""
+        """The surface of a solid in its own frame. A mesh that cannot be read becomes a small cube, with a warning."""
         if solid.type != "mesh":
             return surface_of(solid)
         if solid.file not in self._found:

@@ -35,7 +35,7 @@ MARKS = {"joints": ("#000000", 10), "loops": ("#d55e00", 22), "points": ("#aa449
 """Colours and widths of lines, and colours and sizes of points, by their lists in `Scene`."""
 
 SOLID_COLORS = COLOURS[1:3] + COLOURS[4:6] + COLOURS[7:8]
-"""Colours of bodies that give none, in turn."""
+"""Colours, used in turn, for bodies without a colour in the model."""
 
 
 def draw(scene: Scene, poses: Poses, path: str | os.PathLike[str] | None, view: str, folder: Path) -> Any:
@@ -98,7 +98,7 @@ def _images(figure: _Figure, chosen: Array) -> Iterator[Any]:
 
 
 class _Figure:
-    """The axes of a picture, in which the scene is drawn at one time after the other."""
+    """The axes of a picture, in which the scene is drawn at successive times."""
 
     def __init__(self, scene: Scene, poses: Poses, view: str, folder: Path):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -128,7 +128,7 @@ class _Figure:
         axes.set_box_aspect((1, 1, 1))
 
     def _extent(self, points: Array) -> float:
-        """Largest distance of points from the middle of the picture, by half of its width."""
+        """Largest distance of points from the middle of the picture, relative to half of its width."""
         from mpl_toolkits.mplot3d.proj3d import proj_transform
 
         self.axes.apply_aspect()
@@ -188,11 +188,12 @@ def _shaded(solid: Solid, corners: Array) -> Array:
 
 
 VIEWS = {"x": (0.0, 0.0), "y": (0.0, -90.0), "z": (90.0, -90.0), "corner": (22.0, -58.0)}
-"""Elevation and azimuth, degrees, of the looks along an axis of the ground, and from a corner."""
+"""Elevation and azimuth, degrees, of views along each axis of the ground, and from a corner."""
 
 
 def view_of(view: str, scene: Scene, poses: Poses) -> tuple[float, float]:
-    """Elevation and azimuth of a view; "auto" looks along the normal of a planar mechanism if that is an axis of the ground.
+    """Elevation and azimuth of a view. "auto" looks along the normal of a planar mechanism if this normal is an axis of
+    the ground.
 
     Raises
     ------

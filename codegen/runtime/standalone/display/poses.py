@@ -43,7 +43,7 @@ class Poses:
         return np.asarray(at @ self.rotation[i, body].T + self.position[i, body])
 
     def many(self, bodies: Indices, at: Array, i: int) -> Array:
-        """Points `at` (n, 3), one of each of n bodies, at time i in the ground frame, m."""
+        """Points `at` (n, 3), one in each of n bodies, at time i in the ground frame, m."""
         rotation, position = self._with_ground(i)
         return np.asarray(np.einsum("kij,kj->ki", rotation[bodies], at) + position[bodies])
 
@@ -52,7 +52,7 @@ class Poses:
         return np.asarray(self._with_ground(i)[0][bodies] @ rotation)
 
     def _with_ground(self, i: int) -> tuple[Array, Array]:
-        """Rotations and positions at time i; the ground, of index -1, is the last."""
+        """Rotations and positions of all bodies at time i; the last entry, which index -1 selects, is the ground."""
         rotation = np.concatenate([self.rotation[i], np.eye(3)[None]])
         return rotation, np.concatenate([self.position[i], np.zeros((1, 3))])
 
@@ -64,11 +64,11 @@ class Group:
     Attributes
     ----------
     vertices, faces : ndarray
-        Their surface, in their own frames.
+        Surface of each solid, in its own frame.
     bodies : ndarray (n,)
-        The body of each.
+        The body of each solid.
     rotation, at : ndarray (n, 3, 3), (n, 3)
-        Their frames in their bodies.
+        The frame of each solid in its body.
     color : str
         ``""`` where the view chooses.
     """
@@ -82,7 +82,7 @@ class Group:
 
 
 def groups_of(solids: Sequence[Solid], meshes: Meshes) -> list[Group]:
-    """Solids that look alike, together."""
+    """Groups of solids with the same surface and colour."""
     alike: dict[tuple[object, ...], list[Solid]] = {}
     for s in solids:
         alike.setdefault((s.type, s.sizes.tobytes(), s.color, s.file), []).append(s)

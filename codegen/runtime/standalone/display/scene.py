@@ -27,15 +27,15 @@ class Solid:
     body : int
         Index of the body.
     type : str
-        box, sphere, ellipsoid, cylinder, capsule, rod or mesh; the latter four along their z axis.
+        box, sphere, ellipsoid, cylinder, capsule, rod or mesh; a cylinder, capsule or rod is along its z axis.
     sizes : ndarray
-        As `codegen.model.visuals.Visual` has them, m.
+        Sizes as in `codegen.model.visuals.Visual`, m.
     rotation : ndarray (3, 3)
-        From its frame to the frame of the body.
+        From components in the solid's frame to components in the body's frame.
     at : ndarray (3,)
-        Its centre, or the origin of the mesh, in the body frame, m.
+        Centre of the solid, or origin of the mesh, in the body frame, m.
     color, file : str
-        ``""`` where there is none.
+        ``""`` if the model gives none.
     """
 
     body: int
@@ -47,7 +47,7 @@ class Solid:
     file: str = ""
 
     def placed(self, points: Array) -> Array:
-        """Points (n, 3) of its frame in the frame of the body, m."""
+        """Points (n, 3) in the body's frame, from points in the solid's frame, m."""
         return np.asarray(points @ self.rotation.T + self.at)
 
 

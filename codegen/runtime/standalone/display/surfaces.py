@@ -13,7 +13,7 @@ AROUND, UP = 24, 12
 """Number of sides around a round solid, and of rows of faces between the poles of a ball."""
 
 THIN = 0.02
-"""Radius of a rod, which has none, by its length."""
+"""Radius of a drawn rod, relative to its length; rods have no radius in the model."""
 
 Surface = tuple[Array, Indices]
 """Vertices (n, 3), m, and triangles (m, 3) by the indices of their vertices, counterclockwise from outside."""

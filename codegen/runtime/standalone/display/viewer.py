@@ -163,7 +163,7 @@ class Viewer:
         Name of the model.
     scene : Scene
     poses : Poses
-        At one time, or over a motion.
+        Poses at one time, or over a motion.
     folder : Path
         Folder that names of mesh files start from.
     port : int
@@ -172,7 +172,7 @@ class Viewer:
     Attributes
     ----------
     url : str
-        Where the view is.
+        Address of the view.
     """
 
     def __init__(self, title: str, scene: Scene, poses: Poses, folder: Path, port: int = 0):
@@ -245,7 +245,8 @@ class Viewer:
 
 
 def frames_of(t: Array, what: str) -> list[tuple[int, float]]:
-    """Indices of the results that are shown, and the time after each, s; at most `MOST_FRAMES`, else with a warning."""
+    """Indices of the results that are shown, each with the time to the next one, s. A warning if more than `MOST_FRAMES` would
+    be shown."""
     if len(t) < 2:
         return [(0, 0.0)]
     count = math.ceil((t[-1] - t[0]) * RATE) + 1

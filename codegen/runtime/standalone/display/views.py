@@ -121,7 +121,7 @@ class MotionViews:
     Parameters
     ----------
     views : Views
-        Those of the solver of the motion.
+        Views of the solver that computed the motion.
     inputs : callable
         Returns the inputs at the times of the motion, (nt, ninputs) or (ninputs,).
 
@@ -170,7 +170,7 @@ class MotionViews:
             viewer.close()
 
     def shown(self, run: Trajectory) -> tuple[Scene, Poses]:
-        """The scene of a motion and its poses over time, with the forces and derivatives that are known of it."""
+        """The scene of a motion and its poses over time, with the reactions and derivatives that are available."""
         if not len(run):
             raise ValueError(f"the trajectory of {run.model} has no times, so there is nothing to show")
         p = self.views.package.parameters if run.p is None else run.p
@@ -223,7 +223,7 @@ class StateView:
             Sliders(self.viewer, "design", package.parameter_names, units, p, *around(p), self._changed)
 
     def _shown(self) -> tuple[Scene, Poses]:
-        """The scene and its pose, with how it moves with parameters while loops stay closed, and forces."""
+        """The scene and its pose, with reactions, and with displacements by parameters while loops stay closed."""
         x, views = self.arrays, self.views
         package: Any = views.package
         q, t = x["q"][None], np.atleast_1d(x["t"])

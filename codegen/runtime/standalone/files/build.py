@@ -31,8 +31,8 @@ from .user_cache import PRIVATE, in_cache, make_private, trusted, user_cache
 
 FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
 """Flags of separate libraries, unless the environment gives flags. For four directions, -O3 makes motions 5 per cent faster,
-which is worth the longer compilation. Long double is needed immediately, but derivatives near a pose spend most of their time in
-it; with -O0 they take twice as long."""
+which is worth the longer compilation. A motion waits while functions in long double compile, so -O1 is used. With -O0,
+derivatives near a pose where a loop loses rank take twice as long."""
 
 OF_MOTIONS = ("", "motion", "gradients")
 """Libraries that need functions of ``<name>_motion.c``; for other libraries this file would be empty."""
@@ -104,7 +104,7 @@ class Build:
         return f"{self.name}{part}-{source.hexdigest()[:16]}-{machine}-{compiler}"
 
     def exists(self) -> bool:
-        """Whether all sources exist; packages contain only those that their functions need."""
+        """Whether all sources exist; packages contain only the sources that their functions need."""
         return all(s.is_file() for s in self.sources)
 
     def found(self, key: str = "") -> Path | None:

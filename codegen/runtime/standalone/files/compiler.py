@@ -21,7 +21,7 @@ from ..errors import CompileError, FlagsError, NoCompilerError
 
 STANDARD = ("-std=gnu11", "-fPIC", "-shared")
 CFLAGS = "ORDERNM_CFLAGS"
-"""The environment variable with other flags."""
+"""Name of the environment variable that replaces the default flags."""
 
 OPTIMIZATION = ("-O2", "-march=native")
 """Default flags, replaced by the environment variable `CFLAGS`. Never -ffast-math, because pivots are compared with zero."""
@@ -214,7 +214,7 @@ def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, 
     seconds = compile_seconds()
     end = time.monotonic() + seconds
     try:
-        with _interrupts_wait():  # so that every process is in the list before an interrupt
+        with _interrupts_wait():  # Ctrl-C waits until every process is in the list
             for c in commands:
                 if stop.asked:
                     return True, f"{COMMAND}{shlex.join(c)}\nstopped\n"
@@ -228,7 +228,7 @@ def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, 
                     )
                 )
         stop.begun.set()
-        if stop.asked:  # `now` may have run before the last process was in the list
+        if stop.asked:  # `Stop.now` may have run before the last process was in the list
             return True, "stopped\n"
         for command, process in zip(commands, running, strict=True):
             said, _ = process.communicate(timeout=max(0.01, end - time.monotonic()))

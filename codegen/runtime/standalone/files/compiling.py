@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 
 PATIENCE = 1.0
-"""Seconds before the report."""
+"""Waiting time before the report, s."""
 
 
 class _Waited(threading.local):

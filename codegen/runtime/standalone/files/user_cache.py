@@ -110,7 +110,7 @@ def trusted(place: Path) -> bool:
             _warned.add(str(error))
             warn(str(error))
         return False
-    except OSError:  # removed in the meantime
+    except OSError:  # the path was removed in the meantime
         return False
     return True
 

@@ -88,11 +88,11 @@ def segment_backwards(
 
 
 def made_again(library: Any, ffi: Any, c: Any, first: Array, known: Array, heads: Array) -> Array:
-    """Repeats steps from the first row, the integrator's memory before it (`known`), and the heads of all rows."""
+    """Repeats steps from the first row, the integrator's memory before that row (`known`), and the heads of all rows."""
     rows = np.empty((len(heads), first.shape[1]))
     rows[:, : heads.shape[1]] = heads
     rows[0] = first[0]
-    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))  # memory of the motion
+    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))  # workspace of the integrator
     motion = library.ordernm_begin(c, room)
     before = ffi.from_buffer("double[]", known) if known.size else ffi.NULL
     reason = REASONS[library.ordernm_replay(motion, before, ffi.from_buffer("double[]", rows), len(rows))]

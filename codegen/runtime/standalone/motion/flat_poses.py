@@ -21,8 +21,8 @@ from ..errors import SingularJointError
 from .problem import Run, Segment
 
 GROWN = 4.0
-"""Ratio of the motions of dependent coordinates near the pose and farther away above which a direction is lost: 16 or 1 is
-expected."""
+"""Ratio of the motions of dependent coordinates near the pose and farther away. Directions with a larger ratio are lost; their
+ratio is about 16, that of others about 1."""
 
 ROUNDING = 1e-8
 """Rounding error of directions that keep the loop closed, relative to the motions caused by single parameters."""

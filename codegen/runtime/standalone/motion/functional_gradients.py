@@ -27,11 +27,11 @@ from .simulation import MEANINGLESS, Simulation, meaningless
 GRADIENTS = ("auto", "forward", "adjoint")
 
 MEMORY = 256 * 2**20
-"""Bytes for the kept steps of a motion; steps beyond it are repeated for the adjoint."""
+"""Bytes for the kept steps of a motion. Further steps are computed again for the adjoint."""
 
 COSTS = {False: (0.0, 3.0, 4.4, 9.0), True: (1.3, 0.8, 2.5, 3.5)}
-"""Costs relative to a motion without derivatives, for explicit methods and the implicit one: a motion with directions, plus each
-eight of them; the adjoint gradient of one functional; of up to eight."""
+"""Costs of gradients, relative to a motion without derivatives, for explicit methods (False) and the implicit one (True).
+Forward: a constant, and each eight directions. Adjoint: one functional, and up to eight functionals."""
 
 
 @dataclass(slots=True, eq=False)
@@ -168,7 +168,7 @@ class FunctionalGradients(Simulation):
         """Warns of enormous relative gradients: relative change of outputs per relative change of a parameter."""
         q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
         outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
-        outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # no functional depends on these
+        outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # no functional depends on these outputs
         by = self._sizes_of_directions(directions, q, u, problem)[0]
         by_behind = np.abs(weights.behind[1]).sum(axis=1) @ outputs + np.abs(weights.behind[2]).sum(axis=1)
         whole = np.abs(weights.outputs).sum(axis=1) @ outputs + by_behind + np.abs(weights.integrals) @ integrals

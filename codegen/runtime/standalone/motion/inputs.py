@@ -14,7 +14,7 @@ JOINED = {0: "held from one time to the next", 1: "joined by straight lines"}
 """Descriptions of splines without continuous velocity, by degree."""
 
 SMOOTH = "give (times, values, 'cubic'), a cubic spline through the values, or (times, control points, 'spline')"
-"""Smooth alternatives, for messages."""
+"""Smooth kinds of signals that messages suggest."""
 
 ROUNDED = 1e-12
 """Jumps up to this are rounding errors: relative to the largest value, for velocities per mean distance of knots."""
@@ -70,8 +70,8 @@ class Inputs:
         return np.concatenate([values, rates.reshape(*np.shape(t), -1)], axis=-1)
 
     def derivative(self, t: Array | float, order: int, before: bool = False) -> Array:
-        """Time derivatives (*t.shape, nsignals) of the given order; at a knot, of the piece after it, or with `before` of the
-        piece before it."""
+        """Time derivatives (*t.shape, nsignals) of the given order. At a knot, the piece after it applies; with
+        `before`, the piece before it."""
         if self.knots is None:
             constant = np.zeros_like(self.values[0]) if order else self.values[0]
             return np.broadcast_to(constant, (*np.shape(t), len(constant))) if np.ndim(t) else constant
@@ -99,11 +99,11 @@ class Inputs:
         knots = np.unique(self.knots)
         size = np.abs(self.values).max(axis=0)
         times = knots[(knots > start) & (knots < end)]
-        sides = np.empty((2, len(times), 2, len(changing)))  # before and after, by time, order and signal
+        sides = np.empty((2, len(times), 2, len(changing)))  # side (before, after), time, order, signal
         jumps = np.empty(sides.shape[1:], bool)
         for order in (0, 1):
             one, other = self.derivative(times, order, before=True), self.derivative(times, order)
-            if order:  # inputs are constant outside
+            if order:  # inputs are constant before the first knot and after the last one
                 one = one * (times > self.knots[self.degree])[:, None]
                 other = other * (times < self.knots[len(self.values)])[:, None]
             allowed = ROUNDED * size * (len(knots) / (knots[-1] - knots[0])) ** order
@@ -130,11 +130,11 @@ class Inputs:
         return tuple(map(len, self.given)) or (len(self.values),) * self.values.shape[1]
 
     def value(self, signal: int, row: int) -> float:
-        """A given value."""
+        """A user's value of a signal, by its row."""
         return float(self.given[signal][row] if self.given else self.values[row, signal])
 
     def direction(self, signal: int, row: int | None) -> Array:
-        """Derivative of the control points (count,) by a given value; by all values together if `row` is None."""
+        """Derivative of the control points (count,) by a user's value of a signal; by all values together if `row` is None."""
         if row is None:
             return np.ones(len(self.values))
         if self.given:

@@ -1,6 +1,6 @@
 """Tests whether prescribed motion with branches has a jump in velocity during a motion, at its parameters and inputs.
 
-The model reader tests the default parameters. Here, the impulse of a jump would be ignored, so a motion ends before it.
+The model reader tests the default parameters. Here, the impulse of a jump would be ignored, so a motion ends before the jump.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
     ------
     NoCompilerError, CompileError, PackageError
     """
-    if folder in _opened:  # no lock is needed here
+    if folder in _opened:  # reading the dictionary needs no lock
         return _opened[folder]
     from cffi import FFI
 

@@ -42,7 +42,7 @@ def before_kinks(
         return end, times, ""
     t, message = found
     message = f"the motion ends at t = {t:.9g} s: {message}"
-    before = t - SHORT_OF_KINK * max(abs(t), end - start)  # here the branches before the kink apply
+    before = t - SHORT_OF_KINK * max(abs(t), end - start)  # at this time the branches before the kink apply
     if before <= start:
         raise SimulationError(message, None)
     return before, times[times <= before], message

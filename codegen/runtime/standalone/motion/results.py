@@ -80,7 +80,7 @@ class Results:
 
     def _more_steps(self) -> Array:
         r, size = self.r, self._library.ordernm_step_size(self._c)
-        most = max(self._memory // (4 * 8 * size), 2)  # two parts are complete at the same time
+        most = max(self._memory // (4 * 8 * size), 2)  # memory holds two complete parts at the same time
         rows = np.empty((min(ROWS * 2 ** min(len(self._steps), 8), most), size))
         r.steps, r.steps_capacity, r.steps_count = self._in_c(rows), len(rows), 0
         self._known.append(np.zeros(self._library.ordernm_known_size(self._c)))
@@ -97,7 +97,7 @@ class Results:
         self.r.events_count = 0
 
     def grow(self) -> None:
-        """Allocates more memory where results are full."""
+        """Allocates more memory where the memory for results is full."""
         r = self.r
         if r.count == r.capacity:
             self._full.append(self._rows)

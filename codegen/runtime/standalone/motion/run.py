@@ -33,7 +33,7 @@ POOR = 30.0
 """Condition number of loops above which other independent coordinates are considered."""
 
 POOR_OF_CONSTANT_STEPS = 10.0
-"""This condition number for steps of constant size, which cannot become smaller near a poorly conditioned pose."""
+"""Like `POOR`, for constant steps, which cannot become smaller near a poorly conditioned pose."""
 
 BETTER = 4.0
 """Other independent coordinates are used if their condition number is smaller by this factor."""

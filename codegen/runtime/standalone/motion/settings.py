@@ -21,7 +21,7 @@ MOST_STEPS = 1_000_000
 """Defaults of the settings."""
 
 SMALLEST_TOLERANCE = 1e-14
-"""Smaller relative errors are below rounding."""
+"""Smallest relative tolerance; smaller errors are below rounding."""
 
 
 @dataclass(slots=True)

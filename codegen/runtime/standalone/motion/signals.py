@@ -17,17 +17,18 @@ DEGREES = {"hold": 0, "linear": 1, "spline": 3, "cubic": 3, "quintic": 5}
 """Degrees of the B-splines, by their names."""
 
 THROUGH = ("cubic", "quintic")
-"""Splines through the given values; for the others, these are control points."""
+"""Kinds of splines through the given values; for other kinds, the given values are control points."""
 
 SAMPLED_DEGREE = 9
 """Degree of the spline that approximates a function of time."""
 
 FEWEST, MOST = 16, 4096
-"""Smallest and largest number of its pieces."""
+"""Smallest and largest number of pieces of the spline that approximates a function of time."""
 
 SAMPLED, BENT = 1e-10, 1e-7
-"""Tolerances of the approximation, tested at the last halving of the pieces: difference between function and spline, relative to
-the largest value; and between second derivatives of two such splines, for signals of prescribed motion."""
+"""Tolerances of the approximation, tested at the last halving of the pieces: difference between function and spline,
+relative to the largest value; and between second derivatives of the last two splines, for signals of prescribed
+motion."""
 
 Interval = tuple[float, float]
 
@@ -166,7 +167,7 @@ def _together(signals: list[Signal], moving: tuple[int, ...]) -> Inputs:
 
 
 def _signal(label: str, names: Sequence[str], given: Any, moves: bool, interval: Interval | None) -> Signal:
-    """A signal from a user's value for it; with several names, each has a column."""
+    """A signal from a user's value for it. If `names` has several entries, the value has a column for each."""
     if isinstance(given, tuple) and len(given) in (2, 3) and np.ndim(given[0]) == 1 and not isinstance(given[0], str):
         return _over_time(label, names, *given)
     kinds = {c.__name__ for c in type(given).__mro__}

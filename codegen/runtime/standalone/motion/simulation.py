@@ -34,7 +34,7 @@ CLOSED = 1e-10
 """Scaled residual below which an initial state needs no assembly."""
 
 STEPS_OF_PRESCRIBED = 100
-"""If nothing is integrated, the number of steps, because they have no error that would limit their size."""
+"""Number of steps if nothing is integrated, since no error then limits the size of a step."""
 
 MEANINGLESS = 1e10
 """Relative change of a result per relative change of a parameter above which a warning says that the motion is chaotic."""
@@ -225,7 +225,7 @@ class Simulation(Reasons):
             gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
                 closed = self.states.assemble(*at)
-                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # more than redundant conditions explain
+                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # redundant conditions change less
                     warn(
                         f"the initial state does not close the loops (scaled residual {gap:.3g}); "
                         f"dependent coordinates have been changed"

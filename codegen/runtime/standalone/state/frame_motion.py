@@ -12,7 +12,9 @@ from ..arrays import Array, Indices
 
 @dataclass(init=False, eq=False)
 class FrameMotion:
-    """Motion of body frames relative to the ground, along its axes; or its derivatives, directions first.
+    """Motion of body frames relative to the ground, or its derivatives, in the ground frame.
+
+    Arrays of derivatives have the directions first.
 
     Attributes
     ----------
@@ -61,7 +63,7 @@ class FrameMotion:
         Parameters
         ----------
         places : ndarray of int
-            Indices of the bodies. One more than the last is the ground.
+            Indices of the bodies. The number of bodies is the index of the ground.
         ground : bool
             Whether `places` may contain the ground, which does not move.
         tangents : bool
@@ -110,7 +112,9 @@ def _with_one(x: Array, last: Array | float) -> Array:
 
 @dataclass(slots=True, eq=False)
 class PointMotion:
-    """Motion of points fixed in bodies relative to the ground, along its axes; or its derivatives, directions first.
+    """Motion of points fixed in bodies relative to the ground, or its derivatives, in the ground frame.
+
+    Arrays of derivatives have the directions first.
 
     Attributes
     ----------

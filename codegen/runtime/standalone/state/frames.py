@@ -108,7 +108,7 @@ class Frames(Room):
         return [_place(n, known, "bodies") for n in names], names
 
     def _chosen(self, points: Points) -> _Chosen:
-        """The selected points; selections are kept, because loops repeat them."""
+        """The selected points; selections are kept, because users' loops repeat them."""
         key = tuple(points) if isinstance(points, list) else points
         try:
             found = self._chosen_before.get(key)
@@ -176,7 +176,7 @@ class Frames(Room):
 
 
 NOTHING = Wanted("", ())
-"""A function that no package has."""
+"""Stands for a function that the package lacks."""
 
 
 class _Chosen:

@@ -58,8 +58,8 @@ class Equilibrium:
     names : tuple of str
         Parameters and inputs of the derivatives.
     dq : ndarray (k, nq)
-        Derivatives of q by these, exact to rounding. NaN where no equilibrium exists nearby along a direction, because
-        it pushes along a neutral direction.
+        Derivatives of q by these parameters and inputs, exact to rounding. NaN where no equilibrium exists nearby along
+        a direction, because it pushes along a neutral direction.
     stable : bool or None
         Whether no eigenvalue of the linearised equations has a positive real part, to rounding. None where that is
         undecided: with a neutral direction, or near a loss of rank of a loop.

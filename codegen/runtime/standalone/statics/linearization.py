@@ -294,7 +294,7 @@ def _left(A: Array, values: Complex) -> Complex:
     for i, value in enumerate(values):
         nearest = min(left, key=lambda j: abs(found[j] - value))
         left.remove(nearest)
-        rows[i] = vectors[:, nearest]  # eigenvectors of A^T, which are y^H itself
+        rows[i] = vectors[:, nearest]  # a right eigenvector of A^T is y^H of A
     return rows
 
 
@@ -320,7 +320,7 @@ def _derivatives_of_branches(A: Array, values: Complex, dA: Array) -> Complex | 
     if np.linalg.svd(both, compute_uv=False)[-1] < np.sqrt(REPEATED):
         return None
     found = np.linalg.eigvals(np.linalg.solve(both, Y @ dA @ X))
-    sign = 1.0 if values[0].imag >= 0.0 else -1.0  # order of the conjugates
+    sign = 1.0 if values[0].imag >= 0.0 else -1.0  # keeps the order of complex conjugate eigenvalues
     order = np.lexsort((sign * found.imag, np.round(found.real, 12)), axis=-1)
     return np.take_along_axis(found, order, axis=-1).astype(complex)
 

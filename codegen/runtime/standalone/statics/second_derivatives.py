@@ -52,7 +52,7 @@ class SecondDerivatives:
         k = len(value_of(next(iter(seeds.values()))))
         zeros = {s: np.zeros(k) if s == "dt" else np.zeros((k, n)) for s, n in f.seeds.items()}
         taken = [*(given[a] for a in f.arguments), *(seeds.get(s, zeros[s]) for s in f.seeds)]
-        with np.errstate(all="ignore"):  # as in the NumPy target
+        with np.errstate(all="ignore"):  # the NumPy target ignores these warnings, too
             found = getattr(self.module, name)(*taken)
         return [x if x.slope.shape[-1] else Jet(x.value, np.zeros((*x.value.shape, m))) for x in found]
 

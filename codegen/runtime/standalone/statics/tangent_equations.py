@@ -105,7 +105,7 @@ class TangentEquations:
         return self._call("coordinate_rate_sensitivities", given, along)
 
     def _bracket(self) -> Array:
-        """W (n, n)."""
+        """The matrix W (n, n) of the Lie bracket; zero at rest."""
         if not self.moves:
             return np.zeros((self.space.n, self.space.n))
         q, u = self.at[:2]
@@ -114,7 +114,7 @@ class TangentEquations:
         return self.space.components(self.tangents, here - there).T
 
     def _bracket_derivatives(self, second: SecondDerivatives, given: dict[str, Any], dN: Array) -> Array:
-        """Derivatives of W, (m, n, n)."""
+        """Derivatives of W (n, n) by m parameters, (m, n, n)."""
         m, n = dN.shape[:2]
         if not self.moves:
             return np.zeros((m, n, n))

@@ -1,4 +1,4 @@
-"""Events of a motion: when outputs cross a level, and the derivatives of that time."""
+"""Events of a motion: times at which outputs cross a level, and derivatives of these times."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from ..calls.arguments import some
 DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
 GRAZING = 1e-8
-"""Rate of an output, relative to its range per second, below which it only touches its level; the time has no derivative."""
+"""Rate of an output, relative to its range per second. With a smaller rate, the output only touches its level, and the time of
+the event has no derivative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,7 @@ def rows_of(crossings: Sequence[Crossing]) -> Array:
 def crossings_of(
     rows: Array, events: Iterable[Sequence[Any]], nq: int, nu: int, noutputs: int, k: int
 ) -> tuple[Crossing, ...]:
-    """Crossings from rows of `rows_of`, each with the fields of its event.
+    """Crossings from rows of `rows_of`, each with the fields of its `Event`.
 
     Raises
     ------

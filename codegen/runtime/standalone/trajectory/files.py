@@ -31,7 +31,7 @@ KEY = b"ordernm_trajectory"
 """Key of the JSON in the metadata of a Parquet schema."""
 
 EVENTS = b"ordernm_events"
-"""Key of the numbers of events there, as bytes, because JSON would not keep every NaN."""
+"""Key of the numbers of events in the metadata of a Parquet schema. They are bytes, because JSON would not keep every NaN."""
 
 EXTRA = {"energy": ("energy.kinetic", "energy.potential"), "closure": ("loops.closure",)}
 """Columns of Parquet files only; names of outputs contain no dot."""

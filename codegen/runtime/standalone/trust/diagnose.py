@@ -151,12 +151,13 @@ class Diagnosing(Room):
                 left = 1.0 / np.diag(np.linalg.inv(scale[:, None] * M * scale))
         except np.linalg.LinAlgError:
             left = np.zeros(len(M))
-        left = np.where(left > UNIT, left, UNIT)  # zero or negative by rounding
+        left = np.where(left > UNIT, left, UNIT)  # rounding may make a pivot zero or negative
         worst = int(np.argmin(left))
         return MassCondition(_quotient(sizes), float(left[worst]), names[worst])
 
     def _mass(self, arrays: Mapping[str, Any], independent: Sequence[int]) -> Array | None:
-        """The mass matrix of the independent speeds: second derivatives of the kinetic energy, a quadratic function of them."""
+        """The mass matrix of the independent speeds: second derivatives of the kinetic energy, which is quadratic in the
+        speeds."""
         target, functions, n = self._opened.target, self._functions, len(independent)
         if "mass_matrix" in functions:
             return target.compute(functions["mass_matrix"], arrays, ())[0]
@@ -187,7 +188,7 @@ class Diagnosing(Room):
         found, all_rows, all_columns = [], list[int](), list[int]()
         for c in manifest["closures"]:
             names, columns = tuple(loops[i] for i in c["loops"]), c["dependent"]
-            if not columns:  # for example, the second hinge of a door
+            if not columns:  # a redundant loop, such as the second hinge of a door, has no dependent speeds
                 continue
             rows = [i for name in names for i in of_loop[name]]
             if small:
@@ -224,7 +225,7 @@ class Diagnosing(Room):
         names = tuple(self.speed_names[i] for i in dependent)
         weakest = names[int(np.argmax(np.abs(right[-1])))]
         coupled = tuple(name for name in loops if name in self._manifest.get("couplings", ()))
-        if len(coupled) == len(loops) == 1:  # its ratios are constant, so it has no dead point
+        if len(coupled) == len(loops) == 1:  # a coupling has constant ratios, so it has no dead point
             sizes = sizes / sizes[0]
         return ClosureCondition(loops, names, _condition(sizes), _distance(sizes), weakest, coupled)
 
@@ -244,5 +245,5 @@ def _distance(sizes: Any) -> float:
 
 
 def _quotient(sizes: Any) -> float:
-    """Ratio of the last to the first; infinite if that is zero or negative by rounding."""
+    """Ratio of the last to the first eigenvalue; infinite if the first is zero or negative by rounding."""
     return float(sizes[-1] / sizes[0]) if sizes[0] > 0.0 else np.inf

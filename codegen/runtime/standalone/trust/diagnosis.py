@@ -17,13 +17,14 @@ ALL_DIGITS = -math.log10(UNIT)
 """Decimal digits of a double: 15.95."""
 
 NEAR = 1e-4
-"""Distance from a loss of rank below which a closure counts as near it, because accelerations lose this many digits."""
+"""Distance from a loss of rank below which the text warns about a closure: accelerations lose four digits or more."""
 
 OPEN = 1e-9
-"""Residual of loops, relative to that distance, above which the text says that dependent coordinates are wrong."""
+"""Residual of loops, relative to the distance from a loss of rank, above which the text says that dependent coordinates are
+wrong."""
 
 FEW_DIGITS = 8
-"""With fewer digits, the text mentions forces that cancel."""
+"""Number of digits of an acceleration below which the text mentions forces that cancel."""
 
 SHOWN = 6
 """Number of closures in the text, the worst ones first, and of speeds in a notebook."""

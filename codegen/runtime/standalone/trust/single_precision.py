@@ -68,7 +68,7 @@ def check_tolerance(
     """Rejects a tolerance below the resolution of the scalar type. A default tolerance is that of double precision."""
     try:
         bound = inspect.signature(called).bind(*given, **named).arguments
-    except TypeError:  # the call itself gives a better message
+    except TypeError:  # calling the method raises an error with a better message
         return
     wanted, least = bound.get("tolerance"), 10.0 * float(np.finfo(dtype).eps)
     if isinstance(wanted, (int, float)) and wanted < least:
@@ -91,7 +91,7 @@ class InDouble:
         self.solver, self.dtype = solver, dtype_of(solver._manifest)
 
     def put_in_place(self) -> None:
-        """Replaces these methods of the solver."""
+        """Replaces the methods that compute in double precision."""
         for name in (*IN_DOUBLE, *(IN_DOUBLE_WITH_LOOPS if self.solver.closure_names else ())):
             if callable(getattr(type(self.solver), name, None)):
                 self.solver.__dict__[name] = self._member(name)
