@@ -25,11 +25,11 @@ class Function:
     notes: list[str] = field(default_factory=list)
     guard: str = ""
     declared: bool = False
-    """Whether it is declared where it is not compiled."""
+    """Whether the function is declared where it is not compiled."""
     before: list[str] = field(default_factory=list)
-    """Lines before it, without condition."""
+    """Lines before the function and outside its condition."""
     after: list[str] = field(default_factory=list)
-    """Lines after it, without condition."""
+    """Lines after the function and outside its condition."""
 
     @property
     def begin(self) -> list[str]:

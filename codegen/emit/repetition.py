@@ -69,7 +69,7 @@ def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
             if count > 2 and count * period > best[0] * best[1]:
                 best = count, period
             if i + (count + 1) * period > len(values):
-                break  # it continues to the end
+                break  # this pattern repeats up to the end of the list
         count, period = best
         if count * period <= SHORT:
             result.append(values[i])

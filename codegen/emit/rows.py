@@ -39,7 +39,7 @@ class RowWriter(SweepWriter):
         single = len(integers) == 1
         numbered = any(store is NUMBER for store, _ in block.loads.values())
         of = of_numbers or name
-        if numbered:  # equal tables of numbers are shared
+        if numbered:  # functions with equal tables of numbers share one
             of = self._tables_of_numbers.setdefault(repr(numbers), of)
         table = f"rows_of_{of_values or name}"
         used = [False]

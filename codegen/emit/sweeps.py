@@ -65,7 +65,7 @@ class SweepWriter(Language):
         block = self.blocks[sweep][kinds[0].index]
         single = len(self.instances(kinds, sweep)) == 1
         signature = self.signature(f"{sweep}_{kinds[0].index}", self.plan.sweeps[sweep].lanes, not single)
-        place = cache(partial(self.place, kinds, sweep))  # requested several times for each component
+        place = cache(partial(self.place, kinds, sweep))  # `lines_of` requests each place several times
         lines = self.lines_of(block, place, self.addresses.culprit(kinds, sweep), self.each(kinds, sweep))
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
@@ -167,7 +167,7 @@ class SweepWriter(Language):
             return [self.loop(sweep)]
         functions = [f for kinds in self.shared(sweep) for f in self.link_functions(sweep, kinds)]
         if any(of.then == sweep for of in self.plan.sweeps.values()):
-            return functions  # called alternately with another sweep
+            return functions  # another sweep's loop calls these functions
         return [*functions, self.loop(sweep)]
 
     def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:

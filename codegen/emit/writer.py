@@ -28,7 +28,7 @@ class Writer(RowWriter):
     def swept(self) -> dict[str, list[Function]]:
         """The functions of every sweep."""
         sets = self.sets_of_widths
-        then = {self.plan.sweeps[s].then for s in self.blocks}  # called by others, so before them
+        then = {self.plan.sweeps[s].then for s in self.blocks}  # loops of other sweeps call these, so they come first
         ranks = {s: 1 + sets.index(self.widths[s]) if self.plan.sweeps[s].lanes else 0 for s in self.blocks}
         order = sorted(self.blocks, key=lambda s: (ranks[s], s not in then))
         return {s: self.sweep_functions(s) for s in order}
@@ -51,7 +51,7 @@ class Writer(RowWriter):
     @cached_property
     def constants(self) -> tuple[list[Function], list[str]]:
         """Functions that compute constants, and their calls."""
-        _ = self.swept  # tables are in the order of the sweeps
+        _ = self.swept  # write sweeps first: their tables come first
         return self.constants_functions() if self.prepares(CONSTANTS) else ([], [])
 
     @cached_property
@@ -82,7 +82,7 @@ class Writer(RowWriter):
                 of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
                 title = f"{of}{step.name.replace('_', ' ')}"
                 signature = self.signature(name_of(step), step.lanes, False)
-                if lines == [self.call(names[0], step.lanes, None)]:  # a single function may have the name of the whole
+                if lines == [self.call(names[0], step.lanes, None)]:  # one function needs no caller
                     found[step] = [replace(functions[0], signature=signature)]
                 else:
                     found[step] = [*functions, Function(title, signature, lines)]
@@ -94,7 +94,7 @@ class Writer(RowWriter):
         return tuple(pruned(p, self.lives) for p in self.asked)
 
     def lives(self, step: Run | Formulas | Prepare) -> bool:
-        """Whether a step has an effect."""
+        """Whether a step has an effect, so that it is printed."""
         match step:
             case Run():
                 return step.sweep in self.blocks

@@ -111,7 +111,7 @@ class SystemAddresses(Addresses):
     # -- rows ------------------------------------------------------------------------------------------------------
 
     def of_links(self, kind: UnitKind, sweep: str, store: Store, column: str, of: list[int] | None = None) -> Row:
-        """An integer for the accessed link: its number, or its entry in `of`."""
+        """For each instance, the number of the accessed link, or the link's entry in `of`."""
         key = (kind.index, kind.role, SWEEP[sweep].units, store.owner, store.place, column)
         if key not in self._rows:
             links = self.accessed_links(kind, sweep, store)
@@ -121,18 +121,18 @@ class SystemAddresses(Addresses):
         return self._rows[key]
 
     def of_loops(self, kind: UnitKind, store: Store, column: str = "", of: list[int] | None = None) -> Row:
-        """An integer for the accessed loop: its number, or its entry in `of`."""
+        """For each instance, the number of the accessed loop, or the loop's entry in `of`."""
         loops = self.accessed_loops(kind, store)
         return Row(f"LOOP{store.place}{column}", tuple(loops if of is None else (of[n] for n in loops)))
 
     @cached_property
     def slots(self) -> list[int]:
-        """Slots of links; the ground's comes last."""
+        """The memory slot of each link, then that of the ground."""
         return [*self.system.slot_of, 0]
 
     @cached_property
     def first_conditions(self) -> list[int]:
-        """First condition of each loop among all conditions."""
+        """For each loop, the number of its first condition among the conditions of all loops."""
         found, at = [], 0
         for loop in self.system.model.loops:
             found.append(at)
@@ -196,7 +196,7 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
-        """First entry of each link, or (True) of each loop, in arguments and results: name and values of the table column."""
+        """Table column (name, values) with the first entry of each link, or (True) of each loop, in arguments and results."""
         links, loops = self.system.links, range(len(self.system.model.loops))
         return {
             (memory, of_loops): (column, of)

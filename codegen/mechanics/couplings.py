@@ -23,7 +23,7 @@ Coupled = LinkKind | RegionKind
 
 
 def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:
-    """The record (or slot) of a partner; if it is the link that carries the unit, that of the parent or base."""
+    """The record (or slot, for `lanes`) of a partner; a partner that carries the unit is its parent or base."""
     if m in (kind.partners.base, CARRIER):
         record, slot = (UP, LUP) if kind.role == "link" else (BASE, LBASE)
         return slot if lanes else record
@@ -42,12 +42,12 @@ def add_couplings(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) 
 
 
 def add_partner_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
-    """Add a symmetric 6x6 inertia to that of a partner."""
+    """Add a symmetric 6x6 inertia to a partner's articulated inertia."""
     add_inertia(x, partner_store(kind, m), Q, kind.partners.first[m])
 
 
 def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
-    """Add a symmetric 6x6 inertia to that of a link; the `first` contribution assigns it."""
+    """Add a symmetric 6x6 inertia to a link's articulated inertia; the `first` contribution assigns it."""
     inertia = fields.articulated
     for J, M, (i, j) in zip(inertia.J.scalars(), inertia.M.scalars(), PLACES, strict=True):
         accumulate(x, store, J, Q[i][j], first, "Eq. 44")
@@ -57,7 +57,7 @@ def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
 
 
 def clear_scales(x: Scope, store: Store, first: bool) -> None:
-    """Set the sizes for comparison with pivots to zero; links whose inertia comes from other units do not read them."""
+    """On the `first` contribution, set the sizes that pivots are compared with to zero; units other than links add none."""
     if first:
         clear(x, store, fields.moment_scale)
         clear(x, store, fields.mass_scale)
@@ -66,12 +66,12 @@ def clear_scales(x: Scope, store: Store, first: bool) -> None:
 def add_partner_force(
     x: Scope, kind: Coupled, m: int, values: Vector, field: SixField = fields.articulated_force, lanes: bool = False
 ) -> None:
-    """Add a moment and a force to those of a partner."""
+    """Add a moment and a force to a partner's articulated force, or to another `field`."""
     accumulate(x, partner_store(kind, m, lanes), field, values, kind.partners.first[m], "Eq. 45", lanes)
 
 
 def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector:
-    """The explicit part of a partner's acceleration, along its own axes."""
+    """The explicit part of a partner's acceleration, along the partner's axes."""
     return list(x.load(partner_store(kind, m, lanes), fields.explicit_acceleration))
 
 

@@ -165,7 +165,7 @@ class SymmetricSystem:
         return ANY  # the children's patterns are not known yet
 
     def block(self, row: int, column: int) -> Matrix:
-        """Six rows and columns, beginning with the given ones."""
+        """The 6x6 block of Q that begins at this row and column."""
         return [self.Q[row + i][column : column + 6] for i in SIX]
 
 

@@ -31,7 +31,7 @@ def has_derivative(store: Store) -> bool:
 
 
 def seed_of(store: Store) -> Store:
-    """The seeds of an argument."""
+    """The store of an argument's seeds."""
     return argument(f"d{store.name}", lanes=True)
 
 
@@ -208,7 +208,7 @@ def motion_formulas(model: Model) -> list[Formula]:
     moving = frozenset(model.moving_inputs)
     for n, x in enumerate(model.prescribed):
         values, held = x.values, Expression(model.switches.hold(x.value.tree, moves=True))
-        if held is not x.value:  # the branches that an integration step holds
+        if held is not x.value:  # modes hold the branches of switches during an integration step
             values = held, rate(held, moving=moving), rate(rate(held, moving=moving), moving=moving)
         for order, e in enumerate(values):
             if e.tree != ("number", 0):

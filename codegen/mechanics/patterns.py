@@ -179,7 +179,7 @@ class Patterns:
             changed = False
             for kind in order:
                 changed |= self._settle(sweep, kind)
-            if not changed:  # only now is a stored zero certain to remain zero: the field is not 1 everywhere
+            if not changed:  # patterns no longer grow, so a stored zero stays zero: the field is not always 1
                 for kind in kinds:
                     for memory, k, name in self._runs[kind].zeros:
                         if self.of(memory, k).get(name) is not None:
@@ -195,7 +195,7 @@ class Patterns:
         before = self._clock
         form = kind.form if isinstance(kind, EarKind) else None
         run = self._run(sweep, kind)
-        if isinstance(kind, EarKind) and kind.form != form:  # other blocks depend on the form too
+        if isinstance(kind, EarKind) and kind.form != form:  # other blocks also load this factored matrix
             self._runs.clear()
             self._clock += 1
         self._runs[kind] = run

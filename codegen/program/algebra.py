@@ -86,7 +86,7 @@ class Expr:
         return _text(self)
 
     def __reduce__(self) -> tuple[object, ...]:
-        raise TypeError("expressions are of one process")
+        raise TypeError("expressions cannot be pickled: they are unique within one process")
 
     def xreplace(self, rule: Mapping[Symbol, Expr]) -> Expr:
         """Return the expression with symbols replaced by other expressions."""
@@ -324,7 +324,7 @@ def _plain(value: object) -> Real:
         found: Real = int(value) if whole else value
         return found
     if not isinstance(value, float):
-        raise TypeError(f"{value!r} is no number")
+        raise TypeError(f"{value!r} is not a number")
     return int(value) if value.is_integer() and abs(value) < 2**53 else float(value)
 
 

@@ -39,7 +39,7 @@ def symbols_of(e: Expr) -> frozenset[Symbol]:
 
 
 def up_to_sign(e: Expr) -> Hashable:
-    """A key that an expression shares with its negative; it is cheaper than negating the expression."""
+    """A key that an expression shares with its negative; cheaper than a negation."""
     return frozenset(map(_unsigned, e.args)) if e.is_Add else _unsigned(e)
 
 

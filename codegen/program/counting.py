@@ -55,7 +55,7 @@ def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
                 times = shared[step.name, step.lanes] = shared.get((step.name, step.lanes), 0) + 1
                 if times > found.count(step.name):
                     found.append(step.name)
-            case Prepare(lanes=False) if outside not in found:  # nothing is computed for directions
+            case Prepare(lanes=False) if outside not in found:  # preparations over directions are not counted
                 found.append(outside)
             case Single():
                 found += [f"{s.sweep}_1" for s in step.steps]

@@ -48,7 +48,7 @@ def _add(into: dict[Symbol, Expr], key: Symbol, value: Expr) -> None:
 
 
 Primitives = Mapping[Value, Mapping[Value, Value]]
-"""Derivatives of values with respect to values; numbers have none."""
+"""Derivatives of values (outer keys) with respect to values (inner keys)."""
 
 
 def of_symbols(primitives: Primitives) -> dict[Symbol, dict[Symbol, Expr]]:

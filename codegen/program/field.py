@@ -102,7 +102,7 @@ class Readable(ABC, Generic[V_co]):
 
     @abstractmethod
     def read(self, read: Read) -> V_co:
-        """The value, from the values of its components."""
+        """The value of the field, from the values of its components."""
 
     def scalars(self) -> tuple[ScalarField, ...]:
         """The components as fields of their own; the same objects each time."""
@@ -206,12 +206,12 @@ class SixField(Listed):
 
     @cached_property
     def angular(self) -> VectorField:
-        """The first three: moment, angular velocity or angular acceleration."""
+        """The first three components: moment, angular velocity or angular acceleration."""
         return self._part(VectorField, f"{self.name}{self.halves[0]}")
 
     @cached_property
     def linear(self) -> VectorField:
-        """The last three: force, velocity or acceleration of the origin."""
+        """The last three components: force, velocity or acceleration of the origin."""
         return self._part(VectorField, f"{self.name}{self.halves[1]}")
 
     @cached_property
@@ -225,7 +225,7 @@ class SixField(Listed):
 
 
 class AccelerationField(SixField):
-    """Angular acceleration, then that of the origin."""
+    """Angular acceleration, then acceleration of the origin."""
 
     halves = ("al", "a")
     called_halves = ("alpha", "acceleration")

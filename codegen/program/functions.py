@@ -135,7 +135,7 @@ def HeldModulo(*arguments: object) -> Expr:
 
 
 def Choice(*arguments: object) -> Expr:
-    """The second argument if the first is 1, the third if it is 0. The other one is ignored even if it is infinite."""
+    """The second argument if the first is 1, the third if the first is 0; the other may be infinite."""
     c, x, y = map(expression, arguments)
     if isinstance(c, Number):
         return x if c else y
@@ -143,7 +143,7 @@ def Choice(*arguments: object) -> Expr:
 
 
 def Vanishing(*arguments: object) -> Expr:
-    """A product that is zero if its first factor is zero, whatever the second."""
+    """A product that is zero if its first factor is zero, even if the second is infinite."""
     a, b = map(expression, arguments)
     return a * b if a.is_Number or b.is_Number else function("Vanishing", a, b)
 

@@ -52,7 +52,7 @@ def count_expression(e: Expr) -> Operations:
         below = [a for a in factors if isinstance(a, Pow) and isinstance(a.exp.value, int) and a.exp < 0]
         if below:
             multiplications = max(0, len(factors) - len(below) - 1) + len(below) - 1
-            divisions = 1 - len(below)  # its own operations are counted with the arguments
+            divisions = 1 - len(below)  # the recursion counts one division for each power in `below`
         else:
             multiplications = len(factors) - 1
     elif isinstance(e, Pow):

@@ -131,10 +131,10 @@ def share_products(block: Block) -> Block:
             if bare in repeated:
                 if bare not in made:
                     if bare in names:
-                        terms.append(term)  # it gets its name in a later statement
+                        terms.append(term)  # a later statement already names this product
                         continue
                     number = len(terms)
-                    while f"{s.target.name}_s{number}" in taken:  # an earlier run of this pass has used the name
+                    while f"{s.target.name}_s{number}" in taken:  # an earlier run of this pass has used this name
                         number += 1
                     taken.add(f"{s.target.name}_s{number}")
                     names[bare] = Symbol(f"{s.target.name}_s{number}")
@@ -194,7 +194,7 @@ def _is_bare(product: Expr) -> bool:
 
 
 def _without(product: Expr, part: Expr) -> list[Expr]:
-    """The factors of a product that are not in a part of it."""
+    """The factors of a product that are not factors of `part`."""
     return [factor for factor in product.args if factor not in part.args]
 
 

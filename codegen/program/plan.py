@@ -22,11 +22,11 @@ class Merged:
     ----------
     block : Block
     of : dict of Store to (Kind, Store)
-        For each of its stores: the kind, and the store in the block of that kind.
+        For each store of the merged block: a kind, and the store in the block of this kind.
     names : set of (Memory, str)
-        Components that it loads or stores.
+        Components that the merged block loads or stores.
     ground : set of (Memory, str)
-        Components of the ground's records that it reads, except those of gravity.
+        Components of the ground's records that the merged block reads, except gravity.
     """
 
     block: Block
@@ -47,7 +47,7 @@ class Swept:
     groups : str
         For sweeps over all columns of a matrix at once: the columns on which a link works.
     then : str
-        Sweep whose function is called for a link after that of this sweep.
+        Another sweep: for each link, its function is called right after that of this sweep.
     kinds : sequence of Kind
         Kinds that may have a block.
     order : sequence of Kind

@@ -58,7 +58,7 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
 
 
 class Operation(Protocol):
-    """Combines expressions."""
+    """A sum or a product of expressions."""
 
     def __call__(self, *args: Expr) -> Expr: ...
 
@@ -116,7 +116,7 @@ def values(
 
 
 NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store: False)
-"""For blocks that store no scalars."""
+"""`Kept` for blocks that keep no scalars."""
 
 
 def transposed(

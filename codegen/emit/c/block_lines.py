@@ -37,7 +37,7 @@ class BlockLines:
     ):
         self.block, self.place, self.culprit = block, place, culprit
         self.real, self.zero = of.scalar.word, of.scalar.literal("0.0")
-        # `place` gives names to rows: to those of stores before those of loads
+        # `place` names rows: first the rows of stores, then those of loads
         to = [place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN]
         names = of.called_by(block, place)
         self.stored = {*to}

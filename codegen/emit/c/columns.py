@@ -199,7 +199,7 @@ def known_rows(step: AllColumns) -> list[int]:
 
 
 def name_of(step: AllColumns) -> str:
-    """Prefix of the names of its tables, from its seeds: ``dq_du``."""
+    """Prefix of the names of a step's tables, from its seeds: ``dq_du``."""
     return "_".join(a.name for a in step.seeds)
 
 

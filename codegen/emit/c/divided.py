@@ -29,7 +29,7 @@ def carried_over(number: int, along: bool) -> Component:
 
 
 def in_stack(place: Place, real: str) -> Place:
-    """The place of a component in a part: in an array of values that are carried over, or that in the whole function."""
+    """Places of components in a part: carried-over values are in arrays, others where the whole function has them."""
 
     def placed(store: Store, name: str) -> Located:
         for along, of in CARRIED_OVER.items():

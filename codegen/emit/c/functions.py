@@ -126,7 +126,7 @@ class CFunctions:
         self.prepared = prepared
         self.laid_out = laid_out
         self.copied: set[str] = set()
-        """Members of a call, beyond those set by `lay_out`, that functions over directions read."""
+        """Members of a call that functions over directions read, except members set by `lay_out`."""
 
     def routine(self, routine: Routine) -> Function:
         """A routine as a function."""
@@ -377,7 +377,7 @@ class Lines:
         return [table, *self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {self.nothing(a)};")]
 
     def single(self, step: steps.Single) -> list[str]:
-        if not step.steps:  # without speeds
+        if not step.steps:  # a model without speeds has no such sweeps
             return []
         lines = ["open_1(&one, &c, work);"]
         lines += [f"one.{a.name} = (lanes_1 *){of.name};" for a, of in (*step.reads, *step.writes)]

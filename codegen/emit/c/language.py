@@ -36,9 +36,9 @@ class CLanguage(Writer):
         self.printer = CPrinter(C, scalar)
         self.tables: list[tuple[str, list[str]]] = []
         self.has_parts = False
-        """Whether a function is divided."""
+        """Whether some function is divided into parts."""
         self.lines_of_units = dict.fromkeys(SHARES, 0)
-        """Number of lines of shared parts that each unit of a library compiles."""
+        """For each unit of a library, the number of lines that it compiles of parts shared among units."""
         self.touched: dict[str, set[str]] = {}
         """Regions of memory, arguments and results that each sweep reads or writes, by the name of the sweep."""
 

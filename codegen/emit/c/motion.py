@@ -174,7 +174,7 @@ def write_precise(
     }  # fmt: skip
 
     def function(f: str, lanes: int, width: int) -> dict[str, Any]:
-        """Wraps a function over several directions of the caller in a number of lanes; 0, 0 for a function without directions."""
+        """Data for the call of a function: `lanes` directions are given, `width` computed; both 0 without directions."""
         seeds, results = (functions[f].get(key, ()) for key in ("seeds", "results"))
         along = [r for r in results if r.removeprefix("d") in sizes and r not in sizes]
         return {
@@ -194,7 +194,7 @@ def write_precise(
             members.append(f".{f} = precise_{f}")
     for f in ALONG:
         if f in functions:
-            # four directions in eight lanes: it is rarely called
+            # four directions use the functions over eight, since long double is rarely needed
             widths = [(w, w) for w in WIDTHS] + ([] if f.endswith("_transposed") else [(4, 8)])
             called += [function(f, lanes, width) for lanes, width in widths]
             members.append(f".{f} = {{{', '.join(f'precise_{f}_{lanes}' for lanes, _ in widths)}}}")

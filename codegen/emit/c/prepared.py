@@ -12,7 +12,7 @@ from .memory import CMemory
 from .types import TYPES, near_name
 
 FEW_ANGLES = 16
-"""Up to this many angles are passed to the sine evaluation as they are written; a longer list has long been written by then."""
+"""Up to this many angles are passed as variables; in longer lists, angles are in memory well before they are read."""
 
 
 class CPrepared(CMemory):

@@ -24,7 +24,7 @@ OVER_STATES = ("accelerations", "sensitivities")
 """Functions that exist for several states at once."""
 
 DIRECTIONS = 8
-"""Number of directions per statement, one after the other."""
+"""Number of directions that a sweep processes at a time, one after the other in each statement."""
 
 OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
 """Functions of the C library with two arguments."""

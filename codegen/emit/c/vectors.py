@@ -74,7 +74,7 @@ def parts(scalar: Scalar) -> list[str]:
 
 
 def short(scalar: Scalar, sizes: Iterable[int]) -> list[int]:
-    """Return those row sizes, from two entries on, that are below the entries of a part of sixteen bytes."""
+    """Return the row sizes of at least two entries that are less than sixteen bytes."""
     return sorted({n for n in sizes if 1 < n < 16 // scalar.bytes}) if scalar.integer else []
 
 
@@ -99,7 +99,7 @@ def _take(n: int, lanes: int) -> list[str]:
 
 
 def _give(n: int, lanes: int) -> list[str]:
-    """The inverse of `_take`."""
+    """From n vectors of states to n vectors in memory: the inverse of `_take`."""
     body = []
     if lanes % n == 0:
         body += [f"const states {', '.join(f'x{c} = of[{c}*apart]' for c in range(n))};"]

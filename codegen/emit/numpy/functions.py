@@ -145,7 +145,7 @@ class _Lines:
         return ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(name) else [line]
 
     def _of_lanes(self) -> set[str]:
-        """Lines for derivatives, which functions of values do not need."""
+        """Names of the results that are derivatives; functions of values have none."""
         return {r.name for r in self.procedure.results if r.lanes} if self.procedure else set()
 
     def fresh(self, a: Array) -> list[str]:

@@ -287,7 +287,7 @@ class NumpyWriter(Writer):
             "tables": self.flat_tables(),
             "names": [(n, listed(found)) for n, found in names.items()],
             "memory": self.memory(),
-            "singular": singular[::-1],  # the last ones have the largest numbers
+            "singular": singular[::-1],  # tests start with the errors of the largest numbers
             "errors": errors,
             "functions": [*context["functions"], *(f for _, functions in context["lane_functions"] for f in functions)],
             "routines": [lines.routine(r) for r in routines(self.procedures)],

@@ -27,7 +27,7 @@ from .motions import Twist
 from .orthogonal import Factor
 
 HALF_TURN = 1e-14
-"""Squared cosine of half the angle of a rotation; below it the angle is half a turn, and the axis is lost in rounding."""
+"""Squared cosine of half the angle of a rotation; below this bound the angle counts as half a turn."""
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
@@ -108,7 +108,7 @@ def newton_step(x: Scope, kind: EarKind) -> None:
         for i, row in enumerate(rows):
             if row.surface is not None:
                 b[i] = x.let("b", row.gap + dot(row.n, moved[row.loop].linear), "Eq. 32")
-            if row.turning:  # the residual of this condition alone
+            if row.turning:  # the condition's own residual, even if other conditions are open
                 sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
                 b[i] = x.let("b", sine + dot(row.n, moved[row.loop].angular), "Eq. 32")
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "Eq. 35")
@@ -184,7 +184,7 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
-    """Scales of the columns, in the order of the factor; they express displacements and rows in characteristic lengths."""
+    """Unit of each column, in the order of the factor; the units make displacements and rows multiples of the length."""
     found = []
     for column in f.order:
         k, j = dependents(kind)[column]

@@ -44,7 +44,7 @@ def region_back_substitute(x: Scope, kind: RegionKind) -> None:
 
 
 def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
-    """Back substitution among the sources, and the relative accelerations of far links; all are stored."""
+    """Store the accelerations of sources, the relative accelerations of far links, and the forces of prescribed sources."""
     outer = outer_accelerations(x, kind, lanes)
     a: Vector = [outer.get(i, 0) for i in range(unknowns(kind))]
     for c in kind.locked:
@@ -78,7 +78,7 @@ def ear_balance_back(x: Scope, kind: EarKind) -> None:
 
 
 def find_joints(x: Scope, kind: EarKind, lanes: bool) -> None:
-    """Accelerations of an ear's joints from those of the sources, and driving forces of prescribed ones."""
+    """Accelerations of an ear's joints from accelerations of the sources, and driving forces of prescribed joints."""
     store, driving, udot = (LREGION, DDRIVING, DUDOT) if lanes else (REGION, DRIVING, UDOT)
     name, tag = ("dudot", "d Eq. 53") if lanes else ("udot", "Eq. 53")
     a = source_accelerations(x, kind, lanes)

@@ -38,7 +38,7 @@ from .tangents import EarTangents, ear_tangents, tangents_of
 
 @dataclass(slots=True)
 class RootForce:
-    """A moment and force on a root, about its origin and along its own axes, and its tangent: six components each."""
+    """A moment and force on a root, about the root's origin and along its axes, and the tangent: six components each."""
 
     root: int
     force: Vector
@@ -49,7 +49,7 @@ class RootForce:
 
 
 def motion_tangents(motion: Motion, tangent: Motion) -> dict[Symbol, Value]:
-    """Tangents, by symbol, of a motion that is loaded."""
+    """Maps each symbol of a loaded motion to its tangent."""
     seeds: dict[Symbol, Value] = {}
     for vector, moved in ((motion.w, tangent.w), (motion.al, tangent.al), (motion.a, tangent.a)):
         seeds.update(tangents_of(vector, moved))
@@ -100,7 +100,7 @@ def dependent_accelerations(x: Scope, ear: EarGeometry, rates: Vector) -> list[t
 
 
 def ear_balance_out(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions: tangents of the motion with the sources' udot held, and of its force. Eqs. 25-29."""
+    """Outward block over directions: with the sources' udot held, tangents of motions and of required forces. Eqs. 25-29."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     angles = kept_rotations(ear)
@@ -173,7 +173,7 @@ def slip_tangents(ear: EarGeometry, velocities: list[Twist]) -> dict[Symbol, Val
 
 
 def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> None:
-    """Take the roots' velocities and positions as given, if sliding joints need them."""
+    """If joints slide, do not differentiate the roots' velocities and positions: their tangents are given."""
     for t, root in enumerate(ear.roots if ear.slides else ()):
         if velocities:
             d.hold(velocities[t].six)
@@ -227,9 +227,9 @@ def add_closing_wrenches(
 def begin_inward(
     x: Scope, kind: EarKind, moving_shares: bool = False
 ) -> tuple[EarGeometry, list[Condition], EarTangents]:
-    """Geometry and conditions of an ear, and tangents of the paths of forces, for known seeds and motions.
+    """Geometry and conditions of an ear, and tangents of the levers and attitudes that propagate forces.
 
-    `moving_shares`: the factors of conditions on points, one over their gradients, are differentiated, too.
+    Seeds are complete. `moving_shares`: factors of conditions on points, one over their gradients, are differentiated, too.
     """
     ear = EarGeometry(x, kind)
     if moving_shares:
@@ -246,7 +246,7 @@ def begin_inward(
 
 
 def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Vector], list[Vector]]:
-    """Forces that the links require and other links contribute, with their tangents; `tangent` is the field of the former."""
+    """Required forces of the links plus contributions of other links; and tangents, of required forces in the field `tangent`."""
     phi: list[Vector] = []
     d_phi: list[Vector] = []
     for k in range(len(kind.links)):
@@ -331,7 +331,7 @@ def transmit(
     for k in reversed(range(len(phi))):
         member = ear.members[k]
         for j in kind.dependent[k]:
-            # in equilibrium a dependent joint transmits its own force along its degree of freedom, plus that of couplings
+            # in equilibrium a dependent joint transmits its own force along its degree of freedom, plus coupling forces
             s = column_of(ear, k, j)
             own = tau(x, kind, k, j)
             if (k, j) in coupling_forces.forces:
@@ -414,7 +414,7 @@ def turned_back(
 
 
 def add_to_roots(x: Scope, ear: EarGeometry, on_roots: list[RootForce]) -> None:
-    """Add the forces on the roots, along their axes."""
+    """Add the forces on roots to the region's sums, along each root's own axes."""
     for t, root in enumerate(ear.roots):
         parts = [h for h in on_roots if h.root == t]
         if parts and root.needs_force:

@@ -23,7 +23,7 @@ def closing_accelerations(
     name: str,
     root_speeds: list[Twist] | None = None,
 ) -> Vector:
-    """Values of the conditions for accelerations of faces and joints, including the rotation of their directions. Eq. 31."""
+    """Values of the conditions for accelerations of faces and joints; conditions' directions rotate. Eq. 31."""
     slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear)) if ear.slides else []
     at_cuts, relative = cut_accelerations(x, ear, face, joints, slips)
     result: Vector = []

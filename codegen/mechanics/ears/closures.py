@@ -51,7 +51,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
     length = float(
         algebra.ratio(kind.scale, kind.per_length)
-    )  # factor of linear conditions; 1 where they are divided by it
+    )  # size of linear conditions; 1 if they are divided by the characteristic length
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35", length)
     checked = len(dependents)
     for row in rows:
@@ -106,7 +106,7 @@ def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
         if link.closed_on == "origin":
             at_rest(x, ME[k])
     moving = [k for k, link in enumerate(kind.links) if link.closed_on == "moving"]
-    if not moving:  # then the base is not needed relative to the origin either
+    if not moving:  # this ear does not need the base's motion relative to the origin
         return
     W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
     velocities = member_velocities(x, ear, rates)

@@ -195,7 +195,7 @@ def complete_velocities(
 def member_displacement(
     x: Scope, ear: EarGeometry, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
 ) -> None:
-    """As `link_displacement`, for a link of an ear on which other loops close, from its motion relative to the base."""
+    """For a link of an ear on which other loops close, store the results of `link_displacement`."""
     kind, tag = ear.kind, "d Eq. 22"
     theta, d = displaced
     W, o = ear.members[k].W, ear.position(k)
@@ -302,7 +302,7 @@ def face_displacement(x: Scope, ear: EarGeometry, c: int, side: int) -> tuple[Ve
         dp = x.entry(CL_DP[c], j)
         local = add(local, scale(dp, x.load(LOOP_CONSTANTS[c], fields.face_place(name).derivative(j))))
         if closure.holds == (3, 0) and not closure.gaps:
-            continue  # no direction of the face matters
+            continue  # no condition depends on the axes of the face
         _, F = ear.face(c, side)
         dF = x.load(LOOP_CONSTANTS[c], fields.face_axes(name).derivative(j))
         if not all(is_zero(e) for row in dF for e in row):

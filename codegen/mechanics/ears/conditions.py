@@ -23,19 +23,19 @@ class Condition:
     Attributes
     ----------
     loop : int
-        Among the ear's.
+        Index among the ear's loops.
     angular : bool
     n : Vector
         Direction at the cut, in region axes, scaled: the condition is the component of the motion along n.
     turning : list of (weight, Vector, Vector)
-        For loops that may be open in other conditions: the angular condition is that a sum of weight c . d is zero, with c fixed
+        For loops whose dropped conditions may be open: the angular condition is that a sum of weight c . d is zero, with c fixed
         in the end face, d in the start face, and n the sum of weight c x d.
     axis : Vector or None
         A direction of the start face in place of n, for residuals.
     surface : SurfaceCondition or None
-        Of a condition on a point, whose n is a gradient.
+        For a condition on a point: its equation; n is the gradient.
     share : Value
-        The factor of that condition.
+        For a condition on a point: its factor, one over the length of the gradient.
     """
 
     loop: int
@@ -48,7 +48,7 @@ class Condition:
 
     @property
     def gap(self) -> Value:
-        """Scaled residual of a condition on a point."""
+        """Residual of a condition on a point, times its factor."""
         assert self.surface is not None
         return self.surface.x.let("gap", self.share * self.surface.value, "Eq. 32")
 
@@ -78,7 +78,7 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
 def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Condition]:
     """Conditions of a loop joint: along the region's axes if all directions are constrained (`counted`), or the start face's."""
     closure = ear.kind.closures[c]
-    if closure.is_coupling:  # its value is the first of three components, see `ears.couplings`
+    if closure.is_coupling:  # a coupling's value is the first of three components, see `ears.couplings`
         return [Condition(c, True, [1, 0, 0])]
     if closure.surfaces:
         return surface_conditions(ear, c, share)
@@ -105,7 +105,7 @@ def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Conditio
 
 
 def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
-    """Directions that a joint constrains, by their number: all, those across its axis, the one along it, none."""
+    """Directions that a joint constrains: all three, two across its axis, one along its axis, or none, by `count`."""
     if count == 3:
         return every
     if count == 2:
@@ -114,7 +114,7 @@ def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> l
 
 
 def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
-    """Directions about which a joint does not rotate; if its two axes are perpendicular, their normal."""
+    """Directions about which a joint does not rotate; of a universal joint, the normal to its two axes."""
     closure = ear.kind.closures[c]
     if closure.holds.angular != 1:
         return held(closure.holds.angular, closure.axis, columns, every)
@@ -123,7 +123,7 @@ def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list
 
 
 def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
-    """All conditions of a loop joint whose faces may be apart; they and their rates hold even if dropped ones do not."""
+    """All conditions of a loop joint whose faces may be apart; valid with their rates even if dropped conditions are open."""
     closure = ear.kind.closures[c]
     s = ear.face_axes(c, 0)
     found = [Condition(c, False, scale(share, n)) for n in held(closure.holds.linear, closure.axis, s, s)]

@@ -76,7 +76,7 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
 def far_motions(
     x: Scope, kind: RegionKind, own: MotionFields = fields.remainder, found: MotionFields = fields.far_remainder
 ) -> None:
-    """Angular velocity and accelerations of far links relative to the ground, from their `own` fields to those of the region."""
+    """Angular velocity and accelerations of far links relative to the ground, rotated from their axes into the region's."""
     for f, m in enumerate(kind.far):
         far, W = _store(kind, m), x.load(REGION, fields.far_attitude(f))
         w, al = [list(ZERO) for _ in range(2)]
@@ -99,7 +99,7 @@ def far_own_motions(x: Scope, kind: RegionKind) -> None:
         own, found = fields.total, fields.far_own(f)
         x.store(REGION, found.a, x.load(record, own.a))
         x.store(LREGION, found.a, x.load(slot, fields.remainder.a))
-        if m < 0:  # it does not rotate
+        if m < 0:  # the ground does not rotate
             for store in (REGION, LREGION):
                 x.store(store, found.w, list(ZERO))
                 x.store(store, found.al, list(ZERO))

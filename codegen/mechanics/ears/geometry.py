@@ -192,7 +192,7 @@ class EarGeometry:
     def walk(
         self, roots: list[Twist], coefficients: list[Vector], name: str, tag: str, lanes: bool = False
     ) -> list[Twist]:
-        """Motions of all links of the ear, from those of its roots and the rates of its degrees of freedom."""
+        """Motions of all links of the ear, from motions of its roots and rates of its degrees of freedom."""
         found: list[Twist] = []
         for member, values in zip(self.members, coefficients, strict=True):
             before = found[member.parent] if member.parent >= 0 else roots[-1 - member.parent]

@@ -43,7 +43,7 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
         across = [a * x.let("es", squares[i - 2] + squares[i - 1], tag) + c * squares[i] for i in range(3)]
         for i, row in enumerate(W):
             if (j := _kept_axis(row)) is not None:
-                across[i] = J[j][j]  # equals the sum of squares; zero patterns need it as a single number
+                across[i] = J[j][j]  # equals the sum above; zero patterns need this entry as a single number
         more = x.let("ca", c - a, tag)
         mixed = [more * x.let("ee", e[i] * e[j], tag) for i, j in ((0, 1), (0, 2), (1, 2))]
         return symmetric([x.let("J", v, tag) for v in (*across, *mixed)])
@@ -79,7 +79,7 @@ def joint_bias(x: Scope, member: Member, w_before: Vector, speeds: Vector) -> tu
 
 
 def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None = None) -> Motion:
-    """Motion of a link from its parent's; `extra` are the joint's udot, zero by default; a prescribed joint has its own."""
+    """Motion of a link from its parent's; `extra`: the joint's udot, by default zero or as prescribed."""
     speeds = member.speeds
     turning, _ = joint_motion(member.freedoms, speeds)
     w = x.let_vector("w", add(before.w, turning or ZERO), "Eq. 18")
@@ -143,7 +143,7 @@ def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool
 
 
 def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: Vector) -> Vector:
-    """The force of a link minus that of force elements, along region axes."""
+    """The force that a link requires minus the force of force elements on it, along region axes."""
     if not ear.kind.links[k].pulled:
         return needed
     acting = turned(ear.members[k].W, x.load(ME[k], fields.external))
@@ -151,7 +151,7 @@ def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: Vector) -> Vect
 
 
 def hand_outward(x: Scope, store: Store, W: Matrix, m: Motion, total: bool) -> None:
-    """Motion along the link's own axes, for the links that it carries."""
+    """Store a link's motion along its own axes, for the links that it carries."""
     back = transpose(W)
     w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (m.w, m.al, m.a))
     motion = fields.total if total else fields.remainder

@@ -17,7 +17,7 @@ from ..structure.kinds import LinkKind
 
 
 class MemberView(Scope):
-    """Access of one of an ear's links to the block: constants, coordinates and records are the link's own."""
+    """The scope of one link of an ear: constants, coordinates and records are those of this link."""
 
     def __init__(self, x: Scope, place: int):
         super().__init__(x.title, x.tangents, x.units)
@@ -104,10 +104,10 @@ class Member:
     ----------
     W : Matrix
         Region components from link components.
-    Vector from the parent's origin to the link's, along region axes.
-        Vector from the parent's origin to the link's.
-    Vector from the parent's origin to the link's, along the parent's axes.
-        The same along the parent link's axes.
+    rho : Vector
+        From the parent's origin to the link's, along region axes.
+    r : Vector
+        From the parent's origin to the link's, along the parent link's axes.
     freedoms : list of Freedom
     """
 

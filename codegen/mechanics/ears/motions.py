@@ -45,7 +45,7 @@ class Twist:
 
     @property
     def vanishes(self) -> bool:
-        """Whether it is zero in every state."""
+        """Whether the twist is zero in every state."""
         return all(is_zero(v) for v in self.six)
 
     def at(self, lever: Vector) -> Vector:

@@ -38,9 +38,9 @@ class Factor:
     q : list of Vector
         Orthonormal columns, in that order.
     R : dict of (int, int) to value
-        Above the diagonal, by place in the order.
+        Entries above the diagonal, by place in the order.
     inverse : list
-        Of the diagonal.
+        Reciprocals of the diagonal of R.
     """
 
     x: Scope
@@ -137,7 +137,7 @@ def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
 
 
 def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Factor:
-    """Factor a matrix given by its columns; columns with few entries come first. All are of order one except near rank loss."""
+    """Factor a matrix given by columns; those with few entries come first. Columns are of order one except near rank loss."""
     let = x.let
     f = Factor(x)
     support = [[i for i, v in enumerate(c) if v != 0] for c in columns]

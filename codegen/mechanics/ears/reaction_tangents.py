@@ -174,7 +174,7 @@ def store_loop(
     x: Scope, ear: EarGeometry, c: int, rows: list[Condition], wrench: Vector, d_wrench: Vector, d: EarTangents
 ) -> None:
     """Tangent of a loop's reaction, which is the opposite of its multipliers' wrench."""
-    if ear.kind.closures[c].is_coupling:  # one number, along the coordinate whose factor is 1
+    if ear.kind.closures[c].is_coupling:  # a coupling's reaction is one number, along the coordinate with factor 1
         own = [value for row, value in zip(rows, d_wrench, strict=True) if row.loop == c]
         for i in SIX:
             x.set_entry(
@@ -240,7 +240,7 @@ def region_reaction_tangents(x: Scope, kind: RegionKind) -> None:
     """Inward block over directions of a region: add its forces to the links on which it hangs."""
     transmitted: dict[int, tuple[Vector, Vector]] = {m: ([0] * 6, [0] * 6) for m in others(kind)}
     for f, m in enumerate(kind.far):
-        if m >= 0:  # the contribution of ears is along its own axes
+        if m >= 0:  # the sum of the ears' forces is along the far link's axes
             transmitted[m] = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
     for m, (force, tangent) in transmitted.items():
         add_partner_force(x, kind, m, force, fields.transmitted)

@@ -98,7 +98,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
             gamma.append(x.let("gamma", freedom.along(held[k][:3], held[k][3:]) - tau, "Eq. 53"))
         multipliers = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c, closure in enumerate(kind.closures):
-            if closure.is_coupling:  # one number, along the coordinate whose factor is 1
+            if closure.is_coupling:  # a coupling's reaction is one number, along the coordinate with factor 1
                 along = [value for row, value in zip(rows, multipliers, strict=True) if row.loop == c]
                 for entry in range(6):
                     on_first = -along[0] if along and entry == 0 else 0

@@ -48,20 +48,20 @@ class Root(ABC):
     @property
     @abstractmethod
     def record(self) -> Store:
-        """The record of the link."""
+        """The record of the root."""
 
     @property
     def needs_force(self) -> bool:
-        """Whether forces on it are needed; those on the ground are not."""
+        """Whether forces on the root are needed; forces on the ground are not."""
         return True
 
     @abstractmethod
     def attitude(self) -> Matrix:
-        """Rotation matrix: region components from its own."""
+        """Rotation matrix: region components from the root's own."""
 
     @abstractmethod
     def position(self) -> Vector:
-        """Position of its origin."""
+        """Position of the root's origin."""
 
     @abstractmethod
     def motion(self, total: bool) -> Motion:
@@ -69,7 +69,7 @@ class Root(ABC):
 
     @abstractmethod
     def own_motion(self) -> tuple[Motion, Motion]:
-        """The total motion relative to the ground, and its tangent, along its own axes."""
+        """The total motion relative to the ground, and its tangent, along the root's own axes."""
 
     # -- relative to the base; by default a root is at rest ----------------------------------------------------------
 
@@ -86,31 +86,31 @@ class Root(ABC):
         return Twist.zero().six
 
     def rotation(self, kept: bool) -> Vector:
-        """Rotation vector of a direction."""
+        """Rotation vector of the root along a direction."""
         return list(ZERO)
 
     def displacement(self, kept: bool) -> Vector:
-        """Displacement of a direction."""
+        """Displacement of the root along a direction."""
         return list(ZERO)
 
     def step(self) -> Twist:
-        """Rotation vector and displacement of Newton's step."""
+        """Rotation vector and displacement of the root in Newton's step."""
         return Twist.zero()
 
     # -- forces ------------------------------------------------------------------------------------------------------
 
     @property
     def sums(self) -> tuple[SixField, SixField]:
-        """Stores in which the region sums the forces on it, and their tangents."""
+        """Fields in which the region sums the forces on the root, and their tangents."""
         raise TypeError(f"{type(self).__name__} has no sum of forces in a region")
 
     def receive(self, force: Vector) -> None:
-        """Add a moment and a force, about its origin."""
+        """Add a moment and a force on the root, about its origin, to the region's sum."""
         if self.needs_force:
             add_to_sum(self.x, REGION, self.sums[0], force, "to_root", "Eq. 45")
 
     def receive_own(self, force: Vector, tangent: Vector) -> None:
-        """Add a moment and a force, about its origin and along its own axes, and its tangent."""
+        """As `receive`, for a moment and a force along the root's own axes, and their tangent."""
         for i in SIX if self.needs_force else ():
             self.x.store(REGION.sum, self.sums[0].scalars()[i], force[i])
             self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
@@ -262,7 +262,7 @@ class FarLink(Root):
 
     @property
     def number(self) -> int:
-        """Among the far links of the region."""
+        """Index among the far links of the region."""
         return self.kind.far[self.place]
 
     @property
@@ -316,5 +316,5 @@ def roots_of(x: Scope, kind: EarKind, positions: VectorField = fields.ear_positi
 
 
 def _unit(component: int) -> Twist:
-    """A unit of one of the six components of a motion; zero without such a component."""
+    """A twist with a one at the given component; zero if the twist has no such component."""
     return Twist.of([int(i == component) for i in SIX])

@@ -27,7 +27,7 @@ TINY = 1e-200
 """Added to the square of a gradient: a vanishing gradient is reported as a row of zeros, without a division by zero."""
 
 DIRECTED = 1e-16
-"""Squared part of characteristic lengths by which a zero of the gradient must be away, so that it has a direction."""
+"""Smallest squared distance from a zero of the gradient, in squared characteristic lengths, that leaves it a direction."""
 
 
 class SurfaceCondition:
@@ -54,11 +54,11 @@ class SurfaceCondition:
         self.place = slip if self.is_distance else self._own(slip, "at")
 
     def _own(self, v: Vector, name: str) -> Vector:
-        """Components in the start face."""
+        """Components of a vector along the axes of the start face."""
         return [self.x.let(name, dot(axis, v), "Eq. 33") for axis in self.axes]
 
     def formula(self, expression: Expression, name: str) -> Value:
-        """The value of a form."""
+        """The value of an expression over the point's coordinates and numbered parts."""
         return self.x.let(name, written(self.x, expression.tree, self._leaf, "Eq. 33"), "Eq. 33")
 
     def _leaf(self, tree: Tree) -> Value:
@@ -143,9 +143,9 @@ class SurfaceCondition:
         return total
 
     def _parts(self) -> Sequence[int]:
-        """The parts that may contain parameters."""
+        """Numbers of the parts that may contain parameters."""
         return [0] if self.is_distance else [i for i, _ in self.form.by_part]
 
     def _slope(self, i: int) -> Value:
-        """The derivative with respect to a part."""
+        """Derivative of the function with respect to part i."""
         return -self._part(0) if self.is_distance else self.formula(dict(self.form.by_part)[i], "fp")

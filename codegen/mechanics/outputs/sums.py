@@ -40,7 +40,7 @@ def _add(x: Scope, kind: LinkKind, into: Store, tangents: Store, values: Vector,
         if not is_zero(e):
             x.set_entry(into.sum, j, e)
     if x.tangents:
-        d = differentiate(x, kind, None, also={ME: MY_LANE})  # fields that earlier sweeps have stored
+        d = differentiate(x, kind, None, also={ME: MY_LANE})  # records from earlier sweeps have tangents in lanes
         for j, e in enumerate(named):
             moved = tangent(d, e)
             if not is_zero(moved):

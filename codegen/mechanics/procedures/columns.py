@@ -18,7 +18,7 @@ MOST_LINKS = 256
 """Larger trees compute a few columns at a time; otherwise columns would take most of a call's memory."""
 
 LEAST_COLUMNS = 12
-"""Smallest number of columns with memory; other functions over directions need as much anyway."""
+"""Smallest number of columns with memory; other functions over directions need memory for as many directions."""
 
 Entries = tuple[tuple[Array, int], ...]
 

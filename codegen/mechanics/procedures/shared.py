@@ -174,7 +174,7 @@ class Shared:
     ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
         """Steps that compute quantities, without and with tangents, except steps that have run already.
 
-        `before` are the steps that have computed values, `along` those over directions that follow.
+        `before`: steps that have computed values already; `along`: steps over directions that have run already.
         """
         taken = set(walk(before))
         values = tuple(s for q in quantities for s in q.values if s not in taken)

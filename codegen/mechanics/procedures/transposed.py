@@ -48,7 +48,7 @@ ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_
 
 
 def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:
-    """The transposes of functions over directions, for those in `TRANSPOSED`."""
+    """The transposes of the functions in `TRANSPOSED`."""
     by_name = {p.name: p for p in found}
     pairs = [(by_name.get(values), by_name.get(along)) for values, (along, _) in TRANSPOSED.items()]
     both = [(values, along) for values, along in pairs if values and along]
@@ -92,7 +92,7 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
                 raise TypeError(f"{along.name}: the step {type(step).__name__} has no transpose")
     runs = {s.sweep for s in back if isinstance(s, Run)}
     if all(link.joint.quaternion is None for link in w.system.links):
-        runs.discard(transpose_name("turns"))  # there are no quaternions
+        runs.discard(transpose_name("turns"))  # without quaternions this sweep has nothing to do
     back.insert(0, Prepare(PASSING_ADJOINTS if together and runs <= ALONE else ADJOINTS, True))
     left = [s for s in along.seeds if GRADIENT_IN_CLOSED not in runs or s.name not in stored]
     back += [ZeroEntries(s, entries) for s in left if (entries := _dependent(w, s))]
@@ -124,7 +124,7 @@ def _dependent(w: Shared, seed: Array) -> tuple[int, ...]:
 
 
 def run_together(w: Shared, steps: list[Step]) -> dict[str, str]:
-    """Maps each sweep that a merged one replaces to that one, or to "" if nothing runs in its place (`sweeps.GRADIENT_OUT`).
+    """Maps each replaced sweep to its merged sweep (`sweeps.GRADIENT_OUT`), or to "" if nothing runs in its place.
 
     The completion of seeds is included if only gravity comes between it and the balance.
     """

@@ -126,7 +126,7 @@ class Statements:
         if kind == "/":
             return a / b
         if not (isinstance(b, Number) and b.is_Integer and abs(b) <= 2):
-            a = self.let(a)  # powers of its factors may overflow
+            a = self.let(a)  # named, since powers of the factors of `a` may overflow
         return self.let(Power(a, b))
 
     def named(self, tree: Tree) -> Expr:

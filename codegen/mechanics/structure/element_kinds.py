@@ -1,7 +1,7 @@
 """Force elements on bodies: their attachment points, the forms of their coefficients, and their kinds.
 
 A coefficient is an expression of the model. The element's block computes its terms in positions and velocities of points. Its
-largest subexpressions without any are *coefficients* of the generated code: formulas that are evaluated before the sweeps.
+largest subexpressions without such terms are *coefficients* of the generated code: formulas evaluated before the sweeps.
 Elements of one kind may differ in these subexpressions only.
 """
 

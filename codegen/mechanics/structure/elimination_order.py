@@ -67,7 +67,7 @@ class Partners:
     contributions: list[Contribution] = field(default_factory=list)
 
     def __eq__(self, other: object) -> bool:
-        """Whether units have the same blocks."""
+        """Whether units with these partners have the same blocks."""
         return isinstance(other, Partners) and self.structure() == other.structure()
 
     def __hash__(self) -> int:

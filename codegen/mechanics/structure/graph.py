@@ -40,7 +40,7 @@ class Closure:
 
     @property
     def is_coupling(self) -> bool:
-        """Whether it relates coordinates of links, and has no faces."""
+        """Whether the loop is a coupling of coordinates, without faces."""
         return bool(self.terms)
 
     def slides(self, type: str) -> bool:

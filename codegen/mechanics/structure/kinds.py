@@ -111,7 +111,7 @@ class ClosureKind(SharedConstants):
 
     @property
     def is_coupling(self) -> bool:
-        """Whether it relates coordinates of links, and has no faces."""
+        """Whether the loop is a coupling of coordinates, without faces."""
         return bool(self.terms)
 
 
@@ -187,7 +187,7 @@ class EarKind:
         return owner.number(name) if owner else None
 
     def alias_of(self, store: Store, name: str) -> str:
-        """The first constant of equal value."""
+        """Name of the first constant with the value of this one."""
         owner = self._owner(store)
         return owner.shape.varying.get(name, name) if owner else name
 

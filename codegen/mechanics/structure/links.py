@@ -343,7 +343,7 @@ def turned_about(
 
 
 def _frame_of(joint: Joint, part: Part, evaluate: NumberOf) -> tuple[Frame, int]:
-    """The frame of a link, and the index of its axis that is the joint's."""
+    """The frame of a link, and the index of its coordinate axis that is the joint axis."""
     if part.axis is None:
         return BODY_FRAME, BODY_FRAME.index
     if joint.kind.triad:  # all links of the joint have the axes of the first one

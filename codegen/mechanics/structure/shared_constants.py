@@ -53,7 +53,7 @@ class SharedConstants:
         return self.number(name) if store is self.store else None
 
     def alias_of(self, store: Store, name: str) -> str:
-        """The first constant of equal value."""
+        """Name of the first constant with the value of this one."""
         return self.shape.varying.get(name, name) if store is self.store else name
 
     def fold(self, owned: list[Constants]) -> None:

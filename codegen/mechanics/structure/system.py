@@ -26,7 +26,7 @@ from .regions import Regions, find_regions
 from .world import turned_ground
 
 LONG = 16
-"""Links in a chain from which on gravity is part of the explicit accelerations."""
+"""Smallest number of links in a chain for which gravity is part of the explicit accelerations."""
 
 
 @dataclass(slots=True, eq=False)

@@ -38,19 +38,19 @@ OF_COLUMNS = replace(OF_FREEDOMS, right_side=fields.column_drive, moving="P")
 
 
 def column_clear(x: Scope, kind: LinkKind) -> None:
-    """The force of a column is zero at first."""
+    """Set the force of each column to zero."""
     nothing: Vector = [0] * 6
     x.store(MY_COLUMNS, fields.column_force, nothing)
 
 
 def column_rest(x: Scope, kind: LinkKind) -> None:
-    """The right side is zero on links that are not inboard of a column's own link."""
+    """Set the right side of a column to zero on links that are not inboard of the column's link."""
     for j in range(kind.joint.freedoms):
         x.store(MY_COLUMNS, fields.column_drive(j), 0)
 
 
 def column_begin(x: Scope, kind: LinkKind) -> None:
-    """The parent does not rotate with a column of the link."""
+    """For columns of the link, set the parent's change of angular velocity to zero."""
     x.store(UP_COLUMNS, fields.column_turning, ZERO)
 
 

@@ -81,7 +81,7 @@ def force_to_parent(x: Scope, joint: LinkJoint, force: Vector, tag: str, r: Vect
 
 
 def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
-    """Inertia and force along the link's six components and those of its partners."""
+    """Inertia and force over the link's six components and six of each partner."""
     needed, children = fields.needed, fields.articulated_force
     I = articulated_inertia(x)
     p = add(x.load(ME, needed.angular), x.load(ME, children.angular)) + add(
@@ -203,7 +203,7 @@ def _sum(x: Scope, a: Matrix, b: Matrix) -> Matrix:
 
 
 def _symmetrized(x: Scope, C: Matrix, Q: Matrix) -> Matrix:
-    """``Q + C + C^T``."""
+    """The inertia Q plus a coupling and its transpose: ``Q + C + C^T``."""
     found: Matrix = [[0] * 6 for _ in SIX]
     for i in SIX:
         for k in range(i, 6):
