@@ -25,7 +25,7 @@ KINDS = ("motions", "families")
 
 
 class UnknownProblemError(Failure, ValueError):
-    """A name that is not the name of a problem."""
+    """Raised for a name that no problem has."""
 
 
 def chosen(names: Sequence[str]) -> list[Problem]:

@@ -20,7 +20,7 @@ DAMAGE = (KeyError, TypeError, AttributeError, ValueError, IndexError, Arithmeti
 
 
 class ResultsError(Failure, ValueError):
-    """A file does not hold results of the benchmark."""
+    """Raised if a file does not contain results of the benchmark."""
 
 
 def write_results(results: dict[str, Any], path: Path) -> None:

@@ -83,7 +83,7 @@ def integrate(solver: Solver, end: float, setting: Setting, start: dict[str, flo
         solver, [0.0, end], q=q, sensitivities=sensitivities, rtol=setting.rtol, atol=setting.atol,
         atol_sensitivities=setting.atol if sensitivities else None, method=setting.method, most_steps=MOST_STEPS,
     )  # fmt: skip
-    if found.stats["reason"] == INTERRUPTED:  # which ends a simulation early but keeps its result
+    if found.stats["reason"] == INTERRUPTED:  # Ctrl-C ended the simulation early
         raise KeyboardInterrupt
     return found
 

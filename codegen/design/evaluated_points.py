@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..runtime.standalone.arrays import Array
 
 Combine = Callable[[Array], tuple[float, ArrayLike]]
-"""From values of functionals (m,) to a number and its derivatives with respect to them (m,)."""
+"""A function of the functionals' values (m,) that returns a number and its derivatives by these values (m,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -47,7 +47,7 @@ class Experiment:
     name : str
     variables : Variables
     places : array of int
-        Places of these among the variables of all experiments.
+        Positions of `variables` among the variables of all experiments.
     times : array (nt,)
     start : float
     samples, sigma : dict of str to array (nt,)

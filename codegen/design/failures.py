@@ -5,6 +5,6 @@ from __future__ import annotations
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError
 
 FAILURES = (SimulationError, AssemblyError, SingularJointError)
-"""Any other error is the caller's."""
+"""Errors of single motions; any other error is a mistake of the caller."""
 
 __all__ = ["FAILURES"]

@@ -24,8 +24,8 @@ class Motions(Sequence[Trajectory | None]):
     Attributes
     ----------
     trajectories : list of (Trajectory or None)
-        One for each motion. Of a motion that ended early, the part up to there; None if it could not begin or was not
-        begun.
+        One for each motion. For a motion that ended early, the part up to its end; None if it could not begin, or was
+        not begun.
     failures : dict of int to Exception
         Errors by the index of the motion, from 0.
     """

@@ -166,7 +166,7 @@ def _referred(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
         if name not in changed:
             try:
                 yield f"closure {name}", cell.cell_contents
-            except ValueError:  # not assigned yet
+            except ValueError:  # a closure variable that is not assigned yet
                 yield f"closure {name}", None
     used = dict.fromkeys(name for part in _codes(code) for name in part.co_names)
     for name in used:

@@ -111,7 +111,7 @@ def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) 
         raise ValueError(
             f"optimize: x0 has {v.names[i]} = {values[i]:g}, outside of its bounds {v.lower[i]:g} and {v.upper[i]:g}"
         )
-    inside = INSIDE if method == "trust-constr" else 0.0  # it must not start at a bound
+    inside = INSIDE if method == "trust-constr" else 0.0  # trust-constr must not start at a bound
     return np.clip(start, lower + inside, upper - inside)
 
 

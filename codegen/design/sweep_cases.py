@@ -55,7 +55,7 @@ def flattened(measured: Any) -> Case:
     Raises
     ------
     TypeError
-        If it is not a mapping of names to numbers, words, truth values and arrays of them.
+        If the result is not a mapping of names to numbers, words, truth values and arrays of them.
     """
     if not isinstance(measured, Mapping):
         raise TypeError(f"measure returned {type(measured).__name__}, expected a mapping such as {{'time': 1.2}}")

@@ -149,7 +149,7 @@ class Journal:
 
 
 def _is_flat(row: Any) -> bool:
-    """Whether it holds names with numbers, words and truth values."""
+    """Whether an entry is a mapping of names to numbers, words and truth values."""
     return isinstance(row, dict) and all(x is None or isinstance(x, (bool, int, float, str)) for x in row.values())
 
 

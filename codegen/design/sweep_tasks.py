@@ -57,7 +57,7 @@ def run(bearer: Bearer, measure: Callable[[Any, Case], Any], cases: Sequence[Cas
         except Exception as error:
             if of_case and not isinstance(error, FAILURES):
                 of_case, place = False, f" ({_place(error)})"
-            # an error of its own class cannot always be sent
+            # the text is sent, since not every class of errors can be pickled
             row = Row(case, None, f"{type(error).__name__}: {' '.join(str(error).split())}{place}")
         rows.append((row, of_case))
     return rows
@@ -65,7 +65,7 @@ def run(bearer: Bearer, measure: Callable[[Any, Case], Any], cases: Sequence[Cas
 
 def _place(error: Exception) -> str:
     """The innermost line of the measure, or of a function it calls that is neither installed nor part of ordernm."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]  # the first is `run`
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # the first frame is `run`
     own = [f for f in frames if "site-packages" not in f.filename and not f.filename.startswith(OURS)]
     innermost = (own or frames or traceback.extract_tb(error.__traceback__))[-1]
     return f"{innermost.filename}, line {innermost.lineno}"

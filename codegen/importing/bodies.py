@@ -19,21 +19,21 @@ class ImportedBody:
     Attributes
     ----------
     link : Link
-        The innermost of its links; its frame is the body's frame.
+        The innermost of the body's links, whose frame is the body's frame.
     joint : RobotJoint
     parent : str
         Link of the parent body, or `WORLD`.
     frame : Placement
         Frame of the joint in the parent body.
     inertia : Inertia
-        Mass properties of all its links together, in the body's frame.
+        Mass properties of all links of the body together, in the body's frame.
     merged : list of (Link, Placement)
         The other links, and the frames that are used for them in the body.
     words : set of str
-        Which of its numbers become parameters.
+        The numbers of the body that become parameters.
     comments : list of str
     tolerated : bool
-        Whether its inertia is physically impossible and kept.
+        Whether the body's inertia is physically impossible and kept.
     """
 
     link: Link
@@ -83,7 +83,7 @@ def put_on_ground(robot: Robot, base: str) -> None:
     for link in robot.links.values():
         if link.name not in carried:
             before[f" {link.name}"] = RobotJoint("", link.place, base, WORLD, link.name)
-    robot.joints = {**before, **robot.joints}  # no name in a file begins with a blank
+    robot.joints = {**before, **robot.joints}  # the blank avoids a clash: no name in a file begins with one
 
 
 def merged_bodies(robot: Robot, keep_fixed: bool = False, kept: Collection[str] = ()) -> Bodies:

@@ -36,7 +36,7 @@ class Files:
         self.allowed = [*own, *(os.path.realpath(p) for p in package_paths)]
 
     def find(self, name: str, folder: Path | None = None) -> Path | None:
-        """The file or folder of that name; None if it does not exist.
+        """The file or folder with a name; None if it does not exist.
 
         Parameters
         ----------
@@ -67,7 +67,7 @@ class Files:
         return [*self.paths, *above]
 
     def missing(self, name: str, folder: Path | None = None) -> str | None:
-        """Why no file of that name is found; None if there is one."""
+        """Reason why no file with a name is found; None if the file is found."""
         if not name:
             return "without a file's name"
         if self.find(name, folder) is not None:
@@ -80,7 +80,7 @@ class Files:
         return "file not found"
 
     def forbidden(self, path: str | os.PathLike[str]) -> str | None:
-        """Why an existing file may not be read; None if it may be."""
+        """Reason why an existing file may not be read; None if reading it is allowed."""
         resolved = os.path.realpath(path)
         if not any(_is_within(resolved, folder) for folder in self.allowed):
             folder = resolved if os.path.isdir(resolved) else os.path.dirname(resolved)

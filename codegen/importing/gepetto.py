@@ -42,7 +42,7 @@ def is_gepettos(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one of Gepetto's, and not a side file in the model format."""
     try:
         text = read_file(os.fspath(path))
-        if _OWN.search(text) is None:  # parsing a long model takes long
+        if _OWN.search(text) is None:  # a search avoids the slow parsing of a long model file
             return False
         root = compose(text, os.fspath(path)).root
     except ModelError:
@@ -108,7 +108,7 @@ class _Reader:
         return []
 
     def as_many(self, key: str, values: list[Any], other: str, others: list[Any]) -> bool:
-        """Whether two lists are equally long; reports it if not."""
+        """Whether two lists have equal lengths; reports an error if they have not."""
         if len(values) == len(others):
             return True
         if key in self.document.root:
@@ -149,7 +149,7 @@ class _Reader:
         self.robot.closings.append(Closing(name, place, LOOPS[kind.upper()], *ends))
 
     def link(self, name: str, k: int, i: int) -> str | None:
-        """The link of a frame, which has the name of a link or of the joint that carries it."""
+        """The link of a frame; the frame's name is that of the link, or of the joint that carries the link."""
         if name in self.robot.links:
             return name
         joint = self.robot.joints.get(name)

@@ -412,7 +412,7 @@ def _lift(robot: Robot, bodies: Bodies) -> None:
 
 
 def _mimic(robot: Robot, options: Options) -> list[Problem]:
-    """Turn mimic joints into couplings; returns errors for those that cannot be, unless --free-mimic leaves them out."""
+    """Turn mimic joints into couplings; returns errors for joints that no coupling can express, unless --free-mimic is set."""
     found, kept = [], []
     for coupling in robot.couplings:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
@@ -430,7 +430,7 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
 
 
 def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
-    """Why a joint cannot follow another, and what to do; empty if it can."""
+    """Reason why a joint cannot follow another, and the remedy; empty if the joint can follow."""
     if coupling.unreadable:
         return "which is not read; --free-mimic leaves it out"
     if coupling.of not in robot.joints:

@@ -93,7 +93,7 @@ def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -
     parts = MjcfFiles(root, files)
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)  # otherwise they go to a file in the working directory
+    mujoco.set_mju_user_warning(said.append)  # otherwise MuJoCo writes warnings to a file
     try:
         model = mujoco.MjModel.from_xml_path(str(path.resolve()))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
@@ -126,7 +126,7 @@ def _mujoco() -> Any:
 
 
 def _said(file: str, text: str, parts: MjcfFiles) -> Problem:
-    """A MuJoCo error, with the line that it states, or with that of the element that it names."""
+    """A MuJoCo error, at the line that MuJoCo's message states, or at the element that the message names."""
     line = re.search(r"\bline[ =](?:number=)?(\d+)", text) or re.search(r"Line number=(\d+)", text)
     what = " ".join(re.sub(r"(?:, )?line \d+|Error(?:ID)?=\S+(?: \(\w+\))?|Line number=\d+:?", " ", text).split())
     message = f"MuJoCo cannot compile it: {what}"
@@ -351,7 +351,7 @@ class _Reader:
             else:
                 bodies = ids
                 first, second = _frame(data[3:6], data[6:10]), Placement(data[0:3])
-            is_point = type_ == _CONNECT or data[10] == 0  # the torquescale of a weld
+            is_point = type_ == _CONNECT or data[10] == 0  # data[10] is the torquescale of a weld
             if is_point:
                 first, second = Placement(first.at), Placement(second.at)
             ends = [(self.links[b], self.origin(b) @ f) for b, f in zip(bodies, (first, second), strict=True)]
@@ -454,7 +454,7 @@ class _Reader:
             geoms: list[Place | None] = [place_of(element) for element in self.elements("geom", "flexcomp")]
             for place in geoms or [None]:
                 robot.leave_out("contacts of geoms", place, Effect.STOPS)
-        is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # without both the rest is off, too
+        is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # both off: all passive forces are off
         for name in _MEDIUM if is_passive else ():
             if np.any(getattr(model.opt, name)):
                 said = [place_of(element) for element in self.elements("option") if name in element.attributes]
@@ -468,7 +468,7 @@ class _Reader:
             )
 
     def elements(self, *tags: str) -> Iterator[Element]:
-        """Elements of these tags in all files, except those in defaults."""
+        """All elements with some tags in all files, except elements in defaults."""
         return iter(()) if self.parts is None else (e for e in self.parts.used() if e.tag in tags)
 
     def lines(self, tag: str, group: str) -> list[Place | None]:

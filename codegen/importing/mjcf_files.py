@@ -100,7 +100,7 @@ class MjcfFiles:
         return [child for element in self.used() if element.tag == kind for child in element.children]
 
     def joints(self) -> list[Element]:
-        """Joints in the order of the compiled model: those of a body before those of its child bodies."""
+        """Joints in the order of the compiled model: a body's joints precede the joints of its child bodies."""
         found: list[Element] = []
         stack = [e for e in self.used() if e.tag == "worldbody"][::-1]
         while stack:
@@ -201,7 +201,7 @@ class MjcfFiles:
                         return
 
     def weigh(self, root: Element, chain: tuple[int, ...] = ()) -> int:
-        """Number of elements of a file, counting copies; those of its elements are stored in `weights`."""
+        """Number of elements of a file, counting copies; stores the number for each element in `weights`."""
         if id(root) in chain:
             return 0
         if id(root) in self.weights:
@@ -256,7 +256,7 @@ def _exists(path: Path) -> bool:
 
 
 def _whole(text: str) -> int:
-    """The integer in a text; 1 if it is none, since MuJoCo then reports an error."""
+    """The integer in a text; 1 if the text is no integer, since MuJoCo then reports an error."""
     try:
         value = float(text)
     except ValueError:

@@ -96,7 +96,7 @@ def _law(factor: float, more: Any, of: str, powers: list[str]) -> str:
 
 
 def disabled(mujoco: Any, model: Any, *words: str) -> bool:
-    """Whether any of some flags is disabled; before MuJoCo 3.3 springs and dampers share one."""
+    """Whether any of some flags is disabled; before MuJoCo 3.3 one flag disables both springs and dampers."""
     bits = mujoco.mjtDisableBit
     both = getattr(bits, "mjDSBL_PASSIVE", 0)
     masks = (int(getattr(bits, f"mjDSBL_{w}", both if w in ("SPRING", "DAMPER") else 0)) for w in words)

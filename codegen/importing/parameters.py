@@ -70,7 +70,7 @@ class Parameters:
         return {key: number(value) for key, value in six.items() if value}
 
     def at(self, body: str, value: Three, words: set[str], parent: ImportedBody | None) -> str | None:
-        """Text for a joint's position; None to use that of the frame."""
+        """Text for a joint's position; None to use the position of the frame."""
         if "at" in words:
             return self._three(f"{body}_at", value)
         if parent is None or "length" not in parent.words:

@@ -104,7 +104,7 @@ class _Reader:
                 )
 
     def strengths(self, i: int, joints: list[RobotJoint]) -> None:
-        """Add damping and reflected inertia; the latter is Pinocchio's `armature`, for each speed."""
+        """Add damping, and the reflected inertia (Pinocchio's `armature`) of each speed."""
         model = self.model
         at, end = int(model.idx_vs[i]), int(model.idx_vs[i]) + int(model.nvs[i])
         damping, armature = (np.array(values[at:end], dtype=float) for values in (model.damping, model.armature))
@@ -132,7 +132,7 @@ class _Reader:
 
     def steps(self, joint: Any, name: str) -> list[_Step]:
         """The model-format joints that are equivalent to a Pinocchio joint."""
-        inner = joint.extract() if hasattr(joint, "extract") else joint  # else only what all types have
+        inner = joint.extract() if hasattr(joint, "extract") else joint  # for the attributes of the joint's type
         kind, here = joint.shortname().removeprefix("JointModel"), Placement()
         if kind == "Composite":
             parts = zip(inner.joints, inner.jointPlacements, strict=True)
@@ -188,7 +188,7 @@ def _columns(joint: Any, nq: int | None = None) -> Array:
     """Partial velocities (nv, 6) at zero coordinates, linear then angular."""
     data, q = joint.createData(), np.zeros(joint.nq if nq is None else nq)
     if len(q) == 2 and joint.nv < 2:
-        q[0] = 1.0  # cosine and sine
+        q[0] = 1.0  # q is the cosine and sine of the angle
     joint.calc(data, q)
     columns = np.array(data.S, dtype=float).reshape(6, -1).T
     return np.where(np.abs(columns) < _NOTHING, 0.0, columns)

@@ -58,7 +58,7 @@ class Placement:
         return self.at == (0.0, 0.0, 0.0) and not self.is_turned
 
     def __matmul__(self, inner: Placement) -> Placement:
-        """Pose in the outer frame of a frame that is given in the inner one."""
+        """Pose in the outer frame of a frame whose pose in the inner frame is given."""
         at = self.point(inner.at)
         if not self.is_turned:
             return Placement(at, inner.rotation, inner._rpy)
@@ -67,7 +67,7 @@ class Placement:
         return Placement(at, self.rotation @ inner.rotation)
 
     def inverse(self) -> Placement:
-        """Pose of the outer frame in the inner one."""
+        """Pose of the outer frame in the inner frame."""
         back = Placement(rotation=self.rotation.T)
         one_turn = self._rpy is not None and np.count_nonzero(self._rpy) == 1
         rpy = [-v for v in self._rpy] if one_turn and self._rpy is not None else None
@@ -131,7 +131,7 @@ def to_rpy(rotation: Array) -> Three:
     roll = math.atan2(s * r[0, 2] - c * r[1, 2], c * r[1, 1] - s * r[0, 1])
     one = _whole(roll), _whole(pitch), _whole(yaw)
     other = tuple(_whole(a - math.copysign(math.pi, a)) for a in one)
-    other = other[0], -other[1], other[2]  # equivalent angles: x and z half a turn on, the supplement for y
+    other = other[0], -other[1], other[2]  # equivalent: roll and yaw half a turn on, pitch's supplement
     return min(one, other, key=lambda angles: sum(map(abs, angles)))
 
 

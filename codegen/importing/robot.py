@@ -75,7 +75,7 @@ class Inertia:
         return Inertia(self.mass, frame.point(self.com), turned_matrix(frame.rotation, self.matrix))
 
     def __add__(self, other: Inertia) -> Inertia:
-        """Mass properties of both as one body, in their common frame."""
+        """Mass properties of two rigidly connected parts, in their common frame."""
         if other.is_nothing:
             return self
         if self.is_nothing:
@@ -151,7 +151,7 @@ class Link:
     origin: Placement = field(default_factory=Placement)
 
     def moved_to(self, frame: Placement) -> None:
-        """Change to another frame, given in the present one."""
+        """Change the link to another frame, whose pose in the present frame is given."""
         back = frame.inverse()
         self.inertia = self.inertia.seen_from(back)
         self.solids = [replace(s, frame=back @ s.frame) for s in self.solids]
@@ -436,7 +436,7 @@ class Robot:
             entry.remark = remark
 
     def listed(self) -> list[LeftOut]:
-        """The parts that are left out; those that change the dynamics come first."""
+        """The parts that are left out; parts that change the dynamics come first."""
         order = list(Effect)
         return sorted(self.left_out.values(), key=lambda entry: order.index(entry.effect))
 

@@ -66,7 +66,7 @@ def _is_off(element: Element) -> bool:
 
 
 def _models_of(world: Element) -> list[str]:
-    """The names of the models of a world; an include without a name has none yet."""
+    """The names of the models of a world; an <include> without <name> is skipped."""
     given = [name.text.strip() for include in world.all("include") for name in include.all("name")]
     return [*(model.attributes.get("name", "").strip() for model in world.all("model")), *given]
 
@@ -122,7 +122,7 @@ class _Reader(RobotReader):
                         static.add(full)
         for scope, item in choice.joints(read):
             path = choice.paths[scope]
-            cut = "" if path.startswith(prefix) else prefix  # names outside the base model start at the world
+            cut = "" if path.startswith(prefix) else prefix  # a joint outside the base model names links from the world
             self.joint(scope, item, path if cut else path.removeprefix(prefix), cut, joints)
         if not self.robot.links and not self.problems:
             self.wrong(base.element, 'no <link>; a model has at least one, such as <link name="arm"/>')

@@ -123,7 +123,7 @@ class Choice:
         return [scope for _, scope in inner.all()]
 
     def _only_moving(self) -> list[Scope]:
-        """The models that move, if joints connect them."""
+        """The models that move, if joints connect all of them; otherwise an error is reported."""
         groups: list[list[Scope]] = []
         for model in self.world.models.values():
             if not any(model in group for group in groups):
@@ -139,7 +139,7 @@ class Choice:
         return groups[moving[0]]
 
     def _unknown(self, chosen: str) -> None:
-        """Report that no model has that name."""
+        """Report that no model has the chosen name."""
         names = [path.removesuffix("::") for path in self.paths.values() if path]
         names.sort(key=lambda name: name.count("::"))  # the sort is stable, so models of the world come first
         shown = ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")

@@ -81,7 +81,7 @@ class Frames:
         return self.once(scope, name, user, lambda: self.of_item(scope, item))
 
     def once(self, scope: Scope, name: str, user: Element, make: object) -> Placement:
-        """The result of `make`, computed once; an error if it depends on itself."""
+        """The result of `make`, computed once; an error if the result depends on itself."""
         assert callable(make)
         key = (id(scope), name)
         if key in self.placed:
@@ -118,7 +118,7 @@ class Frames:
             at = self.relative_to(parent, home, model.pose, model.element) @ self.pose(model.pose)
             if not model.placement_frame:
                 return at
-            if model.is_merged:  # its names are the parent's: find the frame as if the model were at its origin
+            if model.is_merged:  # find the frame as if the merged model were at the parent's origin
                 alone = Frames(self.values)
                 alone.placed[id(parent), f"::{id(model)}"] = Placement()
                 return at @ alone.named(parent, model.placement_frame, model.element).inverse()
@@ -167,7 +167,7 @@ class Frames:
         return self.attached[key]
 
     def canonical(self, model: Scope, user: Element) -> str | None:
-        """The link that a model's frame belongs to: its canonical link, otherwise its first one."""
+        """The link that a model's frame belongs to: its canonical link, otherwise its first link."""
         names = model.parent if model.is_merged and model.parent is not None else model
         said = model.element.attributes.get("canonical_link", "").strip()
         if said:

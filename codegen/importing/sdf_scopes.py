@@ -67,16 +67,16 @@ class Scope:
 
     @property
     def is_world(self) -> bool:
-        """Whether it is a world, or a file that has models only."""
+        """Whether the scope is a world, or a file that has models only."""
         return self.element.tag != "model"
 
     @property
     def is_fixed(self) -> bool:
-        """Whether it is static, or in a model that is."""
+        """Whether the model is static, or is inside a static model."""
         return self.static or (self.parent is not None and self.parent.is_fixed)
 
     def known(self) -> list[str]:
-        """Names that denote a frame here."""
+        """Names that denote a frame in this scope."""
         return [*([] if self.is_world else ["__model__"]), *self.items, *self.models]
 
     def all(self) -> Iterator[tuple[str, Scope]]:

@@ -28,7 +28,7 @@ class ShapeReader(PartReader):
         return self.reader.primitive(element, frame, _SIZES, "uri", _scale)
 
     def frame(self, scope: Scope, item: Item, pose: Element | None) -> Placement:
-        """A pose in the frame of a link; only one with ``relative_to`` refers to another frame."""
+        """A pose in the frame of a link; a <pose> with ``relative_to`` is converted to this frame."""
         own = self.frames.pose(pose)
         if pose is None or not pose.attributes.get("relative_to", "").strip():
             return own

@@ -68,7 +68,7 @@ class TreeMaker:
             if name in moving:
                 self.carry(moving[name], reverse, poses)
                 continue
-            used[name] = poses[name]  # on the ground: the name is that of a link
+            used[name] = poses[name]  # attached to the ground, so `name` is a link, not a joint
             at = self.outside @ poses[name]
             is_static = name in self.static
             stand = RobotJoint("", robot.links[name].place, "fixed" if is_static else "free", WORLD, name)
@@ -158,7 +158,7 @@ class TreeMaker:
         return Coupling(gear.name, place, joint, of, -value * first * second, 0.0, is_gear=True)
 
     def hinge(self, body: str, link: str, along: Any) -> list[tuple[str, int]]:
-        """Joints of the tree that rotate a link relative to a body about an axis; with 1, or -1 for the opposite sense."""
+        """Joints of the tree that rotate a link relative to a body about an axis, each with its sense, 1 or -1."""
         found = []
         for name, joint in self.robot.joints.items():
             if joint.type != "revolute" or {joint.parent, joint.child} != {body, link}:

@@ -58,12 +58,12 @@ def closure_of(found: SympySystem, constraint: Any, used: Sequence[Any]) -> Clos
 
 
 def _depends_on(found: SympySystem, values: Sequence[Any], used: Sequence[Any]) -> bool:
-    """Whether the values depend on all of these coordinates and on no others."""
+    """Whether the values depend on exactly the given coordinates."""
     return {q for q in found.scalars if any(v.has(q) for v in values)} == set(used)
 
 
 def _fitted(frame: Frame, constraint: Any, used: Sequence[Any], place: Sequence[Any], turned: Any) -> Closure | None:
-    """The closure of a point of this body, if the constraint is one: found with numbers, then with symbols, and compared."""
+    """The closure of a point of a body that equals a constraint; None if there is none. Numbers and symbols must agree."""
     import sympy
 
     free = sorted({x for e in (constraint, *place, *turned) for x in e.free_symbols}, key=str)

@@ -128,7 +128,7 @@ class _Conditions:
         return found
 
     def forget(self, letters: list[Any]) -> None:
-        """Remove these symbols."""
+        """Remove the symbols of a point's coordinates."""
         for letter in letters:
             del self.found.symbols[letter]
 

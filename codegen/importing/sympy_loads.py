@@ -141,8 +141,8 @@ def _in_joint(found: SympySystem, name: str, actuator: Any) -> bool:
 
 
 def _along_line(found: SympySystem, name: str, kind: str, actuator: Any, ends: Sequence[Any]) -> bool:
-    """Add a force element along the line between two points; False if there is none."""
-    if kind == "LinearSpring" and actuator.equilibrium_length == 0:  # a force also if the ends coincide
+    """Add a force element along the line between two points; False if none is equivalent."""
+    if kind == "LinearSpring" and actuator.equilibrium_length == 0:  # a bushing is also defined if the points coincide
         keys = {"type": "bushing", "stiffness": actuator.stiffness}
     elif kind == "LinearSpring":
         keys = {"type": "spring", "stiffness": actuator.stiffness, "free_length": actuator.equilibrium_length}

@@ -351,7 +351,7 @@ def joint_steps(joint: Any, sign: int) -> list[Step]:
     if kind in ("PinJoint", "PrismaticJoint", "CylindricalJoint"):
         axis = [sign * c for c in components(joint.joint_axis, joint.parent_interframe)]
         keys = {"type": {"PinJoint": "revolute", "PrismaticJoint": "prismatic"}.get(kind, "cylindrical"), "axis": axis}
-        order = slice(None, None, -1 if kind == "CylindricalJoint" else 1)  # the model format slides first
+        order = slice(None, None, -1 if kind == "CylindricalJoint" else 1)  # the model's joint slides, then rotates
         return [Step(keys, q[order], u[order])]
     if kind not in ("PlanarJoint", "SphericalJoint"):
         raise Trouble(f"a {kind} is not supported; joints of a model are {JOINTS}")

@@ -128,7 +128,7 @@ class ModelWriter:
         return lines + [f"  {line}" for line in (*mass, *self.visuals(body, mass))]
 
     def visuals(self, body: ImportedBody, mass: Sequence[str]) -> list[str]:
-        """The visuals of a body and of the links merged into it; none where its shape shows the same."""
+        """The visuals of a body and of the links merged into it; none that the body's shape already shows."""
         every = [(Placement(), s) for s in body.link.solids] + [(f, s) for link, f in body.merged for s in link.solids]
         shown = [
             replace(s, frame=frame @ s.frame) for frame, s in every

@@ -109,7 +109,7 @@ class Values:
         return text
 
     def new_name(self, element: Element, known: dict[str, Place], what: str) -> str | None:
-        """A name that is not in `known`, to which it is added; None after an error."""
+        """A new name, which is added to `known`; None after an error."""
         name = self.name(element)
         if name is None:
             return None

@@ -15,10 +15,10 @@ from .speed_groups import speed_groups
 def other_partition(model: Model, known: Sequence[Partition]) -> Partition | None:
     """Another partition, which shares as few independent speeds as possible with the known ones; None if there is none.
 
-    Each dependent speed in turn is requested as independent instead of the model's hints. Then each other one is requested
-    together with it, as long as fewer independent speeds are shared. A loop that is singular for one choice of independent
-    speeds is seldom singular for another; speeds that both choices share may be the cause. If several partitions are known,
-    the one that shares most counts. Among equal candidates the best conditioned is taken.
+    Each dependent speed in turn is requested as independent instead of the model's hints. Then each other speed is
+    requested together with the best one, as long as this reduces the number of shared speeds. A loop that is singular for one
+    choice of independent speeds is seldom singular for another; speeds that both choices share may be the cause. If several
+    partitions are known, the partition that shares most speeds counts. Among equal candidates the best conditioned is taken.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ MANY = 20
 
 
 MOST_TRIED = 40
-"""After this number of partitions, no two speeds are made independent together."""
+"""Number of partitions after which no further speed is requested together with others."""
 
 
 def worst(chosen: Partition) -> float:

@@ -29,7 +29,7 @@ class Ancestry:
 
     def __init__(self, parent: Sequence[int], depth: Sequence[int], outward: Sequence[int], ground: int):
         self.parent, self.depth, self.ground = parent, depth, ground
-        # for every body, a body further inward: a jump joins the two before it if these are equally long
+        # for every body, an inboard body: a jump spans the two following jumps if these have equal lengths
         self._jump = [ground] * (ground + 1)
         inside = [1] * (ground + 1)
         for k in outward:

@@ -161,7 +161,7 @@ def _closed_alone(
     ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array, random: np.random.Generator,
     open_: set[int] | None,
 ) -> tuple[Outcome, int]:  # fmt: skip
-    """Close a loop by itself, if `open_` is given possibly only nearly; returns also the number of further guesses."""
+    """Close a loop by itself, or only nearly if `open_` permits it; returns also the number of further guesses."""
     near_cut = _near_cut(ring, sides, q, movable)
     outcome = close(ring, q, near_cut)
     if outcome.closed:

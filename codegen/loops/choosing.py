@@ -104,7 +104,7 @@ def choose(
             if found.loss > (ACCEPTED if without_hints is None else POOR_HINTS):
                 warnings.append(_poor(geometry, found, without_hints))
         drafts = _in_their_places(drafts, ears, of_loop)
-        for draft in drafts:  # comparing other choices has changed these lengths
+        for draft in drafts:  # comparing choices has changed the characteristic lengths
             geometry.lengths[list(draft.loops)] = np.max(geometry.own_lengths[list(draft.loops)])
     rest = [n for n in range(len(components)) if n not in small]
     dependent = [s for n in rest for d in ears[n] for s in d.dependent]

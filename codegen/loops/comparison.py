@@ -37,7 +37,7 @@ class Comparison:
         Condition numbers at the initial configuration: of the dependents' columns in the closure matrix of all these loops,
         and of the columns that a pivoted elimination takes there.
     worst, worst_pivoted : float
-        The same at other assembled configurations: the value that a quarter of them exceed. nan if there is no other.
+        The condition numbers that a quarter of the other assembled configurations exceed; nan if there are none.
     loss : float
         Ratio of the choice's condition number to that of pivoting, at the initial configuration or at most others; nan if
         all are singular.

@@ -209,7 +209,7 @@ class Conditioning:
 
 
 def _exceeded(values: Array) -> float:
-    """The value that a quarter of some values exceed."""
+    """The upper quartile of some values: a quarter of them exceed it."""
     return float(np.quantile(values, QUANTILE, method="higher"))
 
 

@@ -50,7 +50,7 @@ def conditions(A: Array) -> Array:
     """Condition numbers ``(S,)`` of the scaled columns of dependent speeds, ``(S, rows, f)``; see section 4.7 of the theory page.
 
     The number measures how far f dependent speeds move per unit violation of the conditions, relative to the smallest possible
-    value. It is the Frobenius norm of the inverse times that of the matrix (at least that of a unit matrix), divided by f. So
+    value. It is the product of the Frobenius norms of the inverse and of the matrix (at least of a unit matrix), divided by f. So
     it also grows if all columns become small together; for a single column it is one over the column's length.
     """
     f = A.shape[-1]
@@ -83,7 +83,7 @@ def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int
     """Ways to divide the quaternion joints among these columns, the fewest divisions first.
 
     First, rotations and displacements of free joints are separated. Then one such group is divided into single columns, those
-    near the cut first. Last, all are.
+    near the cut first. Last, all groups are divided.
     """
     groups = [part for columns in joints for part in ((columns[:3], columns[3:]) if len(columns) == 6 else (columns,))]
     if len(groups) > len(joints):
@@ -161,7 +161,7 @@ def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int
 
 
 def _extend(A: Array, taken: list[int], single: list[int], rank: int, weight: float) -> list[int]:
-    """`taken` and as many of `single` as complete the rank, well conditioned and not far from the cut."""
+    """The columns `taken` and those of `single` that complete the rank, well conditioned and not far from the cut."""
     if len(taken) == rank:
         return taken
     if len(taken) + len(single) == rank:
@@ -189,7 +189,7 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
     while len(chosen) < rank:
         size = np.min(np.linalg.norm(rest, axis=1), axis=0)
         useful = np.flatnonzero(size > RANK_TOLERANCE * 10)[:window]
-        if not len(useful):  # full rank together but not column by column: `ranks` has accepted it
+        if not len(useful):  # `ranks` found full rank, so the longest column counts
             useful = np.array([int(np.argmax(size))])
         pivot = useful[np.argmax(size[useful] >= threshold * np.max(size[useful]))]
         chosen.append(single[pivot])

@@ -17,12 +17,12 @@ class Ear:
     loops : tuple of int
         Indices into `Model.loops`.
     dependent : tuple of int
-        Indices of the speeds that they make dependent, as many as `rank`. Their order follows the path: outward on the start
+        Indices of the speeds that the loops make dependent, as many as `rank`. Their order follows the path: outward on the start
         side, then outward on the end side, loop by loop in a cluster.
     rows : int
         Number of conditions that the loop joints impose.
     rank : int
-        Number of independent ones among them, for all motions that earlier ears permit.
+        Number of independent conditions, for all motions that earlier ears permit.
     condition : float
         Condition number of the closure matrix of the dependent speeds at the assembled initial configuration, with
         displacements and linear conditions scaled by `length`.
@@ -30,7 +30,7 @@ class Ear:
         Characteristic length of the loops, a power of two, m; linear conditions are divided by it.
     dropped : tuple of (int, int)
         Ignored conditions, redundant within the tolerance but not exactly: loop and position among `closure_row_names`.
-        As many conditions remain as there are dependents. Empty if the redundancy is exact to rounding: then all are met.
+        As many conditions remain as there are dependents. Empty if redundancy is exact to rounding: then all hold.
     gaps : bool
         Whether the loops may be open, in conditions that were dropped or by a change of a parameter. The relative motion of
         their faces is then taken into account.
@@ -63,13 +63,13 @@ class Partition:
     q : tuple of float
         The assembled initial configuration at which the ranks were found.
     warnings : tuple of str
-        What the user should know about the choice.
+        Warnings for the user about the choice.
     compared : tuple of Comparison
         Quality of the choice for each component of loops that share joints.
     uncompared : int
-        Number of loops in components that are too large for that.
+        Number of loops in components that are too large to be compared.
     growth : float
-        Largest ratio of a dependent speed of these loops to the independent speeds: root mean square over random motions,
+        Largest ratio of a dependent speed of uncompared loops to the independent speeds: root mean square over random motions,
         displacements per characteristic length.
     remarks : tuple of str
         Conditions that were dropped, and why.

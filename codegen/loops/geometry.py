@@ -273,7 +273,7 @@ class Geometry:
         self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
         found = np.array([self._length(i) for i in range(len(self.model.loops))])
         joined = [i for i in range(len(self.model.loops)) if i not in self.couplings]
-        if joined:  # a body without a length of its own does not affect the lengths of others
+        if joined:  # a coupling has no length: it takes the smallest of the loops
             found[list(self.couplings)] = found[joined].min()
         return found
 
@@ -291,7 +291,7 @@ class Geometry:
                 distances.append(np.linalg.norm(points[0] - points[1]))
                 break
             i = int(self.depth[ends[1]] > self.depth[ends[0]])
-            distances.append(np.linalg.norm(points[i]))  # a body's origin is on its joint
+            distances.append(np.linalg.norm(points[i]))  # the joint is at the body's origin
             points[i], ends[i] = self.at[ends[i]], self.parent[ends[i]]
         distances = [d for d in distances if d > self.tolerance * self._extent]
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0

@@ -217,9 +217,8 @@ class _Choice:
             f"seems to be singular, so its rank is not meaningful: start from another configuration, or check whether "
             f"lengths are just long enough"
         )
-        if (
-            len(configurations) > 1
-        ):  # the same loops are tried once more; if no ear was found, other configurations may show more
+        # without configurations nearby, the sweep below decides about stuck loops
+        if len(configurations) > 1:
             self._refuse_hints(stuck, advice)
         others = [x for x in configurations[1:] if any(_moves(geometry, i, [q, x]) for i in doubtful)]
         try:
@@ -378,7 +377,7 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
 
 
 def _closed_together(geometry: Geometry, drafts: list[Draft], q: Array, redundancy: Redundancy) -> list[Draft]:
-    """The ears as they are computed: ears that couplings join become one, with the largest of their lengths.
+    """The ears as they are computed: ears that couplings join become one, with the largest of their characteristic lengths.
 
     This matters only where conditions are redundant: the residual that a parameter opens is then shared by the whole ear.
     """
@@ -396,7 +395,7 @@ def _closed_together(geometry: Geometry, drafts: list[Draft], q: Array, redundan
 
 
 def _with_conditions_at(geometry: Geometry, drafts: list[Draft], q: Array) -> list[Draft]:
-    """The same ears with their condition numbers at another configuration."""
+    """The ears with their condition numbers at another configuration."""
     motion = Motion(geometry, q, np.zeros((1, geometry.nu, 1)))
     result = []
     for draft in drafts:

@@ -92,7 +92,7 @@ class PoseGroups(Groups):
         self.R[k] = self.R[via] @ self.R[k]
 
     def found(self, joints: Joints, q: Array) -> None:
-        """Mark these joints as known, with their coordinates."""
+        """Mark the joints of some bodies as known, with their coordinates."""
         R, o = joints.transforms(q)
         for i, k in enumerate(joints.bodies):
             self.R[k], self.o[k] = R[:, i], o[..., i, :]

@@ -37,7 +37,7 @@ SPACING = 4e-16
 range."""
 
 FAR = 2e-11
-"""`ROUNDING` at configurations that are closed less accurately."""
+"""Replaces `ROUNDING` at configurations that are closed less accurately."""
 
 OPENED = 1e-7
 """Largest residual, per unit change of a parameter, up to which the parameter does not count as opening a redundant condition."""
@@ -55,7 +55,7 @@ AS_GOOD = 0.7
 """A later set of conditions replaces the best one only if its quality, times this factor, exceeds that of the best one."""
 
 WORTH_TURNING = 0.6
-"""Conditions along the axes of ``from`` are kept unless their quality is below this fraction of that along those of ``to``."""
+"""Conditions along axes of ``from`` are kept unless their quality is below this fraction of the quality along axes of ``to``."""
 
 STEP = 2.0**-10
 """Relative step of parameters; a parameter smaller than this number counts as this large."""
@@ -190,7 +190,7 @@ def _eliminated(A: Array, order: list[int]) -> list[int]:
 
 
 def keep(geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]]) -> None:
-    """Keep only these conditions of an ear, and drop the others."""
+    """Keep only the given conditions of an ear, and drop its others."""
     for i in draft.loops:
         geometry.kept[i] = [r for r in geometry.rows[i] if (i, r) in rows]
 
@@ -232,7 +232,7 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
 
 
 def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
-    """The kind of motion that the joints of an ear nearly have, and its deviation from that."""
+    """The kind of motion that the joints of an ear nearly have, and their deviation from it, as text."""
     turning = geometry.turning[closure.speeds]
     w, v = closure.screws[0][0][turning], closure.screws[1][0][~turning]
     if len(w):

@@ -16,7 +16,7 @@ ROUNDING = 5e-16
 """Residual, per unit of the distance from the base in characteristic lengths, below which no further step is made."""
 
 CLOSED = 1e-10
-"""Residual, per unit of that distance, below which a ring counts as closed: between rounding and any intended gap."""
+"""Residual, per unit of the distance from the base, below which a ring is closed: between rounding and intended gaps."""
 
 SETTLED = 1e-3
 """Iteration ends with a step that changes the residual by less than this fraction."""

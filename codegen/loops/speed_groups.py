@@ -37,7 +37,7 @@ class SpeedGroup:
 
 def speed_groups(model: Model) -> list[SpeedGroup]:
     """All speeds of a model in groups, in the order of the speeds."""
-    groups: dict[tuple[int, int], SpeedGroup] = {}  # one group for two motions by the same coordinate
+    groups: dict[tuple[int, int], SpeedGroup] = {}  # motions by the same coordinates share a group
     for k, (body, (q, u)) in enumerate(zip(model.bodies, model.coordinate_slices, strict=True)):
         for m in body.joint.kind.motion:
             match m:

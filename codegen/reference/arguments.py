@@ -51,7 +51,7 @@ class State:
     u: Pair
 
     def moved(self, model: Model, q: Pair, u: Pair) -> State:
-        """The same arguments with other coordinates and speeds."""
+        """These arguments with other coordinates and speeds."""
         environment = dict(self.pairs.environment)
         environment |= {f"q.{name}": q[i, 0] for i, name in enumerate(model.coordinate_names)}
         environment |= {f"u.{name}": u[i, 0] for i, name in enumerate(model.speed_names)}

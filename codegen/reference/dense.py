@@ -246,7 +246,7 @@ class DenseEngine(Engine):
             act(point.body, end.x.mT, torque, push)
         on_ends = self._reactions(state, given=False)
         for i, loop in enumerate(self.model.loops):
-            if not loop.is_coupling:  # these act along degrees of freedom, and joints transmit them
+            if not loop.is_coupling:  # forces of couplings act in joints, not between faces
                 at = self._point(state_motion, loop.end.body, pairs.vector(loop.end.at))[0].mT
                 moment, force = on_ends[i : i + 1, :3], on_ends[i : i + 1, 3:]
                 act(loop.end.body, at, moment, force)
@@ -270,7 +270,7 @@ class DenseEngine(Engine):
         return pairs.block([[w if given and x.turned else -w] for w, x in zip(acting, self.model.loops, strict=True)])
 
     def _shared(self, jacobian: Pair, multipliers: Pair) -> Pair:
-        """The multipliers of least norm, (m, 1), equivalent to those of a subset; those of dropped conditions are zero."""
+        """The multipliers of least norm, (m, 1), equivalent to those of a subset; multipliers of dropped conditions are zero."""
         rows = self._subset(jacobian.value)
         dependent = jacobian[:, self.dependent]
         W = self._solve(dependent[rows].mT, dependent.mT).mT  # every condition as a combination of the subset

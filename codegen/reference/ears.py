@@ -120,7 +120,7 @@ def _ends(model: Model, together: DisjointSets, loops: dict[int, list[int]]) -> 
 
 
 def _branches(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
-    """Bodies between two bodies and their last common one, innermost first."""
+    """Bodies on the paths from two bodies to their last common body, innermost first."""
     branches = []
     for k in (start, end):
         branch: list[int] = []

@@ -123,19 +123,19 @@ def angular_velocity(output: Output, seen: Seen) -> Pair:
 
 
 def acceleration(output: Output, seen: Seen) -> Pair:
-    """n . a"""
+    """n . a, with a the acceleration of a point and n the axis."""
     (point,) = output.points
     return along(output, seen, seen.acceleration(point))
 
 
 def center(bodies: list[Moving], seen: Seen) -> Pair:
-    """sum m x / sum m, (3, 1)."""
+    """The centre of mass, sum m x / sum m, (3, 1)."""
     one = seen.pairs.number(1)
     return reduce(add, (b.x * b.mass for b in bodies)) * (one / reduce(add, (b.mass for b in bodies)))
 
 
 def center_of_mass(output: Output, seen: Seen) -> Pair:
-    """n . c"""
+    """n . c, with c the centre of mass and n the axis."""
     known = seen.bodies()
     return along(output, seen, center([known[k] for k in output.bodies or range(len(known))], seen))
 
@@ -155,7 +155,7 @@ def momentum(output: Output, seen: Seen) -> Pair:
 
 
 def distance(output: Output, seen: Seen) -> Pair:
-    """|x_2 - x_1|
+    """The distance |x_2 - x_1| of two points.
 
     Raises
     ------

@@ -175,7 +175,7 @@ class Pairs:
         """An elementary function of numbers, by its name in the expression grammar."""
         if name in ("min", "max"):
             result = arguments[0]
-            for x in arguments[1:]:  # on a tie the first one counts, also for the derivative
+            for x in arguments[1:]:  # of equal numbers the first counts, also for the derivative
                 result = x if (x.value < result.value if name == "min" else x.value > result.value) else result
             return result
         if name == "at_least":
@@ -191,13 +191,13 @@ class Pairs:
         return Pair(value, tangent)
 
     def where_zero(self, x: Pair, value: Callable[[], Pair], otherwise: Callable[[], Pair]) -> Pair:
-        """One number if another one is zero, and a second one otherwise; with symbols, both are kept."""
+        """`value()` if x is zero, else `otherwise()`; for symbols, a piecewise expression of both."""
         if self.arithmetic.symbolic:
             return Pair(self.arithmetic.where_zero(x.value, value().value, otherwise().value), self._zero)
         return value() if x.value == 0 else otherwise()
 
     def where_negative(self, x: Pair, value: Callable[[], Pair], otherwise: Callable[[], Pair]) -> Pair:
-        """One number where another one is negative, and a second one elsewhere; symbols keep both."""
+        """`value()` if x is negative, else `otherwise()`; for symbols, a piecewise expression of both."""
         if self.arithmetic.symbolic:
             return Pair(self.arithmetic.where_negative(x.value, value().value, otherwise().value), self._zero)
         return value() if x.value < 0 else otherwise()

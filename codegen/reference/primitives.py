@@ -125,7 +125,7 @@ def residuals_of_turn(pairs: Pairs, loop: Loop, into: Pair, R_s: Pair, R_e: Pair
     if loop.closure.angular < 2:
         return list(sines)
     a = pairs.unit(pairs.vector(loop.axes[0]))
-    double = R_s @ a + R_e @ a  # its length is 2 cos(t/2)
+    double = R_s @ a + R_e @ a  # the length of this sum is 2 cos(t/2)
     square = pairs.dot(double, double)
     if not square.value > HALF_TURN:
         return [pairs.constant([[2]]), *(pairs.constant([[0]]) for _ in sines[1:])]
@@ -161,7 +161,7 @@ def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
             case Ball(i, j):
                 turned, place = quaternion_rotation(pairs, q[i : i + 4]), slice(j, j + 3)
                 own = pairs.constant(np.eye(6, 3, dtype=int))
-            case Displacement(i, j):  # nothing precedes it, and its velocities are in components of the end
+            case Displacement(i, j):  # the first motion; its velocities are in child components
                 d, P_end = q[i : i + 3], pairs.constant(np.eye(6, 3, -3, dtype=int) @ eye[j : j + 3])
                 continue
         V_own = own @ u[place]

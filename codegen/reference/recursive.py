@@ -179,22 +179,22 @@ class RecursiveEngine(Engine):
 
             # Geometry and inertia: local to the body (the derivative primitives).
             joint = joint_terms(body, pairs, state.q[q_rows], u)
-            r = pairs.vector(body.com)  # from the joint's outboard side to k*
-            s = pairs.vector(body.joint.at) - pr.com  # from Pr[k]* to the joint, in Pr[k]
+            r = pairs.vector(body.com)  # from the child's origin to the mass centre k*
+            s = pairs.vector(body.joint.at) - pr.com  # from the mass centre Pr[k]* to the joint, in Pr[k]
             C_fixed = placed_rotation(body.joint, pairs)
             C = C_fixed @ joint.R
             gamma = C.mT @ (s + C_fixed @ joint.d) + r
             lever = pairs.block([[pairs.eye(3), pairs.zeros(3, 3)],
                                  [-pairs.skew(r), pairs.eye(3)]])  # fmt: skip
-            P, Pdot_u = lever @ joint.P, lever @ joint.Pdot_u  # from the child's origin to its mass centre
+            P, Pdot_u = lever @ joint.P, lever @ joint.Pdot_u  # shifted from the child's origin to k*
             S, I = shift(pairs, C, gamma), generalised_inertia(body, pairs)
 
             # Velocity: V_t (Eqs. 20, 25) is the part of V_bar due to prescribed speeds, which are among the u here.
-            v = P @ u  # relative to the parent
+            v = P @ u  # motion of k* relative to the parent
             V = S.mT @ pr.V + v  # Eq. 18, and Eq. 12
 
             # Acceleration remainder: terms of the moving parent and of the changing partial velocities.
-            Ox, wx = pairs.skew(C.mT @ pr.V[:3]), pairs.skew(v[:3])  # of the parent, in k, and relative to it
+            Ox, wx = pairs.skew(C.mT @ pr.V[:3]), pairs.skew(v[:3])  # omega of the parent, in k; omega relative to it
             remainder = pairs.block([[Ox @ v[:3]], [Ox @ Ox @ gamma + Ox @ (v[3:] + v[3:]) + wx @ v[3:]]]) + Pdot_u
             A_t = S.mT @ pr.A_t + remainder + P @ given[u_rows]  # Eqs. 21 and 26; `given`: prescribed accelerations
 
@@ -295,7 +295,7 @@ class RecursiveEngine(Engine):
         return result + pairs.diagonal(self._armature(pairs)) @ udot
 
     def _explicit(self, udot: Pair) -> Pair:
-        """Without prescribed accelerations, which the remainders contain."""
+        """udot with zeros for prescribed accelerations, which the remainders contain."""
         found = Pair(udot.value.copy(), udot.tangent.copy())
         found.value[self.held] *= 0
         found.tangent[:, self.held] *= 0

@@ -86,7 +86,7 @@ def slowdown() -> float:
 
 
 def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
-    """`accuracy.relative`; where the exact values vanish, errors are relative to a `natural` size."""
+    """The error by `accuracy.relative`; where the exact values vanish, it is relative to a `natural` size."""
     return accuracy.relative(x, exact, _size(np.ravel(exact), natural))
 
 
@@ -116,7 +116,7 @@ def directions(model: Model, solver: Solver) -> tuple[list[str], dict[str, Any]]
     """Names and seeds of the directions: parameters one by one, then random directions of all quantities."""
     rng = np.random.default_rng(2)
     names = list(model.parameter_names)
-    if len(names) > MOST_PARAMETERS:  # spread over the list
+    if len(names) > MOST_PARAMETERS:  # the chosen parameters are spread over the list
         names = [names[i] for i in np.linspace(0, len(names) - 1, MOST_PARAMETERS).astype(int)]
     k = len(names) + MIXED
     seeds: dict[str, Any] = {name: np.zeros((k, n)) for name, n in
@@ -231,7 +231,7 @@ def _values(model: Model, solver: Solver, names: Sequence[str]) -> Array:
 def _estimates(
     solver: Solver, at: Sequence[Any], seeds: dict[str, Any], names: Sequence[str], size: float, sizes: Sequence[float]
 ) -> dict[str, Any]:
-    """Errors of udot and of each derivative as estimated by `Solver.diagnose`, relative to these sizes."""
+    """Errors of udot and of each derivative as estimated by `Solver.diagnose`, relative to `size` and `sizes`."""
     found = solver.diagnose(*at, **seeds)
     parts = [float(np.max(e, initial=0.0)) / n for e, n in zip(found.dudot_error, sizes, strict=True)]
     return {

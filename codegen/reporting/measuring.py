@@ -228,9 +228,8 @@ def _compile(folder: Path, *apart: str) -> float:
     manifest = read_manifest(folder)
     parts = [manifest, *manifest.get("others", [])]
     wanted = [builds(folder, manifest)[""]]
-    wanted += [
-        build_apart(folder, part["name"], name) for part in parts for name in apart
-    ]  # it is long and has one unit
+    # separately compiled files come early, since each is long and has one compile unit
+    wanted += [build_apart(folder, part["name"], name) for part in parts for name in apart]
     wanted += [first_build(folder, other, further=True) for other in parts[1:]]
 
     def seconds(build: Build) -> float:

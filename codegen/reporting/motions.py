@@ -104,7 +104,7 @@ def motions(
     if isinstance(probe, str):
         skipped.append(Skipped("motions", probe))
         return None
-    reached = float(probe.stats["t"])  # it need not be one of the output times
+    reached = float(probe.stats["t"])  # the end of the motion, which need not be an output time
     found: dict[str, Any] = {"asked": end, "choices": choices, "sensitivities": names}
     if probe.ended != FINISHED:
         found["ended"] = str(probe.stats["reason"])
@@ -237,7 +237,7 @@ def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, flo
     """
 
     pairs = [(x.q, exact.q, x.dq, exact.dq), (x.u, exact.u, x.du, exact.du)]
-    largest = [float(np.max(np.abs(b), initial=0.0)) or 1.0 for _, b, _, _ in pairs]  # along the whole motion
+    largest = [float(np.max(np.abs(b), initial=0.0)) or 1.0 for _, b, _, _ in pairs]  # largest of the whole motion
     state = max(relative(a[-1], b[-1], n) for (a, b, _, _), n in zip(pairs, largest, strict=True))
     rows = [
         relative(da[i, -1], db[i, -1], size)
@@ -292,7 +292,7 @@ def _adaptive(
             continue
         points.append(point)
         if point["operations"] > COSTLIEST and (left := len(exponents) - i - 1):
-            tenth = 10 ** (1 / ORDERS[method])  # a motion takes this many times as long for a tenth of the error
+            tenth = 10 ** (1 / ORDERS[method])  # ratio of times for a tenth of the error
             seconds = ROUNDS * point["seconds"] * sum(tenth**n for n in range(1, left + 1))
             why = f"a motion takes {point['operations']:.1g} operations; the limit is {COSTLIEST:.1g}"
             skipped.append(Skipped(f"motions by {method} at tolerances below {point['setting']:.0e}", why, seconds))
@@ -306,7 +306,7 @@ def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory, c
         point = _point(solver, Setting(end, names, "rk4", FIXED_TOLERANCE, steps), best, core)
         if not isinstance(point, str) and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
-            if 2 * point["operations"] > COSTLIEST:  # the next one takes twice as many
+            if 2 * point["operations"] > COSTLIEST:  # the next motion has twice as many steps
                 break
     return points
 

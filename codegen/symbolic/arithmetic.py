@@ -43,7 +43,7 @@ class SymbolicArithmetic(Arithmetic):
         return self.algebra.convert(x if isinstance(x, sympy.Expr) else exact(float(x)))
 
     def function(self, name: str) -> Callable[..., Polynomial]:
-        """The elementary function of that name, on polynomials."""
+        """The elementary function with a name, of polynomials."""
 
         def of(*arguments: Polynomial) -> Polynomial:
             function = sympy.floor if name == "floor" else getattr(sympy, TABLE[name].spelled("sympy"))
@@ -64,7 +64,7 @@ class SymbolicArithmetic(Arithmetic):
         return self._cases((value, sympy.Lt(x.short, 0)), (otherwise, sympy.true))
 
     def of_largest(self, numbers: Sequence[Polynomial], values: Sequence[Polynomial]) -> Polynomial:
-        """The value of the largest number, as a piecewise expression; if several are equally large, that of one of them."""
+        """The value of the largest number, as a piecewise expression; of equally large numbers, the value of one."""
         x = [number.short for number in numbers]
         largest = [sympy.And(*(sympy.Ge(a, b) for b in x[i + 1 :])) for i, a in enumerate(x)]
         return self._cases(*zip(values, largest, strict=True))

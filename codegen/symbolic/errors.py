@@ -8,11 +8,11 @@ class SymbolicError(ValueError):
 
 
 class TooLargeError(SymbolicError):
-    """Equations of more terms than allowed."""
+    """Raised if equations have more terms than allowed."""
 
 
 class TooManyProductsError(ArithmeticError):
-    """Polynomials took more products of terms than allowed."""
+    """Raised if polynomials need more products of terms than allowed."""
 
 
 __all__ = ["SymbolicError", "TooLargeError", "TooManyProductsError"]

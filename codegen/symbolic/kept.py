@@ -53,11 +53,11 @@ class Kept:
     Attributes
     ----------
     owner : str
-        Whose memory it is: the name of a link where that is known, ``parent``, ...; empty for the unit itself.
+        Owner of the memory: the name of a link if known, ``parent``, ...; empty for the unit itself.
     component : str
         Field and component, such as ``w.y``.
     each_direction : bool
-        It is kept for each direction of derivatives.
+        Whether the quantity is stored for each direction of derivatives.
     """
 
     owner: str

@@ -39,7 +39,7 @@ PI = Fraction(str(sympy.pi.evalf(40)))
 
 
 class UndecidedError(TypeError):
-    """A formula compares symbols, so it has different values in different states."""
+    """Raised if a formula compares symbols, so that it has different values in different states."""
 
 
 class Atom:
@@ -70,16 +70,16 @@ class Algebra:
     most_products : int, optional
         Products of terms that are formed before `TooManyProductsError` is raised.
     intermediate : str, optional
-        Long sums become symbols, whose names are this prefix and a number. Left out: no sum does.
+        Long sums become symbols, whose names are this prefix and a number. Left out: no sum becomes a symbol.
 
     Attributes
     ----------
     made : int
-        Terms that products have had so far.
+        Number of terms of all products so far.
     definitions : dict of int to Polynomial
         By the number of an atom that is an intermediate variable: its value, which has earlier atoms only.
     factored : set of int
-        Those of them that would not be multiplied out without intermediate variables.
+        Numbers in `definitions` whose sums would stay factors even without intermediate variables.
     """
 
     def __init__(self, most_products: int | None = None, intermediate: str = "") -> None:
@@ -191,7 +191,7 @@ class Algebra:
         return np.array([value(p) for p in polynomials.flat]).reshape(polynomials.shape)
 
     def reached(self, polynomials: Iterable[Polynomial]) -> list[int]:
-        """The atoms that polynomials are made of, those of intermediate variables included, each after those it needs."""
+        """The atoms of polynomials and of their intermediate variables, each after the atoms in its value."""
         found: set[int] = set()
         left = {a for p in polynomials for m in p.terms for a, _ in m}
         while left:
@@ -376,7 +376,7 @@ class Polynomial:
 
     @property
     def is_constant(self) -> bool:
-        """Whether it is a rational number."""
+        """Whether the polynomial is a rational number."""
         return not self.terms.keys() - {()}
 
     @property

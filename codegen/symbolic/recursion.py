@@ -65,18 +65,18 @@ class Assignment:
     number : int
         Counted from 1 through the whole recursion.
     target : sympy.Symbol
-        A local variable, or ``STORE.COMPONENT`` of what is kept: ``me`` is the unit itself, ``up`` its parent. Arguments and
+        A local variable, or ``STORE.COMPONENT`` of a stored quantity: ``me`` is the unit itself, ``up`` its parent. Arguments and
         results have the names of the model where the statement is of one unit alone: ``udot.crank``.
     value : sympy.Expr
     tag : str
-        The equation of the paper that it is from, such as ``Eq. 45``; ``d Eq. 45`` is its derivative, ``T d Eq. 45`` the
-        transpose of that; or words that docs/theory.md explains.
+        The statement's equation in the paper, such as ``Eq. 45``; ``d Eq. 45`` is its derivative, ``T d Eq. 45`` the
+        transpose of this derivative; or words that docs/theory.md explains.
     is_primitive : bool
-        It is the derivative of another statement by one of its operands (Eq. 10).
+        Whether the statement is the derivative of another statement by one of its operands (Eq. 10).
     each_direction : bool
-        It is computed for each direction of derivatives.
+        Whether the statement is computed for each direction of derivatives.
     adds : bool
-        The value is added to what the target holds.
+        Whether the value is added to the present value of the target.
     """
 
     number: int
@@ -102,9 +102,9 @@ class Unit:
     what : str
         ``links``, ``ears``, ``regions``, or a type of force elements.
     members : tuple of str
-        Names of those that have these statements.
+        Names of the links, ears, regions or force elements that have these statements.
     kept : dict of sympy.Symbol to Kept
-        What the symbols in memory are that it reads and stores; arguments and results are not among them.
+        Quantities that symbols in memory denote; arguments and results are not among them.
     assignments : tuple of Assignment
     """
 
@@ -302,7 +302,7 @@ class _Reader:
     ) -> Unit:
         """The statements of a block, or of a few of one formula.
 
-        `name` gives symbols to what is in memory, and `owner` says whose memory it is.
+        `name` returns the symbol of a stored component, and `owner` the owner of the memory.
         """
         memory: dict[sympy.Symbol, Kept] = {}
         found: list[Assignment] = []

@@ -106,7 +106,7 @@ class SymbolicEngine(RecursiveEngine):
         return self.bodies if state is self.state else super()._motion(state)
 
     def _accelerations(self, state: State) -> Pair:
-        """Symbols, and prescribed values."""
+        """The accelerations: symbols, and prescribed values."""
         return self._with_accelerations(self._of_speeds("udot", self.udot, None, state.pairs), state.pairs)
 
     def _closed_speeds(self, state: State) -> Pair:
