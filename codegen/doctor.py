@@ -21,7 +21,7 @@ EXTRAS = {
     "mjcf": (("mujoco",), "import of MJCF"),
     "completion": (("shtab",), "completion of commands in shells"),
 }
-"""Extras: the modules that they install, and what they are for."""
+"""Optional extras of the package ordernm: the modules that each installs, and their purpose."""
 
 NOT_THERE = "missing"
 

@@ -163,7 +163,7 @@ TABLE: Final = {e.name: e for e in (
     Elementary("min", (lambda f, y, a, b: f.at_least(b, a), lambda f, y, a, b: 1 - f.at_least(b, a)), switching=_difference,
                branches=True, many=True, symbol="Minimum", c="fmin", numpy="minimum", sympy="Min",
                elsewhere=("fmin", "minimum")),
-    # positive where an even number of moduli is in x, negative where it is odd
+    # the switching function is positive where floor(x/m) is even, negative where floor(x/m) is odd
     Elementary("mod", (lambda f, y, x, m: 1, lambda f, y, x, m: (y - x)/m), switching=lambda f, x, m: f.sin(4*f.atan(1)*x/m),
                branches=True, jumps=True, symbol="", c="", sympy="Mod"),
 )}  # fmt: skip
@@ -192,7 +192,7 @@ ELEMENTWISE: Final = tuple(e.name for e in TABLE.values() if not e.spelled("nump
 
 
 def named(where: str, wanted: Callable[[Elementary], bool] = lambda e: True) -> tuple[str, ...]:
-    """Names of functions in a language, see `Elementary.spelled`: of all that exist there, or of selected ones."""
+    """Names of functions in a language, see `Elementary.spelled`: of all functions that the language has, or of selected ones."""
     return tuple(e.spelled(where) for e in TABLE.values() if e.spelled(where) and wanted(e))
 
 
@@ -251,8 +251,8 @@ class TreeFunctions:
         self._make = make
 
     def node(self, kind: str, *operands: TreeNumber | int) -> TreeNumber:
-        """An operation or a function; those of numbers alone are not evaluated, so that they can be computed with any number of
-        digits."""
+        """An operation or a function. Operations on numbers alone are not evaluated, so that they can be computed with
+        any number of digits."""
         trees = [x.tree if isinstance(x, TreeNumber) else ("number", x) for x in operands]
         are_numbers = kind in TABLE and all(t[0] == "number" for t in trees)
         return TreeNumber(("call", kind, *trees) if are_numbers else self._make(kind, *trees), self)

@@ -67,7 +67,7 @@ class Ending:
 
     @contextlib.contextmanager
     def handling(self) -> Iterator[Ending]:
-        """Handles these signals, except those that are ignored or handled already."""
+        """Handles the signals that request an end, except signals that are ignored or handled already."""
         usual = {
             signal.SIGTERM: signal.SIG_DFL,
             signal.SIGHUP: signal.SIG_DFL,

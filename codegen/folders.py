@@ -205,8 +205,8 @@ def put_right(folder: Path) -> None:
 
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[bool | None]:
-    """Holds the lock of a folder; False: it does not exist, or another process holds the lock. None: no locks on this file
-    system."""
+    """Holds the lock of a folder. Yields False if the folder does not exist or another process holds the lock; None if
+    the file system has no locks."""
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError:
@@ -234,7 +234,7 @@ def _workshop(folder: Path) -> Iterator[Path]:
         place.mkdir()
         try:
             with _locked(place) as held:
-                if held is not False:  # no process removed it as a leftover before it was locked
+                if held is not False:  # no process removed the folder as a leftover before it was locked
                     yield place
                     return
         finally:

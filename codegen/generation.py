@@ -200,7 +200,7 @@ def generate(
 def _compile(
     path: Path, parts: Sequence[dict[str, Any]], ahead: CompilingAhead, report: Report, progress: Progress
 ) -> None:
-    """Compiles every partition; of the first one, only what was not compiled ahead."""
+    """Compiles every partition; of the first partition, only the libraries that were not compiled ahead."""
     from .runtime.standalone.errors import NoCompilerError
     from .runtime.standalone.files.build import first_build
 

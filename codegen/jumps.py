@@ -34,7 +34,7 @@ Known = Callable[[Array], Mapping[str, Pair]]
 
 
 class Jump(NamedTuple):
-    """A jump of a function (order 0) or of its rate (order 1) at one of several times, the one numbered `at`."""
+    """A jump of a function (order 0) or of its rate (order 1), at the time of index `at`."""
 
     at: int
     order: int

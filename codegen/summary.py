@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 SHOWN = 20
-"""Maximum number of warnings in a report, and half of that of lines about loops; the rest is counted."""
+"""Maximum number of warnings in a report; of lines about loops, half of it. The report counts the lines left out."""
 
 
 @dataclass(slots=True, repr=False)

@@ -232,7 +232,8 @@ class Core:
         return partial(self._c.bytes, a, b, ctypes.c_long(len(arrays[0])), ctypes.c_long(rounds))
 
     def fastest(self) -> AbstractContextManager[None]:
-        """Restricts the process to the core that is fastest at present, if the system supports this; afterwards all are allowed.
+        """Restricts the process to the core that is fastest at present, if the system supports this; afterwards all
+        cores are allowed.
 
         Among equal cores, other processes interfere less with this one.
         """

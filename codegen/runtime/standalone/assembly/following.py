@@ -29,7 +29,7 @@ CORRECTIONS = 6
 """Newton iterations per step."""
 
 DONE, SETTLED = 1e-10, 1e-8
-"""Step size at which Newton's method stops (rad, or characteristic lengths), and the scaled residual allowed then."""
+"""Step size at which Newton's method stops (rad, or characteristic lengths), and the largest scaled residual accepted then."""
 
 AGREES = 0.1
 """Relative difference allowed between a step and the mean of the tangents at its ends."""

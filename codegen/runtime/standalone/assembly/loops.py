@@ -1,4 +1,4 @@
-"""Consistent states of models with loops: closes positions, and completes speeds and seeds with the dependent ones."""
+"""Consistent states of models with loops: closes positions, and completes speeds and seeds with their dependent entries."""
 
 from __future__ import annotations
 

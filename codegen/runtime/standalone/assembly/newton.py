@@ -35,7 +35,7 @@ BENT = 0.3
 """Largest relative difference between a step and the remainder of the step before it."""
 
 LEAST = 1e-4
-"""Smallest fraction of a step; the Newton path ends where an even smaller one would be needed."""
+"""Smallest fraction of a step; the Newton path ends where an even smaller fraction would be needed."""
 
 CLOSED = 1e-10
 """Scaled residual up to which a loop is closed; Newton's method continues below it while the residual decreases."""

@@ -132,7 +132,7 @@ class States(Room):
             return initial_state(given.get("p"))
         p = given.get("p")
         if p is not None and self.closure_names:
-            # the loops may close with the given values even if the initial independent coordinates do not permit it
+            # the given values may close the loops even where the initial independent coordinates do not
             with contextlib.suppress(SingularLoopError, AssemblyError):
                 return initial_state(p)
         return self.initial_values(p)
@@ -178,5 +178,6 @@ class States(Room):
     def _completed_along(
         self, at: Mapping[str, Any], batch: Shape, seeds: tuple[Any, ...]
     ) -> tuple[Array, Array, Array]:
-        """Speeds consistent with assembled coordinates, and derivatives of both, (k, *batch, nq) and (k, *batch, nu)."""
+        """Speeds consistent with assembled coordinates, and derivatives of coordinates and speeds, (k, *batch, nq) and
+        (k, *batch, nu)."""
         return self.completed(at["q"], at, batch), seeds[0], seeds[1]

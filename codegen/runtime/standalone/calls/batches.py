@@ -213,7 +213,7 @@ class Batches:
         """The C function that distributes the states of a batch over threads; False if it is not available."""
         symbol = f"{self._model}_on_threads"
         declared = f"int {symbol}(int (*)(states *), states *, int);"
-        # never unloaded: its threads may outlive the solver
+        # the library is never unloaded: its threads may outlive the solver
         instead = "" if self._target.threads is None else "batches are computed on one thread"
         library = self._apart("threads", declared, instead, self._ffi.RTLD_NODELETE)
         return library and getattr(library, symbol)

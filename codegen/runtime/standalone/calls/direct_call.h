@@ -59,7 +59,7 @@ typedef struct {
     long slot, size, needed; /* -1: t, which is passed by value */
     PyObject *names;         /* indices of entries by name, or NULL */
     const char *rest;        /* values of entries that a mapping leaves out; NULL for zeros */
-    long array;              /* its index in NAME_states, or -1 */
+    long array;              /* index of the argument in NAME_states, or -1 */
 } taken;
 
 /* A result of the C function: its number of entries, whether it has one row per direction, and its index among the returned results; -1

@@ -105,7 +105,7 @@ class Package:
             return self._compiled[opened.number]
 
     def _use(self, opened: Opened) -> None:
-        """Makes this the partition in use."""
+        """Makes `opened` the partition in use."""
         self._opened = opened
         self._calls = opened.target.calls
         self._watched = bool(opened.manifest.get("opening"))

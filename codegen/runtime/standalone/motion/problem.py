@@ -203,7 +203,7 @@ class Run:
     rows : array (nt, row)
         See ``ordernm_results``.
     reason, counts, singular, component, events
-        As of its last segment; counts are sums, of what the method and the model make use of.
+        As in the last segment; counts are sums over all segments, of quantities that apply to the method and model.
     segments : list of Segment
     last : array (row,)
         The state at the end of a motion that failed; else empty.

@@ -67,7 +67,7 @@ class ClosureCondition(NamedTuple):
     weakest : str
         Dependent speed with the largest part in the motion that is nearly free.
     couplings : tuple of str
-        Those of the loops that are couplings.
+        The couplings among `loops`.
     """
 
     loops: tuple[str, ...]
