@@ -201,7 +201,7 @@ def recorded(tmp_path, monkeypatch):
     return calls
 
 
-@pytest.mark.parametrize(("command", "option"), sorted(MADE), ids=" ".join)
+@pytest.mark.parametrize(("command", "option"), sorted(MADE), ids=map(" ".join, sorted(MADE)))
 def test_every_option_changes_something_or_is_refused(recorded, capsys, monkeypatch, command, option):
     if option == "--force-size":  # of a model that is small otherwise
         monkeypatch.setattr("codegen.symbolic.motion.MOST_TERMS", 1)
