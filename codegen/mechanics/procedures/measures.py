@@ -49,7 +49,8 @@ def outputs(w: Shared) -> list[Procedure]:
             copies.append(CopyEntry(outputs, i, driving, n))
             copies_along.append(CopyEntry(doutputs, i, ddriving, n))
     driven = any(isinstance(m, DrivingMeasure) for m in w.measures)
-    values, along = _steps(w, quantities, OUTPUTS, driven)
+    energetic = any(isinstance(m, EnergyMeasure) for m in w.measures)
+    values, along = _steps(w, quantities, OUTPUTS, driven, energetic)
     check = (Check(True),) if w.formula_pivots or any(q.pivots for q in quantities) else ()
     return w.pair(
         ("outputs", "output_sensitivities"),
@@ -74,10 +75,14 @@ def switches(w: Shared) -> list[Procedure]:
 
 
 def _steps(
-    w: Shared, quantities: list[Quantity], formulas: Formulas, driven: bool = False
+    w: Shared, quantities: list[Quantity], formulas: Formulas, driven: bool = False, energetic: bool = False
 ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
-    """Steps for formulas over quantities, without and with tangents; `driven`: they also read forces of prescribed motion."""
-    sums = [w.one("energy")] if any(q.energy for q in quantities) else []
+    """Steps for formulas over quantities, without and with tangents.
+
+    With `driven` the steps also compute forces of prescribed motion, with `energetic` also energies, which are zero where no
+    quantity adds to them.
+    """
+    sums = [w.one("energy")] if energetic or any(q.energy for q in quantities) else []
     sums += [w.one(name) for q in quantities for name in q.sums]
     zero = tuple(step for a in sums for step in (Own(a), Zero(a)))
     zero_along = tuple(step for a in sums for step in (Own(a.tangent()), Zero(a.tangent())))
