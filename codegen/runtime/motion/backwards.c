@@ -135,7 +135,7 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
             if (!ordernm_sample_transposed(a, n, t, m->z, a->nu)) ordernm_accumulate(lambda, 1.0, a->nu, (long)a->n*width);
         }
     }
-    ordernm_settling_transposed(a, m->t, m->z); /* the initial state was settled, too */
+    ordernm_settling_transposed(a, m->t, m->z); /* transposes the adjustments that made the initial state consistent */
     for (int n = 0; n < a->ngroups; ++n) {
         const scalar *const lambda = a->lambda + (long)n*a->n*width;
         for (int l = 0; l < width && n*width + l < g->nfunctionals; ++l) {
@@ -171,7 +171,7 @@ int ordernm_replay(ordernm_motion *m, const scalar *known, scalar *steps, long c
         memcpy(step + m->head, m->z, state);
         ordernm_find_segment(m, m->t, step[1]);
         ordernm_take_derivatives(m, step[4]);
-        if (step[1] == 0.0) break; /* the end, after an event */
+        if (step[1] == 0.0) break; /* a row of step size zero: the state after the event that ends the motion */
         if (replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
         if (k + 1 == count) break;

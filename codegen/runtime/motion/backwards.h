@@ -11,16 +11,16 @@ struct ordernm_adjoint {
     ordernm_motion *motion;
     int width, index, ngroups;        /* functionals per group, and number of groups */
     int n;                            /* number of integrated entries with derivatives */
-    long *sampled, behind;            /* remaining times: of each group, and after jumps */
+    long *sampled, behind;            /* number of output times still to process: of each group, and of those after jumps */
     long timed;                       /* index of the time after a jump that the next switch determines; -1 for none */
     scalar *lambda;                   /* [ngroups][n][width] */
     scalar *kappa[MOST_STAGES], *nu;  /* [n][width] */
     scalar *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with closed loops */
     scalar *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
     void *of_stages;                  /* of an implicit method, for its equations */
-    int has_next;                     /* a later step exists, which starts ... */
-    scalar next_t, *next, *next_modes;/* ... at this time, in this state, with these modes */
-    scalar *p, *inputs;               /* [ngroups][np][width], [ngroups][count][ninputs][width] */
+    int has_next;                     /* a later step exists */
+    scalar next_t, *next, *next_modes;/* time, state and modes at the start of the later step */
+    scalar *p, *inputs;               /* gradients: [ngroups][np][width], [ngroups][count][ninputs][width] */
 };
 
 /* Whether a group has weights at times within this step, including its end. */

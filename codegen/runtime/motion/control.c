@@ -19,8 +19,8 @@ static const scalar LOOK_AGAIN = 3.0;
 
 /* Maximum number of repetitions of a step because a stage is too near to a pose where a loop loses rank. */
 enum { MOST_MOVES = 3 };
-static const scalar AT_POSE = 0.005; /* relative to the step: if the pose is so close to the step's end, the step ends at it */
-static const scalar LEAST_MOVE = 0.02; /* relative to the step: smaller shifts make no difference */
+static const scalar AT_POSE = 0.005; /* relative distance of the pose from the step's end, below which the step ends at the pose */
+static const scalar LEAST_MOVE = 0.02; /* smallest shift of the step's end, relative to the step, for which a step is repeated */
 
 /* Steps before a dead point end short of it by a tenth of the distance, unless the condition number exceeds NEAR_ENOUGH.
  * MOST_REFUSED is the maximum number of repetitions. */
@@ -62,7 +62,7 @@ static int begin(ordernm_motion *m)
     if (m->h <= 0.0) {
         const scalar limit = fmin(p->end - p->start, p->largest_step > 0.0 ? p->largest_step : INFINITY);
         const int failure = ordernm_first_step(m, limit, &m->h);
-        if (failure) m->h = 1e-6*limit; /* the first trial step decides */
+        if (failure) m->h = 1e-6*limit; /* the error of the first trial step then sets the step size */
     }
     m->begun = 1;
     return ORDERNM_ENDED;
@@ -70,10 +70,10 @@ static int begin(ordernm_motion *m)
 
 /* ---- Single steps. ---- */
 
-/* A motion that ends where a loop has lost rank: the results there are interpolated. Returns whether this is the case. */
+/* Interpolates the results if the motion ends where a loop has lost rank. Returns whether it ends there. */
 static int end_at_pose(ordernm_motion *m, trial *step)
 {
-    if (m->results->steps) return 0; /* this is not the end of a step, so the adjoint could not use it */
+    if (m->results->steps) return 0; /* the adjoint cannot use an interpolated end */
     if (!step->to_wall || step->end != m->problem->end) return 0;
     const int last = m->method->gives_rate ? m->method->stages - 1 : m->method->stages; /* at the end */
     if (!(fabs(m->pose - step->end) <= AT_POSE*step->h || m->conditions[last] > m->hopeless)) return 0;
@@ -82,7 +82,7 @@ static int end_at_pose(ordernm_motion *m, trial *step)
         step->error = 0.0;
         return 1;
     }
-    m->row_known = 0; /* row and step now belong to a step of another size */
+    m->row_known = 0; /* the interpolated row belongs to a step of another size */
     const scheme *const method = m->method;
     const int status = method->step(m, step->h, &step->error);
     if (!status && step->error <= 1.0 && !method->gives_rate) ordernm_rates_at_end(m, step->end, m->rate[method->stages]);
@@ -93,7 +93,7 @@ static int end_at_pose(ordernm_motion *m, trial *step)
 static int comes_apart(ordernm_motion *m, const trial *step)
 {
     if (!m->system->ndropped) return 0;
-    if (m->method->gives_rate) { /* its loops are not closed yet */
+    if (m->method->gives_rate) { /* an implicit method has not closed the loops at the end of the step yet */
         const scalar condition = m->results->condition_here;
         ordernm_call c;
         ordernm_arguments(m, step->end, m->next, &c);
@@ -128,7 +128,7 @@ static int attempt(ordernm_motion *m, trial *step)
         const int too_near = ordernm_find_pose(m, step->h);
         if (end_at_pose(m, step)) return 0;
         const scalar elsewhere = ordernm_step_at_pose(m, step->h, step->wall);
-        /* the last stage of an implicit step shows the state at its end */
+        /* the last stage of an implicit step is the end of the step */
         const int moves = method->gives_rate ? good || status : too_near;
         step->again = moves && m->moved < MOST_MOVES && fabs(elsewhere - step->h) > LEAST_MOVE*step->h;
     }
@@ -149,7 +149,7 @@ static int attempt(ordernm_motion *m, trial *step)
             return step->again = 1, 0;
         }
         if (larger > 1.0 || (step->event < 0 && larger > step->error)) step->error = larger;
-        if (step->error == larger && m->advice > 1.0) m->advice = 0.0; /* an implicit method does not know this error */
+        if (step->error == larger && m->advice > 1.0) m->advice = 0.0; /* an implicit method's advice ignores this larger error */
         if (larger > 1.0) return 0;
         if (m->root >= 0 && m->ngroups && (status = ordernm_beside_root(m, step))) return status;
     }
@@ -157,7 +157,7 @@ static int attempt(ordernm_motion *m, trial *step)
     step->to_wall = 0;
     step->end = m->t + step->h;
     if (fabs(step->wall - step->end) <= 1e-15*fabs(step->wall)) step->end = step->wall;
-    m->h = whole; /* the next step has the size before the cut */
+    m->h = whole; /* the next step has the size that this step had before it was cut */
     return status;
 }
 
@@ -175,8 +175,8 @@ static int end_together(ordernm_motion *m, const trial *step)
     return ORDERNM_ENDED;
 }
 
-/* Repeats a step over a dead point so that it ends before it, where other independent coordinates may be chosen. Returns the reason for
- * the end if the step is already near enough. */
+/* Repeats a step over a dead point with a size that ends before the point, where other independent coordinates may be chosen. Returns the
+ * reason for the end if the step is already near enough. */
 static int end_short(ordernm_motion *m, const trial *step)
 {
     ++m->results->rejected;
@@ -187,7 +187,8 @@ static int end_short(ordernm_motion *m, const trial *step)
     return ORDERNM_ENDED;
 }
 
-/* Constant steps do not shrink at large condition numbers: other independent coordinates are considered before such a step. */
+/* Constant steps do not shrink at large condition numbers. Returns whether other independent coordinates must be considered before this
+ * step. */
 static int passes_poor_poses(ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
@@ -199,7 +200,8 @@ static int passes_poor_poses(ordernm_motion *m)
     return 1;
 }
 
-/* After a failed step or too large an error: sets the size of the next trial; returns the reason for the end if there is none. */
+/* Sets the size of the next trial after a failed step or too large an error. Returns the reason for the end if no smaller step is possible.
+ * */
 static int refuse(ordernm_motion *m, const trial *step, int status)
 {
     const ordernm_problem *const p = m->problem;
@@ -217,7 +219,7 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     r->component = ordernm_worst_entry(m);
     if (!status) ordernm_note_layer(m, step);
     const scalar change = ordernm_after_failure(m, status ? NAN : step->error);
-    /* advice of a method that does not know the reason for the rejection is ignored */
+    /* ignores advice to enlarge the step: the method has not detected the reason for the rejection */
     m->h = step->h*(m->advice > 0.0 && m->advice < 1.0 ? m->advice : change);
     m->rejected_before = 1;
     if (!status && m->pose > m->t && m->pose < step->end) {

@@ -73,18 +73,18 @@ static const scalar HALF = 0.5;
 
 enum { PARTS = 8, LEVELS = RANKS_BETWEEN/(PARTS - 1) };
 
-/* A zero is possible in an interval if both ends are smaller than this factor times the observed change in it. */
+/* A zero is possible in an interval if the values at its ends are smaller than this factor times the change expected in the interval. */
 static const scalar STEEPER = 2.0;
 
 /* Resolution of positions, relative to the step: rounding and interpolation limit the condition number of closed loops there. */
 static const scalar FINE = 2e-3;
 
-/* Relative distances of two places from the position of lost rank, at which the growth of dependent speeds is compared; and the smallest
- * growth at a dead point, where the growth is the ratio of the distances. */
+/* Relative distances of two places from the pose where a loop loses rank: the growth of dependent speeds is compared at both. At a dead
+ * point, the growth increases by at least GROWN from FAR to NEAR. */
 static const scalar FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
 
-/* The first interval after `from`, of those between n times, in which a loop may lose rank, by the changes of inverse condition numbers.
- * These are smooth except for their sign. Returns the number of intervals if there is none. */
+/* The first interval from number `from` on, between neighbouring ones of n times, in which a loop may lose rank. The changes of inverse
+ * condition numbers decide, which are smooth except for their sign. Returns the number of intervals if there is none. */
 static int suspicious(const ordernm_motion *m, int n, const scalar *t, const scalar *const *rank, int from)
 {
     const int nloops = m->system->nloops;
@@ -132,10 +132,10 @@ static scalar growth(ordernm_motion *m, scalar h, scalar part)
     ordernm_call c;
     ordernm_arguments(m, m->t + part*h, m->trial, &c);
     if (ordernm_close_loops(m, &c)) return INFINITY;
-    c.full_u = m->qdot; /* used as memory here */
+    c.full_u = m->qdot; /* qdot serves as scratch here */
     for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = 0.0;
     int i = 0;
-    do { /* once if all independent coordinates are prescribed */
+    do { /* the loop runs once if all independent coordinates are prescribed */
         if (i < s->nfree_u) m->u[s->free_u[i]] = 1.0;
         if (s->completion(&c)) return INFINITY;
         if (i < s->nfree_u) m->u[s->free_u[i]] = 0.0;
@@ -144,7 +144,8 @@ static scalar growth(ordernm_motion *m, scalar h, scalar part)
     return largest;
 }
 
-/* Inverse condition numbers in a step: smallest and largest at the stages, for the loop with the smallest one, and the position. */
+/* The loop with the smallest inverse condition number at the stages of a step: its smallest and largest value, and the positions of both.
+ * */
 typedef struct {
     scalar least, largest, at_least, at_largest;
 } spread;
@@ -164,11 +165,11 @@ static spread spread_of(const ordernm_motion *m, int n, const scalar *t, const s
     return worst;
 }
 
-/* Smallest ratio of inverse condition numbers in a step near a dead point; a smaller one means that the step is too long. */
+/* Smallest ratio of inverse condition numbers in a step near a dead point; below this ratio the step is too long. */
 static const scalar LEAST_LEFT = 0.5;
 
-/* Condition number from which dead points matter to constant steps, whose errors are not estimated; and the one above which no step
- * may come nearer: constant steps, and other steps if the motion turns before the dead point. */
+/* Constant steps, whose errors are not estimated, are checked for dead points above the condition number COARSE. No constant step may pass
+ * TOO_NEAR near a dead point, nor may other steps if the motion turns before the point. */
 static const scalar COARSE = 10.0, TOO_NEAR = 100.0;
 
 /* For constant steps: stores inverse condition number and growth at the moment when the condition number exceeds COARSE. */
@@ -180,8 +181,8 @@ static void note_calm(ordernm_motion *m, scalar h, const scalar *rank)
     else if (m->calm_rank == 0.0) m->calm_rank = least, m->calm_growth = growth(m, h, 0.0);
 }
 
-/* Whether a step comes too close to a dead point. There, dependent speeds grow like the condition number; near a flattened linkage they
- * do not. */
+/* Whether a step comes too close to a dead point, where dependent speeds grow like the condition number. Near a flattened linkage,
+ * dependent speeds do not grow. */
 static int comes_too_near(ordernm_motion *m, scalar h, const spread *of)
 {
     const int too_near = of->least*TOO_NEAR < 1.0;
@@ -193,8 +194,8 @@ static int comes_too_near(ordernm_motion *m, scalar h, const spread *of)
     return !(growth(m, h, of->at_least) < far*sqrt(rank/of->least));
 }
 
-/* Whether the position is a dead point. If a loop itself loses rank, as in a flattened linkage, the dependents follow and the motion
- * passes. Coordinates near the pose decide which derivatives exist. */
+/* Whether the position is a dead point. If a loop itself loses rank, as in a flattened linkage, dependent speeds follow the independent
+ * ones and the motion passes. Coordinates near the pose decide which derivatives exist. */
 static int is_dead(ordernm_motion *m, scalar h, scalar part)
 {
     const int nq = m->system->nq;
@@ -219,12 +220,12 @@ scalar ordernm_dead_point_within(ordernm_motion *m, scalar h)
     int n = 0;
     for (int i = 0; i <= method->stages; ++i) {
         const scalar t = method->times[i];
-        if (i == method->stages - 1 && t == method->times[i + 1]) continue; /* both are at the end */
+        if (i == method->stages - 1 && t == method->times[i + 1]) continue; /* this stage and the next one are at the step's end */
         int at = n++;
         for (; at > 0 && time[at - 1] > t; --at) time[at] = time[at - 1], rank[at] = rank[at - 1];
         time[at] = t, rank[at] = m->ranks + (long)i*nloops;
     }
-    int other = 0; /* of stages at the same time, the later one is better */
+    int other = 0; /* keeps the last of the stages at the same time */
     for (int i = 1; i < n; ++i) {
         if (time[i] > time[other]) ++other;
         time[other] = time[i], rank[other] = rank[i];

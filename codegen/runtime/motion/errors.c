@@ -50,7 +50,7 @@ scalar ordernm_error_norm(const ordernm_motion *m, const scalar *next, const sca
             const long at = of->at + l;
             const scalar one = mean_square(n, of->width, error + at, m->z + at, next + at, atol, 1, p->rtol);
             const scalar two = mean_square(n, of->width, second + at, m->z + at, next + at, atol, 1, p->rtol);
-            largest = fmax(largest, of_both(one, two)); /* if it is not finite, the direction has no derivative */
+            largest = fmax(largest, of_both(one, two)); /* fmax ignores an error that is not a number: that direction has no derivative */
         }
     }
     return largest;

@@ -4,11 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-/* Distance of an output from the level that it has just crossed, on the new side, whatever the rounding error. */
+/* Distance from the level, on the new side, assigned to an output that has just crossed the level, whatever the rounding error. */
 static const scalar BEHIND = 1e-300;
 
-/* Two crossings of a level within a step are not visible at its ends. So outputs are also evaluated in between, and at extrema that may
- * lie beyond the level. */
+/* Two crossings of a level within a step are not visible at the step's ends. So outputs are also evaluated between the ends, and at extrema
+ * that may lie beyond the level. */
 enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24, MOST_PLACES = PARTS + 1 + EVENT_SAMPLES };
 static const scalar SAME_PLACE = 1e-7; /* relative to the step */
 
@@ -19,7 +19,7 @@ static const scalar TOUCHING = 1e-12;
 enum { PLACES_BEHIND = 3 };
 static const scalar JUST_BEHIND[PLACES_BEHIND] = {1e-13, 1e-12, 1e-11};
 
-/* Near a pose where a loop loses rank, relative to the step. */
+/* Distance by which a step continues beyond an event at a pose where a loop loses rank, relative to the step. */
 static const scalar CUT_BEHIND = 0.1;
 
 /* Outputs at a state minus the levels of events. Returns the status of a function. */
@@ -162,10 +162,10 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
         if (*first < ends[1] && m->at_first[e]*values[0] > 0.0) continue; /* crosses after the first event */
         scalar low = ends[0], high = ends[1], g_low = values[0], g_high = values[1];
         for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
-            const int halve = n > 16 || n%8 == 7 || fabs(g_low) <= BEHIND; /* only its sign is known */
+            const int halve = n > 16 || n%8 == 7 || fabs(g_low) <= BEHIND; /* of g_low, only the sign is known */
             scalar at = halve ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
             if (!(at > low && at < high)) at = 0.5*(low + high);
-            if (within(m, h, at, m->within)) { /* a loop has lost rank there, and speeds are undefined */
+            if (within(m, h, at, m->within)) { /* a loop has lost rank at this position, and speeds are undefined */
                 at += 0.3*(high - at);
                 if (within(m, h, at, m->within)) m->within[e] = 0.0;
             }
@@ -188,7 +188,7 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
             *first = high;
             *which = e;
             for (int i = 0; i < 2; ++i) m->around_event[i] = ends[i]*h;
-            const int far = fabs(values[1]) > fabs(values[0]); /* at the nearer one, possibly only the sign is known */
+            const int far = fabs(values[1]) > fabs(values[0]); /* the farther end: at the nearer one, possibly only the sign is known */
             m->beside_event[0] = m->around_event[far];
             m->beside_event[1] = values[far];
         }
@@ -233,8 +233,8 @@ static int step_to_event(ordernm_motion *m, int e, scalar *h)
     return status;
 }
 
-/* A step to an event with finite rates at its end; it ends just after the event if there are none at the event, as for x^3/abs(x) at
- * zero. */
+/* Makes a step to an event with finite rates at its end. If rates at the event are not finite, as for x^3/abs(x) at zero, the step ends
+ * just after the event. */
 static int step_with_rates(ordernm_motion *m, int e, scalar whole, scalar *h)
 {
     const scalar at = *h;
@@ -295,7 +295,7 @@ static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *st
         if (m->part[e] <= part + 1e-13) stop |= e < p->nevents && p->events[e].stop;
         else if (m->part[e] < cut) cut = 0.5*(part + m->part[e]);
     }
-    if (stop && m->results->steps) return -1; /* the adjoint could not use this end */
+    if (stop && m->results->steps) return -1; /* the adjoint cannot use an interpolated end */
     step->at_pose = stop;
     if (stop) return 0;
     step->h = whole*cut;
@@ -419,7 +419,7 @@ static int is_recent(const ordernm_motion *m, scalar t)
     return fabs(t - m->together_since) <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
 }
 
-/* For an event at the end of a step just after switches: compares its row with that before them. */
+/* For an event at the end of a step just after switches: compares the event's row with the row before the switches. */
 static int compare_with_front(ordernm_motion *m, int e, scalar *row)
 {
     const int count = m->system->nswitches;
@@ -435,7 +435,7 @@ static int compare_with_front(ordernm_motion *m, int e, scalar *row)
     return status;
 }
 
-/* For events stored before switches that have just been passed: compares their rows with those after them. */
+/* For events stored before switches that have just been passed: compares the rows of the events with the rows after the switches. */
 int ordernm_compare_events(ordernm_motion *m)
 {
     ordernm_results *const r = m->results;
@@ -450,7 +450,7 @@ int ordernm_compare_events(ordernm_motion *m)
     return 0;
 }
 
-/* Stores the events at the end of the step, which may be several at the same time; whether the motion stops there. */
+/* Stores the events at the end of the step; several may occur at the same time. Returns whether the motion stops there. */
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop)
 {
     const ordernm_problem *const p = m->problem;

@@ -35,7 +35,7 @@ static void keep(const ordernm_motion *m, scalar *row)
 
 static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
-/* Rates at some stages; from the second stage on, their conditions are recorded and their states stored. */
+/* Rates at some stages; from the second stage on, records condition numbers and stores states. */
 static int stages(ordernm_motion *m, scalar h, int from, int to)
 {
     for (int i = from; i < to; ++i) {

@@ -9,8 +9,8 @@
 
 #include <string.h>
 
-/* The first rate of a step, from the end of its row: if repeated, it would differ by rounding, which is large near a pose where a loop
- * loses rank. */
+/* The first rate of a step, from the end of the step's row. A recomputed rate would differ by rounding, which is large near a pose where a
+ * loop loses rank. */
 static void first_rate(ordernm_motion *m, const scalar *step)
 {
     const long state = m->ny + m->nx + m->nd;
@@ -24,7 +24,7 @@ static int stages(ordernm_adjoint *a, const scalar *step, int count)
     const scheme *const method = m->method;
     const scalar h = step[1];
     first_rate(m, step);
-    ordernm_expand(m, m->z); /* loops are closed between steps */
+    ordernm_expand(m, m->z); /* loops are already closed at the start of a step */
     memcpy(a->stage[0], m->z, m->values*sizeof(scalar));
     if (!m->identity) memcpy(a->q[0], m->q, m->system->nq*sizeof(scalar));
     for (int i = 1; i < count; ++i) {
@@ -98,7 +98,7 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const scalar *step)
     if (within || m->system->split) {
         if ((status = stages(a, step, within ? m->method->all : m->method->stages))) return status;
     } else {
-        ordernm_expand(m, m->z); /* of the first stage, whose loops are closed between steps */
+        ordernm_expand(m, m->z); /* the first stage is the start of the step, where loops are already closed */
         stages_kept(a, step);
     }
     if (m->system->split) {

@@ -22,7 +22,7 @@ static const scalar INSIDE = 1e-9; /* relative to the step: an output with an ex
 
 scalar ordernm_event_point(int i) { return 0.5*(1.0 - COSINE[i]); }
 
-/* Coefficients of Chebyshev polynomials of cos(pi x) with these values at the points. */
+/* Coefficients of the sum of Chebyshev polynomials of cos(pi x) that has the given values at the points. */
 static void coefficients(const scalar *value, scalar *a)
 {
     for (int k = 0; k <= N; ++k) {

@@ -81,7 +81,7 @@ long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDER
     return first;
 }
 
-/* The signal of an input, and the order of its derivative. */
+/* The signal of which an input is the value or a derivative, and the order of that derivative. */
 int ordernm_signal_of(const ordernm_system *s, int input, int *order)
 {
     const int behind = input - ordernm_signals(s);

@@ -59,7 +59,7 @@ enum { HALVES = 40 };         /* maximum number of bisections of an interval in 
 typedef struct {
     int width, index;         /* 1, 4 or 8 lanes; index of the system's functions for this width */
     int first, used;          /* index of the first direction, and number of lanes in use */
-    long at;                  /* start of their derivatives in z */
+    long at;                  /* start of the group's derivatives in z */
     scalar *dp;               /* [np][width] */
 } group;
 
@@ -72,16 +72,16 @@ typedef struct {
 
 /* An integration method: from z, with the rates rate[0] there, to next. */
 typedef struct {
-    int stages;               /* number of stages of a step; the rate after these is that at the end of the step */
-    int all;                  /* including the stages of the interpolant */
+    int stages;               /* number of stages of a step; rate[stages] is the rate at the end of the step */
+    int all;                  /* number of stages including those of the interpolant */
     int order;                /* the error of a step is proportional to the step size to this power */
-    int (*step)(ordernm_motion *m, scalar h, scalar *error);                   /* error: relative to the tolerance */
-    int (*complete)(ordernm_motion *m, scalar h);                              /* the stages of the interpolant */
-    void (*interpolate)(ordernm_motion *m, scalar h, scalar theta, scalar *z); /* at t + theta h */
-    /* of explicit methods only */
+    int (*step)(ordernm_motion *m, scalar h, scalar *error);                   /* computes a step; error: relative to the tolerance */
+    int (*complete)(ordernm_motion *m, scalar h);                              /* computes the stages of the interpolant */
+    void (*interpolate)(ordernm_motion *m, scalar h, scalar theta, scalar *z); /* computes the state at t + theta h */
+    /* the following three for explicit methods only */
     const row *rows;          /* sums for the stages; the one with the number `stages` is the end of the step */
-    const scalar *times;      /* of stages, relative to the step */
-    void (*weights)(scalar theta, scalar *factor); /* of all rates, at t + theta h */
+    const scalar *times;      /* times of the stages, relative to the step */
+    void (*weights)(scalar theta, scalar *factor); /* factors of all rates in the state at t + theta h */
     int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
     scalar gap;               /* the place in a step that is farthest from all stages; 0: condition numbers of stages are not stored */
     void (*keep)(const ordernm_motion *m, scalar *row); /* stores data for the adjoint in a row of steps, after the state */
@@ -94,14 +94,14 @@ typedef struct {
 /* A tried step. */
 typedef struct {
     scalar h, end;            /* size, and time at the end */
-    scalar wall, knot;        /* latest time of its end; the next knot of the inputs */
-    int to_wall, to_pose;     /* it ends at the wall; a pose where a loop loses rank limits its size */
-    int again;                /* a stage was too near to such a pose */
-    int at_pose;              /* it ends at such a pose, and so does the motion */
-    int apart;                /* after it, a dropped condition is open by too much */
+    scalar wall, knot;        /* latest time at which the step may end; the next knot of the inputs */
+    int to_wall, to_pose;     /* the step ends at the wall; a pose where a loop loses rank limits the step size */
+    int again;                /* repeats the step: a stage was too near to a pose where a loop loses rank */
+    int at_pose;              /* the step and the motion end at a pose where a loop loses rank */
+    int apart;                /* a dropped condition is open by too much after the step */
     scalar dead;              /* position of a dead point of the independent coordinates in the step, relative to the step; else 0 */
-    scalar error;             /* relative to the tolerance */
-    int event;                /* number of the event at its end; -1 for none */
+    scalar error;             /* error relative to the tolerance */
+    int event;                /* number of the event at the end of the step; -1 for none */
     scalar event_time;        /* time of the event */
 } trial;
 
@@ -110,14 +110,14 @@ struct ordernm_motion {
     const ordernm_system *system;
     const scheme *method;
     int ny, nx, nd;           /* numbers of independent coordinates and speeds, integrals, dependent coordinates */
-    int identity;             /* all are independent: z has the layout of the system's arrays */
+    int identity;             /* all coordinates and speeds are independent: z has the layout of the system's arrays */
     long values, size;        /* doubles of z without and with derivatives */
     int ngroups;
     group *groups;
-    int *dependent;           /* [nd] coordinates */
+    int *dependent;           /* [nd] indices of dependent coordinates */
     int *turned;              /* [nquaternions] whether a quaternion is dependent */
     scalar *lengths;          /* [nquaternions] norms before the loops are closed */
-    scalar *z, *next;         /* at the start and end of the step */
+    scalar *z, *next;         /* states at the start and end of the step */
     scalar *rate[MOST_STAGES];
     scalar *trial, *zeros, *error[2];
     scalar *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
@@ -126,12 +126,12 @@ struct ordernm_motion {
     scalar *row;
     scalar *stages;           /* states of an explicit method's stages after the first: values, coordinates with loops closed */
     void *precise_work;
-    scalar poor;              /* condition number above which loops are closed, and rates computed, in long double ... */
-    scalar poor_rates;        /* ... and above which derivatives of rates and outputs, and rows of results, are */
-    int derived;              /* derivatives are needed, forward or by the adjoint ... */
-    scalar best;              /* ... and the smallest condition number at the start of a step so far */
+    scalar poor;              /* condition number above which loops are closed, and rates computed, in long double */
+    scalar poor_rates;        /* the same limit for derivatives of rates and outputs, and for rows of results */
+    int derived;              /* derivatives are needed, forward or by the adjoint */
+    scalar best;              /* the smallest condition number at the start of a step so far */
     int precise;              /* derivatives are computed in long double at the state whose loops were closed last */
-    int precise_values;       /* rates are computed in long double, too; if not, they are as fast as without derivatives */
+    int precise_values;       /* rates are computed in long double, too; otherwise by the functions in double */
     int precise_at_end;       /* the value of `precise` at the end of the tried step */
     unsigned precise_stages;  /* the values of `precise` at the stages, one bit each */
     scalar too_poor;          /* condition number that no stage should exceed, because even long double would exceed the tolerance */
@@ -140,31 +140,31 @@ struct ordernm_motion {
     scalar closed_condition;
     int closed_known;
     scalar conditions[MOST_STAGES]; /* condition numbers at the stages and at the end of a step */
-    scalar *ranks;            /* [MOST_STAGES][nloops] inverse condition numbers of each loop there */
+    scalar *ranks;            /* [MOST_STAGES][nloops] inverse condition numbers of each loop at these places */
     scalar *ranks_between;    /* inverse condition numbers at places between the stages */
     scalar apart, apart_at_end; /* residual of dropped conditions: when loops were closed last, and at the end of the tried step */
     int widest;               /* the dropped condition with the largest residual */
     scalar *flat;             /* [1 + 2 nq] a pose passed in the step, as in the results; its time is -INFINITY if there is none */
     scalar calm_rank, calm_growth; /* inverse condition number, and growth of dependent speeds, at the start of an approach; see dead_points.c */
-    scalar shorter;           /* size of the next step if it must end before a dead point; else 0 */
+    scalar shorter;           /* size of the next step if that step must end before a dead point; else 0 */
     int refused;              /* number of repetitions of a step because of a dead point */
     scalar hopeless;          /* condition number above which results are interpolated from places near the pose */
-    scalar *known_row, *beside; /* an interpolated row of results, and the rows it is interpolated from */
+    scalar *known_row, *beside; /* an interpolated row of results, and the rows from which it is interpolated */
     scalar *at_pose;          /* the interpolated state */
     scalar *probe[5];         /* [values]; see ordernm_undetermined */
     int row_known;
     scalar pose;              /* estimated time at which a loop loses rank; else -INFINITY */
-    scalar refused_pose, refused_step, refused_error; /* of the last step across a pose whose error was too large */
+    scalar refused_pose, refused_step, refused_error; /* last step across a pose with too large an error: time of the pose, size, error */
     scalar mark;              /* time of the motion some steps ago */
-    long marked;              /* number of steps made at that time */
+    long marked;              /* number of steps made at the time `mark` */
     scalar looked_at;         /* see ordernm_problem */
     int moved;                /* number of repetitions of a step with shifted stages */
     int imprecise;            /* long double is needed, but not available yet */
     /* current state */
     scalar t, h;
-    long segment;             /* of the inputs' spline, in this step */
+    long segment;             /* piece of the inputs' spline that contains this step */
     long sampled;             /* number of result times already passed */
-    int stopped;              /* at an event */
+    int stopped;              /* an event has stopped the motion */
     int begun, adaptive, rejected_before, complete;
     scalar *crossing, *after, *within; /* [nevents] outputs minus levels at the start and end of the step, and in between */
     scalar *part;             /* [nevents] position of the event in the step */
@@ -172,53 +172,53 @@ struct ordernm_motion {
     scalar *at_first;         /* [nevents] outputs minus levels at the first event of the step */
     scalar *samples;          /* outputs minus levels at places between the ends of the step */
     scalar around_event[2];   /* times in the step that bracket the event at its end */
-    scalar beside_event[2];   /* one of these times, and the output there */
+    scalar beside_event[2];   /* one of these two times, and the output minus the level at it */
     scalar error_to_event;    /* error of the step that was repeated to end at the event */
     int root;                 /* switch at whose zero the tried step starts or ends, see powers.c; -1 for none, MANY_ROOTS */
-    int beside_power;         /* rates may change there as steeply as if they jumped */
-    scalar root_end;          /* end of the last such step; else -INFINITY */
+    int beside_power;         /* a power or root is zero so near to the step that rates may change as steeply as if they jumped */
+    scalar root_end;          /* end of the last step that started or ended at the zero of a root; else -INFINITY */
     ordernm_results *results;
-    scalar layer_end;         /* up to which errors count more, in a steep layer; else -INFINITY */
-    scalar layer_more;        /* how many times as much */
-    scalar layer_error, layer_step, layer_at; /* of the step that was tried last in it, and where it begins */
+    scalar layer_end;         /* time up to which errors of steps are multiplied, in a steep layer; else -INFINITY */
+    scalar layer_more;        /* factor on the errors in the layer */
+    scalar layer_error, layer_step, layer_at; /* error, size and start of the step that was tried last in the layer */
     scalar stable;            /* largest factor on the next step size that stability permits, if derivatives are needed */
     scalar *fast, growth;     /* the direction in which rates change most, and its growth factor in the previous step */
     int fast_steps;           /* number of steps in which this direction is still monitored */
     int far_steps, near_steps; /* numbers of consecutive steps in which an explicit method was, and was not, at its stability limit */
-    scalar error_before;      /* of the step before, relative to the tolerance; 0 at the start */
-    scalar advice;            /* recommended factor on the next step size; 0: by the error estimate */
+    scalar error_before;      /* error of the previous step, relative to the tolerance; 0 at the start */
+    scalar advice;            /* recommended factor on the next step size; 0: the error estimate determines the size */
     struct radau *radau;      /* data of Radau IIA, else 0 */
     /* switches */
-    int nheld, nwatched;      /* number of switches with held modes; the same plus the number of events: functions monitored in a step */
-    int *held;                /* [nheld] these switches */
+    int nheld, nwatched;      /* numbers of switches with held modes, and of these switches and events together */
+    int *held;                /* [nheld] numbers of the switches with held modes */
     scalar *modes, *switches; /* [nswitches] modes, and switching functions */
     scalar *crossed;          /* [nswitches] rates of switching functions in the previous step, if it ended at their zero; else 0 */
     scalar *dswitches, *switch_along; /* [nswitches][LANES]; [ngroups][LANES] */
     scalar *input_rates, *no_dp; /* [ninputs]; zeros, [np] */
     scalar *changed;          /* [nswitches] times of the last changes of modes */
-    scalar accumulating;      /* start of the count of passed switches ... */
-    long passed;              /* ... and their number since then */
+    scalar accumulating;      /* start of the count of passed switches */
+    long passed;              /* number of switches passed since `accumulating` */
     int last_passed;          /* the switch passed last */
-    scalar *let_go;           /* [nswitches] modes before a step without held modes; else 0 */
+    scalar *let_go;           /* [nswitches] modes before a step without held modes; 0 for held modes */
     int not_held;             /* consecutive steps rejected because held rates are not finite */
-    scalar *passing_time;     /* [ngroups][LANES] derivatives of the time at which the last switch was passed ... */
-    scalar *switch_time;      /* ... and of the last switch of an output with an event */
+    scalar *passing_time;     /* [ngroups][LANES] derivatives of the time at which the last switch was passed */
+    scalar *switch_time;      /* [ngroups][LANES] derivatives of the time of the last switch of an output with an event */
     scalar *speeds;           /* [nswitches] rates of the functions of switches with a jump before they were passed; else 0 */
-    int ntogether, *together; /* switches passed at the same time, in this order ... */
-    int together_jump;        /* ... with a jump of rates ... */
-    scalar together_since, *z_before, *modes_before, *switches_kept; /* ... since this time, from this state and these modes; memory for modes */
+    int ntogether, *together; /* number of switches passed at the same time, and these switches in their order */
+    int together_jump;        /* rates jump at one of these switches */
+    scalar together_since, *z_before, *modes_before, *switches_kept; /* time, state and modes before the first of them; scratch */
     scalar *lost;             /* [ngroups][LANES] NaN for directions without a derivative from now on; else 0 */
     int *resting;             /* [nswitches] memory for switches at which the motion rests */
     int npoints;              /* number of singular functions that are monitored */
-    scalar *singular;         /* [5][nswitches] their values in the step */
-    scalar singular_at;       /* the time of the last row, NaN: they are not known */
+    scalar *singular;         /* [5][nswitches] values of singular functions in the step */
+    scalar singular_at;       /* the time of the last row of `singular`; NaN: the values are not known */
     scalar *sides[ORDERNM_SIDES]; /* [size] rates on both sides of a point, see points.c */
     scalar *at_point;         /* [size] the state at the point */
-    scalar *moved_p;          /* [np] parameters near it */
+    scalar *moved_p;          /* [np] parameters near the point */
     const scalar *p;          /* parameters in use: the problem's, or moved_p */
     scalar *halves[HALVES + 1]; /* [values] rates at the bisection times, and the smallest jumps */
     int suspects;             /* number of steps in which rates may jump without a known switch */
-    int jumps_at_end;         /* such a jump is suspected at the end of this step */
+    int jumps_at_end;         /* a jump of rates without a known switch is suspected at the end of this step */
     scalar turning;           /* largest step in which no half-turn angle leaves its mode by too much; 0 for any */
     int switched;             /* modes have changed between the previous step and this one */
     long head;                /* numbers of a row of steps before the state */
@@ -229,12 +229,12 @@ static inline void ordernm_note_precise(ordernm_motion *m, int stage)
     m->precise_stages = (m->precise_stages & ~(1u << stage)) | (unsigned)m->precise << stage;
 }
 
-/* Smallest value of a switching function, on its new side, after it was passed. */
+/* Smallest value of a switching function, on its new side, after the switch was passed. */
 static const scalar LEAST_SIDE = 1e-300;
-/* Switches are passed at the same time if their times differ by less than this fraction of the motion's duration. */
+/* Switches count as simultaneous if their times differ by less than this fraction of the motion's duration. */
 static const scalar AT_THE_SAME_TIME = 1e-9;
 
-/* Derivatives depend on the order of simultaneous switches if they differ by more than this, relative to their jumps. */
+/* Relative difference of derivatives, in units of their jumps, above which they depend on the order of simultaneous switches. */
 static const scalar ORDER_MATTERS = 1e-6;
 
 enum { SLIDES = -1000 };      /* in addition to the status of functions: rates on both sides push back to a switch */
@@ -251,7 +251,7 @@ int ordernm_kind(const ordernm_problem *p);
 static inline long ordernm_whole_lines(long n) { return (n + 7)/8*8; }
 
 /* inputs.c */
-enum { ORDERNM_ORDERS = 3 };  /* time derivatives of inputs: the value, the rate, the acceleration */
+enum { ORDERNM_ORDERS = 3 };  /* time derivatives of inputs, orders 0 to 2: the value, the rate, the acceleration */
 static inline int ordernm_signals(const ordernm_system *s) { return s->ninputs - 2*s->nmoving; }
 void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h);
 scalar ordernm_next_knot(const ordernm_motion *m, scalar t);
@@ -299,7 +299,7 @@ int ordernm_undetermined(ordernm_motion *m);
 scalar ordernm_dead_point_within(ordernm_motion *m, scalar h);
 
 /* poses.c */
-static const scalar LOST = 1e300; /* condition number of a loop without rank */
+static const scalar LOST = 1e300; /* condition number of a loop that has lost rank */
 typedef int ordernm_describing(ordernm_motion *m, scalar t, const scalar *z, scalar *row);
 enum { BESIDE = 6 };
 int ordernm_find_pose(ordernm_motion *m, scalar h);
@@ -309,7 +309,7 @@ int ordernm_beside_within(ordernm_motion *m, scalar h, scalar part, long size);
 scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall);
 
 /* events.c */
-enum { EVENT_SAMPLES = 7 };  /* between the ends of a step */
+enum { EVENT_SAMPLES = 7 };  /* number of places between the ends of a step at which outputs are evaluated */
 int ordernm_crossings(ordernm_motion *m, scalar t, const scalar *z, scalar *g);
 int ordernm_look_for_events(ordernm_motion *m, trial *step);
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
@@ -356,9 +356,9 @@ void ordernm_keep_step(const ordernm_motion *m, scalar h);
 
 /* points.c */
 typedef struct {
-    int which;                /* the singular function */
+    int which;                /* index of the singular function */
     scalar part;              /* position of its zero in the step */
-    int before, after;        /* rates on this side use the current modes */
+    int before, after;        /* whether rates before and after the point use the current modes */
 } point;
 void ordernm_between(const ordernm_motion *m, scalar h, scalar x, scalar *z);
 int ordernm_next_point(ordernm_motion *m, const trial *step, point *found);

@@ -47,7 +47,7 @@ int ordernm_factorise_complex(int n, scalar *re, scalar *im, int *pivot);
 void ordernm_solve(int n, const scalar *a, const int *pivot, scalar *x, int width);
 void ordernm_solve_transposed(int n, const scalar *a, const int *pivot, scalar *x, int width);
 
-/* Solve for complex right sides x + iy, in place; z is memory for -y. */
+/* Solve for complex right sides x + iy, in place; z is scratch for -y. */
 void ordernm_solve_complex(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y, scalar *z,
     int width);
 void ordernm_solve_complex_transposed(int n, const scalar *re, const scalar *im, const int *pivot, scalar *x, scalar *y,

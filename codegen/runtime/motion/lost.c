@@ -11,7 +11,7 @@
 /* Relative difference below which derivatives of rates on both sides of a switch are equal. */
 static const scalar AGREE = 1e-10;
 
-/* A direction moves a switch if the relative motion exceeds this; residues of passed switches are smaller. */
+/* A direction moves a switch if the relative motion of the switch exceeds this limit; residues of passed switches are smaller. */
 static const scalar MOVES = 1e-7;
 
 /* A jump of a rate is suspected if its change between neighbouring stages is at least PART_OF_STEP of all its changes in the step. It is
@@ -84,7 +84,7 @@ static int resting(ordernm_motion *m, scalar end)
     return count;
 }
 
-/* Whether rates, or their derivatives along a direction, differ. */
+/* Whether two sets of rates differ, in values or in derivatives along a direction. */
 static int differ(const ordernm_motion *m, const group *g, int lane, const scalar *a, const scalar *b)
 {
     scalar largest = 0.0, apart = 0.0;
@@ -232,7 +232,7 @@ static int is_moved(const ordernm_motion *m, int n, int lane)
     return moved;
 }
 
-/* Loses all directions after such a jump, because the derivative of its time is not known. */
+/* Loses all directions after a jump of rates without a switch, because the derivative of the jump's time is not known. */
 static void look_for_jump(ordernm_motion *m, scalar h)
 {
     int which = 0, some = !m->ngroups && !m->results->lost_count;
@@ -261,7 +261,7 @@ static void look_at_points(ordernm_motion *m, const trial *step)
     }
 }
 
-/* Relative motion of the switch of m->switch_along by a direction. */
+/* Relative motion, by a direction, of the switch whose derivatives are in m->switch_along. */
 static scalar moves_switch(const ordernm_motion *m, int n, int lane)
 {
     const group *const g = m->groups + n;

@@ -63,24 +63,24 @@ typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;
     int plain_rates;                       /* the time derivatives of the coordinates are the speeds */
     long workspace;                        /* doubles */
-    int nfree_q, nfree_u;                  /* numbers of independent coordinates and speeds ... */
-    const int *free_q, *free_u;            /* ... and their indices */
+    int nfree_q, nfree_u;                  /* numbers of independent coordinates and speeds */
+    const int *free_q, *free_u;            /* indices of independent coordinates and speeds */
     int nquaternions;
     const int *quaternion;                 /* index of the first component of each in q */
     int nkept;
     const int *kept;                       /* retained closure conditions */
     int ndropped;
-    const int *dropped;                    /* conditions that were dropped as redundant ... */
-    ordernm_scalar apart;                  /* ... and their largest residual */
+    const int *dropped;                    /* indices of the conditions that were dropped as redundant */
+    ordernm_scalar apart;                  /* largest residual of the dropped conditions */
     ordernm_scalar slack;                  /* largest residual of retained conditions that are nearly redundant */
     int split;                             /* a joint has both independent and dependent speeds */
-    int nswitches;                         /* switching functions, at whose zeros forces or outputs change their branch ... */
-    const int *switch_kind;                /* ... see ORDERNM_SIGN ... */
-    const int *drives;                     /* ... whether forces (1) or prescribed motion (2) depend on them ... */
-    int nswitch_outputs;                   /* ... and pairs of a switch and an output that depends on it */
+    int nswitches;                         /* number of switching functions, at whose zeros forces or outputs change their branch */
+    const int *switch_kind;                /* kind of each switch, see ORDERNM_SIGN */
+    const int *drives;                     /* whether forces (1) or prescribed motion (2) depend on each switch */
+    int nswitch_outputs;                   /* pairs of a switch and an output that depends on it */
     const int *switch_of_output;
-    int nmoving;                           /* inputs of prescribed motion ... */
-    const int *moving;                     /* ... and their indices: their rates and accelerations are the last 2*nmoving inputs */
+    int nmoving;                           /* number of inputs of prescribed motion */
+    const int *moving;                     /* indices of these inputs; the last 2*nmoving inputs are their rates and accelerations */
     /* Functions that were not generated are 0. */
     const ordernm_precise *precise;        /* must be set when ordernm_go requests it */
     ordernm_function *state_rates, *closing_step, *completion, *outputs, *switches;
@@ -124,21 +124,21 @@ typedef struct {
     const ordernm_scalar *p;  /* [np] */
     const ordernm_scalar *q, *u; /* the consistent initial state */
     int ndirections;
-    const ordernm_scalar *dq, *du; /* [ndirections][nq], [ndirections][nu]: its derivatives; 0 for zeros */
+    const ordernm_scalar *dq, *du; /* [ndirections][nq], [ndirections][nu]: derivatives of the initial state; 0 for zeros */
     const ordernm_scalar *dp; /* [ndirections][np]; 0 for zeros */
     ordernm_inputs inputs;
     ordernm_scalar start, end;
     long ntimes;
     const ordernm_scalar *times; /* increasing times of results, from start to end; ntimes 0: at every step */
-    ordernm_scalar step;      /* of ORDERNM_RK4; for other methods the first step, 0 to choose it */
-    int fixed;                /* other methods also use this step size throughout, whatever their errors */
+    ordernm_scalar step;      /* step size of ORDERNM_RK4; for other methods the first step size, 0 to choose it */
+    int fixed;                /* other methods also use the size `step` throughout, whatever their errors */
     ordernm_scalar largest_step; /* 0 for any */
     long most_steps;          /* 0 for any */
     ordernm_scalar poor;      /* condition number of loops above which the motion stops with ORDERNM_POOR between steps; 0 for any */
-    ordernm_scalar looked_at; /* until the condition number was below `poor`, the limit is three times this one */
+    ordernm_scalar looked_at; /* until the condition number was below `poor`, the limit is three times looked_at */
     ordernm_scalar rtol;
     const ordernm_scalar *atol; /* [nfree_q + nfree_u + nintegrals]; followed by the nq coordinates if nothing is independent */
-    const ordernm_scalar *atol_directions; /* [ndirections]: errors of sensitivities count, too; 0: only those of the state */
+    const ordernm_scalar *atol_directions; /* [ndirections]: tolerances of sensitivities; 0: only errors of the state count */
     int nintegrals;
     const int *integrals;     /* outputs to integrate over time */
     int nevents;
@@ -184,21 +184,21 @@ typedef struct {
     int singular;             /* status of the function that failed */
     int grazed;               /* 0, or 1 + a switch that was only touched: derivatives do not exist from there on */
     int not_held;             /* 0, or 1 + a switch that was passed although held rates are undefined after it: derivatives lack its jump */
-    int together, together_with; /* 0, or 1 + the last two switches passed at the same time, with a jump of rates or of an event's output ... */
-    ordernm_scalar together_at; /* ... and that time: if the order matters, the adjoint does not exist */
-    int ordered;              /* the order matters along a direction, whose derivatives are NaN from there on */
-    int event_together;       /* 0, or 1 + an event at the same time as the switch together_with ... */
-    int event_ordered;        /* ... and rows of events have NaN for derivatives that depend on their order */
-    int moved;                /* 0, or 1 + a switch of prescribed motion that was passed ... */
-    ordernm_scalar moved_at;  /* ... and the time: if the velocity of that motion jumps there, results lack the impulse on other
+    int together, together_with; /* 0, or 1 + the last two switches passed at the same time, with a jump of rates or of an event's output */
+    ordernm_scalar together_at; /* time of these switches: if their order matters, the adjoint does not exist */
+    int ordered;              /* the order of these switches matters along a direction, whose derivatives are NaN from there on */
+    int event_together;       /* 0, or 1 + an event at the same time as the switch together_with */
+    int event_ordered;        /* rows of events have NaN for derivatives that depend on the order of event and switch */
+    int moved;                /* 0, or 1 + a switch of prescribed motion that was passed */
+    ordernm_scalar moved_at;  /* time of that switch: if the velocity of that motion jumps there, results lack the impulse on other
                                * bodies. Python's simulate finds such a jump in advance, and ends the motion before it */
-    int late;                 /* 0, or 1 + a switch passed at a pose where a loop loses rank, at which no step can end ... */
-    ordernm_scalar late_at;   /* ... and the time: its old branch was used for a tenth of a step longer */
-    int component;            /* the state entry that limited the step size or was not finite; or see above */
+    int late;                 /* 0, or 1 + a switch passed at a pose where a loop loses rank, at which no step can end */
+    ordernm_scalar late_at;   /* time of that switch: its old branch was used for a tenth of a step longer */
+    int component;            /* the state entry that limited the step size or was not finite; or see the reasons for the end */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set by the caller: functions in long double are not available */
     ordernm_scalar condition; /* the largest condition number of the closure matrices */
-    ordernm_scalar condition_here; /* the largest one at the end of the last step */
+    ordernm_scalar condition_here; /* the condition number of the closure matrices at the end of the last step */
     ordernm_scalar next_step; /* size of the next step, s */
     ordernm_scalar coarse, coarsest, coarse_at; /* of ORDERNM_RK4 in models with loops: the sum of the steps' errors relative to the
                                * state; the largest error, and the start of its step */
@@ -244,16 +244,16 @@ int ordernm_row(ordernm_motion *motion, ordernm_results *results, ordernm_scalar
 typedef struct {
     int nfunctionals;
     long ntimes;
-    const ordernm_scalar *times;      /* increasing; of the motion, or others */
+    const ordernm_scalar *times;      /* increasing times of the weighted outputs; need not be those of the motion */
     const ordernm_scalar *weights;    /* [nfunctionals][ntimes][noutputs]; 0 for none */
     long nbehind;                     /* of outputs after jumps with inputs or at switches, at events: their increasing times, as in the */
     const ordernm_scalar *behind;     /* rows of events; steps start there */
-    const ordernm_scalar *behind_weights; /* [nfunctionals][nbehind][noutputs] */
-    const ordernm_scalar *time_weights; /* [nfunctionals][nbehind]: of these times, if a switch determines them */
+    const ordernm_scalar *behind_weights; /* [nfunctionals][nbehind][noutputs] weights of outputs at these times */
+    const ordernm_scalar *time_weights; /* [nfunctionals][nbehind] weights of the times themselves, for times that a switch determines */
     const ordernm_scalar *integral_weights; /* [nfunctionals][nintegrals]; 0 for none */
-    const ordernm_scalar *end_q, *end_u; /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
-    const ordernm_scalar *whole_q, *whole_u; /* [nq], [nu]: the state at the end, if end_q and end_u are of all entries; else 0 */
-    /* Gradients by independent entries of the initial state, parameters and inputs' values. Set to zero before. */
+    const ordernm_scalar *end_q, *end_u; /* [nfunctionals][nq], [nu]: weights of independent entries of the state at the end; 0 for none */
+    const ordernm_scalar *whole_q, *whole_u; /* [nq], [nu]: the state at the end, if end_q and end_u weight all entries; else 0 */
+    /* Gradients with respect to independent entries of the initial state, parameters and values of inputs. The caller sets them to zero. */
     ordernm_scalar *q, *u, *p, *inputs; /* [nfunctionals][nq], [nu], [np], [count][nsignals] */
     long evaluations, transposes;
     int singular;

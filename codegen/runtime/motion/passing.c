@@ -164,7 +164,7 @@ int ordernm_pass_switches(ordernm_motion *m)
         memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
         if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
         note_time(m, k, &timed);
-        if (m->modes[k] == 0.0) --m->ntogether; /* the other switch determines its time */
+        if (m->modes[k] == 0.0) --m->ntogether; /* another switch determines the time of this one */
         if (!ordernm_rates_jump(m, before, after)) {
             if (at_once) m->modes[k] = 0.0; /* rounding crosses a kink repeatedly */
             continue;

@@ -26,10 +26,10 @@ static const scalar BENT = 0.2;
 /* Distance of a stage from the point, relative to the step, below which it is at the point. */
 static const scalar HIT = 1e-12;
 
-/* Relative difference of rates, and effect of differences on the integrated state, below which rates are equal. */
+/* Rates are equal if their relative difference is below SAME, or its effect on the integrated state below ROUNDING. */
 static const scalar SAME = 2e-5, ROUNDING = 1e-9;
 
-/* Distances from the point, relative to those above; rates jump unless their changes there decrease with the distance. */
+/* Distances from the point, relative to DISTANCE. Rates jump unless their changes at a tenth of the distance fall to CONTINUOUS. */
 static const scalar BESIDE_POINT[] = {-1.0, -0.4, 0.0, 0.7};
 static const scalar CONTINUOUS = 0.3;
 
@@ -170,7 +170,7 @@ int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
         for (int i = 0; i <= PARTS; ++i) y[i] = m->singular[i*s->nswitches + k];
         if (!passes(m, step->h, k, y, &found->part)) continue;
         const int first = found->part < AT_END, last = found->part > 1.0 - AT_END;
-        if (first && !m->switched && m->results->accepted) continue; /* the previous step has found it */
+        if (first && !m->switched && m->results->accepted) continue; /* the previous step has found this point */
         found->before = !(first && m->switched), found->after = !(last && cut);
         return 1;
     }
@@ -228,7 +228,7 @@ static int is_rough_in(const ordernm_motion *m, int set, scalar h, const point *
         size = fmax(size, fmax(fabs(sides[k*AWAY][n]), fabs(ends[k])));
         bend = fmax(bend, fabs(sides[k*AWAY + AWAY - 1][n] - ends[k]));
     }
-    const scalar tends = set && both ? fmin(open[0], open[1]) : fmax(open[0], open[1]); /* farther away, rates may have an extremum on one side */
+    const scalar tends = set && both ? fmin(open[0], open[1]) : fmax(open[0], open[1]); /* farther away: a rate may have an extremum on one side */
     const scalar apart = fmax(jump <= BENT*bend ? 0.0 : jump, tends);
     return (ends[0] - ends[1])*0.0 != 0.0 || (!(apart <= SAME*size) && !(h*apart <= allowed));
 }
@@ -279,7 +279,7 @@ static scalar reach(ordernm_motion *m, scalar h, const point *at, scalar farthes
     by = 1.0/size;
     for (int n = 0; n < 20 && (here = moved_function(m, h, at, g, lane, by)) <= away; ++n) by *= 4.0;
     if (here <= away) return 0.0;
-    for (int n = 0; n < 80 && here > away; ++n) { /* it decreases with the distance or its square */
+    for (int n = 0; n < 80 && here > away; ++n) { /* the function decreases with the shift or its square */
         by *= fmin(0.5, sqrt(away/here));
         here = moved_function(m, h, at, g, lane, by);
     }

@@ -11,7 +11,7 @@
 /* Relative deviation from a straight line below which inverse condition numbers indicate a pose; constantly large condition numbers do not. */
 static const scalar STRAIGHT = 0.03;
 
-/* Relative to the step: smallest distance from a pose for stages and for the step's end. The widest gap between stages extends twice as
+/* Smallest distance from a pose for stages and for the step's end, relative to the step. The widest gap between stages extends twice as
  * far on either side. A step that starts nearer must be very small. */
 static const scalar NEAR = 0.1;
 

@@ -13,12 +13,12 @@ static const scalar FARTHEST = 5.0;
  * zero within one length of the step. Farther away it decreases with the third power of the distance. */
 static const scalar LARGER = 300.0;
 
-/* Relative to that time: shorter steps are not repeated, and no longer step ends at the zero. Rounding may put the last stage beyond the
- * zero, where derivatives of max(0, x)^1.1 are no longer small. */
+/* Step size, relative to the time in which the state changes by its size: shorter steps are not repeated, and no longer step ends at the
+ * zero. Rounding may put the last stage beyond the zero, where derivatives of max(0, x)^1.1 are no longer small. */
 static const scalar LEAST = 1e-9;
 
-/* A step that ends at the zero with too large an error is repeated over the first fraction. Constant steps have no error estimate: all are
- * repeated over HALF, and after the zero no step is longer than EVEN times the distance to it. */
+/* A step that ends at the zero with too large an error is repeated with TOWARDS times its size. Constant steps have no error estimate: all
+ * are repeated over HALF, and after the zero no step is longer than EVEN times the distance to the zero. */
 static const scalar TOWARDS = 0.8, HALF = 0.5, EVEN = 0.99;
 
 /* Distance between an end of the step and the zero of the switch with the monitored function e, in step lengths, by its local rate. */
@@ -82,7 +82,7 @@ static int have_one_zero(ordernm_motion *m, const trial *step)
     return 1;
 }
 
-/* The error of derivatives in a step near such a zero; else 0. `error` is the error of the state; the step may end at the zero. Records a
+/* The error of derivatives in a step near the zero of a power or root; else 0. `error` is the error of the state; the step may end at the zero. Records a
  * step as short as LEAST that starts or ends at the zero of a root. Sets m->advice for the step size. */
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error)
 {
@@ -145,7 +145,7 @@ int ordernm_beside_root(ordernm_motion *m, const trial *step)
 /* Rates change like a power of the distance from the zero. The exponent is found from three distances, relative to the step. */
 static const scalar FAR = 1.0, NEARER = 0.1;
 
-/* Exponents above the first count as 1; smaller changes than the second, relative to the largest rate, count as zero. */
+/* Exponents above POWER_OF_ONE count as 1; changes below NO_CHANGE, relative to the largest rate, count as zero. */
 static const scalar POWER_OF_ONE = 0.95, NO_CHANGE = 1e-8;
 
 /* Change of rates between one end of the step and a place in it, in tolerances. Returns the status of a function. */

@@ -17,8 +17,8 @@
 
 enum {
     ITERATIONS = 7,
-    FIXED_ITERATIONS = 30,    /* if a smaller step is impossible */
-    LARGEST_FORMED = 24       /* order of a system whose Jacobians at the stages are formed */
+    FIXED_ITERATIONS = 30,    /* maximum number of iterations if a smaller step is impossible */
+    LARGEST_FORMED = 24       /* largest order of a system whose Jacobians at the stages are formed */
 };
 
 /* Convergence rate of Newton's method below which J is kept. */
@@ -284,7 +284,7 @@ static void go_on(struct radau *r, scalar h)
     ++r->accepted;
 }
 
-/* After a switch, nothing of the previous step is reused. */
+/* Forgets the previous step, for instance after a switch. */
 static void begin_anew(struct radau *r)
 {
     r->accepted = 0;
@@ -302,7 +302,7 @@ static void limits(ordernm_motion *m, scalar *limit, scalar *usual)
     *limit = m->ngroups || p->fixed || m->results->steps ? fmax(least, CLOSER**usual) : *usual;
 }
 
-/* The end of the step from its stages; closes the loops if derivatives need this. */
+/* Computes the end of the step from the stages; closes the loops if derivatives are needed. */
 static int ends(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
@@ -402,7 +402,7 @@ static int radau_step(ordernm_motion *m, scalar h, scalar *error)
     scalar change = next_step(m, h, *error);
     if (p->fixed) *error = *error < INFINITY ? 0.0 : NAN;
     if (*error <= 1.0) {
-        /* Outputs have been computed at this state already. */
+        /* without outputs, which have been computed at this state already */
         if ((status = ordernm_rates_of(m, m->t + h, m->next, m->rate[3], 0, 0, RATES))) return status;
         r->h_accepted = h;
         r->error_accepted = fmax(1e-2, *error);

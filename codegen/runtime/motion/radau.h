@@ -19,27 +19,27 @@ struct radau {
     reduction of_step, of_stages;
     scalar *column;           /* [order][count] of -J */
     scalar *jacobian;         /* [n][n] */
-    int formed;               /* whether Jacobians at the stages are formed in every step */
-    scalar *at_stage[STAGES], *along[STAGES]; /* [n][n] these Jacobians, and derivatives of rates along S, [n][LANES] */
+    int formed;               /* whether Jacobians at the three stages are formed in every step */
+    scalar *at_stage[STAGES], *along[STAGES]; /* [n][n] Jacobians at the stages; [n][LANES] derivatives of rates along S */
     scalar *whole, *of_whole; /* [3 n][3 n] factors of the equations of all three stages, [3 n][LANES] their solutions */
     int *whole_pivot;
     scalar *real, *re, *im;   /* factors of REAL/h - J and (RE + i IM)/h - J */
     int *real_pivot, *pivot;  /* row exchanges */
-    scalar h_factored;        /* 0: no factors are available */
+    scalar h_factored;        /* step size of the factors; 0: no factors are available */
     group columns;            /* seeds of J's columns, several at a time */
     scalar *seeded, *seeded_rate;
     scalar *stage[STAGES], *last[STAGES]; /* Z of this step, and of the last accepted one */
     scalar *right[STAGES], *scratch[5];   /* [n][LANES] */
     scalar *scale;            /* [n] tolerances */
     scalar *infinite;         /* [n] 1 where a column of a Jacobian at the stages was not finite; it is replaced by zeros */
-    int tried, jacobian_here; /* J belongs to z */
-    int formed_here;          /* so does the Jacobian at the last stage of the previous step */
-    long segment;             /* of the inputs' spline, in the last tried step */
+    int tried, jacobian_here; /* jacobian_here: J was computed at z */
+    int formed_here;          /* the Jacobian at the last stage of the previous step is that at z */
+    long segment;             /* piece of the inputs' spline in the last tried step */
     long accepted;            /* number of accepted steps with a stored Z */
     scalar h_last, h_tried, t_tried;
     scalar leniency;          /* largest accepted error estimate, relative to the tolerance of the solution */
     scalar slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
-    scalar slowness_before;   /* at the start of Newton's method in this step */
+    scalar slowness_before;   /* slowness at the start of Newton's method in this step */
     scalar *of_jacobian;      /* [values] the state at which J was computed */
     scalar t_of_jacobian;
     long segment_of_jacobian;

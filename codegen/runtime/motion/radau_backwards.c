@@ -19,7 +19,7 @@
 
 enum {
     ROUNDS = 60,
-    LARGEST_FORMED = 32,      /* order of a system whose Jacobians at the stages are formed immediately */
+    LARGEST_FORMED = 32,      /* largest order of a system whose Jacobians at the stages are formed immediately */
     OLD = 0, FRESH, FORMED    /* kinds of factors, from existing ones to those of the equations themselves */
 };
 
@@ -101,7 +101,7 @@ static int equations_transposed(ordernm_adjoint *a, int n, scalar h, scalar *con
         if (status && status != DIVERGED) return status;
         const scalar changed = status ? NAN : relative(a, h, change, mu, &loose);
         if (changed <= FOUND) return 0;
-        if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) { /* also not a number without factors */
+        if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) { /* also true for NAN, if there are no factors */
             if (loose <= ROUNDED[factors] && !status) return 0;
             if (factors == FORMED) return DIVERGED;
             factors = factors == OLD && m->radau->jacobian_here ? FORMED : factors + 1;
@@ -172,7 +172,7 @@ int ordernm_radau_backwards(ordernm_adjoint *a, const scalar *row)
         if (m->identity) continue;
         ordernm_call c;
         ordernm_arguments(m, ordernm_time_of_stage(m->t, h, i), stage, &c);
-        if (m->system->split && (status = ordernm_close_loops(m, &c))) return status; /* for other joints, the loops are still closed */
+        if (m->system->split && (status = ordernm_close_loops(m, &c))) return status; /* for joints that are not split, the loops are still closed */
         memcpy(a->q[i], m->q, m->system->nq*sizeof(scalar));
     }
     if (m->system->split && (status = ordernm_settling_transposed(a, m->t + h, a->stage[STAGES - 1]))) return status;

@@ -330,7 +330,7 @@ static inline void solve_stages_lanes(ordernm_motion *m, scalar h, long at, int 
                 to[(long)by->reduced[e]*width + l] += h*(A[i][0]*x[of] + A[i][1]*y[of] + A[i][2]*z[of]);
             }
     }
-    /* rates at the end of the step, for the error of the next one */
+    /* rates at the end of the step, for the error of the next step */
     const scalar *const u = r->stage[0] + at, *const v = r->stage[1] + at, *const w = r->stage[2] + at;
     scalar *const rate = m->rate[STAGES] + at;
     for (int i = 0; i < n*width; ++i) rate[i] = (A_INVERSE[2][0]*u[i] + A_INVERSE[2][1]*v[i] + A_INVERSE[2][2]*w[i])/h;

@@ -13,7 +13,7 @@
 
 enum { SWEEPS = 15 };
 
-/* Residual of the equations for sensitivities, relative to them; and the residual that rounding may leave, relative to their size. */
+/* Change by a sweep, relative to the sensitivities, at which sweeps have converged; and the change that rounding may cause. */
 static const scalar SWEPT = 1e-14, ROUNDED = 1e-12;
 
 /* Smallest convergence rate of sweeps that is assumed from previous ones: small entries may converge more slowly. */

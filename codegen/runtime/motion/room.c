@@ -7,11 +7,11 @@
 /* Condition numbers below this are never too large. */
 static const scalar LEAST_POOR = 10.0;
 
-static const scalar LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter for constant steps */
+static const scalar LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* LEAST_TOO_POOR for constant steps */
 
 static const scheme *method_of(const ordernm_problem *p)
 {
-    const scheme *const methods[] = {&ordernm_rk4, &ordernm_dop853, &ordernm_radau}; /* in the order of their numbers */
+    const scheme *const methods[] = {&ordernm_rk4, &ordernm_dop853, &ordernm_radau}; /* in the order of the methods' numbers */
     return methods[ordernm_kind(p)];
 }
 
@@ -190,7 +190,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, scalar *room)
                 S[(s->nfree_q + i)*g->width + l] = p->du[k*s->nu + s->free_u[i]];
             for (int i = 0; p->dp && i < s->np; ++i) g->dp[i*g->width + l] = p->dp[k*s->np + i];
             if (ordernm_finite_along(S, s->nfree_q + s->nfree_u, g->width, l)) continue;
-            m->lost[n*LANES + l] = NAN; /* lost in a previous motion */
+            m->lost[n*LANES + l] = NAN; /* the direction lost its derivatives in a previous motion */
             for (int i = 0; i < s->nfree_q + s->nfree_u; ++i) S[i*g->width + l] = 0.0;
         }
     }
@@ -198,12 +198,12 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, scalar *room)
     /* rounding errors of closure conditions change dependents in proportion to the condition number, and rates in proportion to its square */
     const scalar rounding = fmax(1.0, s->nloops);
     m->poor = m->poor_rates = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
-    /* in long double, in proportion to its cube, because coordinates are rounded to double; predictions distinguish branches farther apart */
+    /* in long double, rates change with the cube, because coordinates are rounded to double; predictions distinguish branches farther apart */
     const scalar by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
-    /* lengths that should be equal differ by this much if constants in double precision were rotated */
+    /* rotated constants in double precision: equal lengths differ by rounding */
     m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
-    /* speeds have rounding errors times the condition number, in long double times its square */
+    /* rounding errors of speeds grow with the condition number, in long double with its square */
     m->hopeless = fmax(fmin(0.1*p->rtol/2.2e-16, sqrt(0.1*p->rtol/(5.4e-20*rounding))), LEAST_HOPELESS);
     m->pose = m->refused_pose = m->root_end = -INFINITY;
     m->mark = p->start;

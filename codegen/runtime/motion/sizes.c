@@ -28,7 +28,7 @@ long ordernm_step_size(const ordernm_problem *p)
     const ordernm_system *s = p->system;
     const int kind = ordernm_kind(p), stages = kind == ORDERNM_RK4 ? RK4_STAGES : kind == ORDERNM_DOP853 ? DOP853_STAGES : RADAU_STAGES;
     const long state = s->nq + s->nfree_u + p->nintegrals;
-    /* with stages other than its start; for explicit methods also coordinates with closed loops, and the first rate */
+    /* stages other than the start; for explicit methods also coordinates with closed loops, and the first rate */
     const long of_stages = kind == ORDERNM_RADAU ? stages*state : (stages - 1)*(state + (s->closing_step ? s->nq : 0)) + state;
     return ordernm_head_size(p) + state + of_stages;
 }

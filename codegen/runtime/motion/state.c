@@ -170,7 +170,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         m->results->condition_here = condition;
         before = residual;
         m->precise = condition > m->poor_rates || precisely;
-        m->precise_values = m->method->gives_rate ? m->precise : precisely; /* implicit methods solve with both */
+        m->precise_values = m->method->gives_rate ? m->precise : precisely; /* implicit methods need values and derivatives of equal precision */
         if (m->precise && !s->precise) m->imprecise = 1, m->precise = m->precise_values = 0;
         if (condition > m->poor && !precisely && s->precise) {
             precisely = 1;
@@ -205,7 +205,7 @@ int ordernm_rates_of(ordernm_motion *m, scalar t, const scalar *z, scalar *rate,
     if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
     c.udot = m->identity ? rate + s->nq : m->udot;
-    const int apart = m->precise != m->precise_values; /* values differ from those computed with derivatives */
+    const int apart = m->precise != m->precise_values; /* values have another precision than derivatives */
     if (rates && !ngroups && (status = ORDERNM_VALUES_OF(m, state_rates)(&c))) return status;
     for (int n = 0; n < ngroups; ++n) {
         const group *g = groups + n;

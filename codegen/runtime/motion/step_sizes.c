@@ -24,7 +24,7 @@ static const scalar STABLE = 4.5;
 enum { FAST_STEPS = 50 };
 static const scalar NEARLY_STABLE = 2.0;
 
-/* Error of a step that must be rejected: rates jump between its last two stages, which are both at its end. */
+/* Error of a step that must be rejected: rates jump between the last two stages, both at the step's end. */
 static const scalar JUMPS = 1e3;
 
 /* The first step size (E. Hairer, S. P. Norsett, G. Wanner, section II.4). Returns the status of a function. */
@@ -66,11 +66,11 @@ int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h)
 
 /* A step with an error above STEEP may pass a layer in which rates change steeply, such as tanh(u/1e-4) where u changes its sign. Across an
  * unresolved layer errors of derivatives are about the root of those of the state. With derivatives, errors up to the end of that step are
- * therefore multiplied by the square of its error, at most by MORE, and not so that their rounding counts. Near a pose where a loop loses
+* therefore multiplied by the square of its error, at most by MORE or by a factor that rounding permits. Near a pose where a loop loses
  * rank, at a condition above POOR, steps shrink for another reason. */
 static const scalar STEEP = 3.0, MORE = 1e4, ROUNDED_ERROR = 1e-14, POOR = 30.0;
 
-/* Multiplies the error of a step in such a layer. Errors that fall by less than the step does are rounding: then no more. */
+/* Multiplies the error of a step in a steep layer. If the error falls by less than the step size, it is rounding: this ends the layer. */
 void ordernm_count_more(ordernm_motion *m, trial *step)
 {
     if (!m->derived || !m->adaptive || m->t >= m->layer_end || !(step->error > 0.0 && step->error < INFINITY)) return;
@@ -82,10 +82,10 @@ void ordernm_count_more(ordernm_motion *m, trial *step)
         return;
     }
     step->error *= more;
-    if (m->advice > 1.0) m->advice = 0.0; /* an implicit method has not seen this error */
+    if (m->advice > 1.0) m->advice = 0.0; /* an implicit method's advice ignores this larger error */
 }
 
-/* A refused step notes where the layer ends that it passes, and how steep that is. */
+/* Records the end of a steep layer that a rejected step passes, and the factor on errors in it. */
 void ordernm_note_layer(ordernm_motion *m, const trial *step)
 {
     const scalar error = step->error;

@@ -7,11 +7,10 @@
 /* Limits of condition numbers if derivatives are needed, forward or by the adjoint. Near a pose, rounding changes derivatives by its size
  * times condition number^3, times a factor of ten to a hundred; but both methods must agree to rounding. A condition number that is
  * always large follows from the mechanism's proportions and is harmless. So the limit is a multiple of the smallest condition number so
- * far: the first for the method of order 8, the second for others, and never above the third. The last is the limit for all stages. */
+ * far, WORSE_IN_LONG_STEPS for the method of order 8, and at most POOR_IN_ANY_CASE. TOO_POOR_FOR_DERIVATIVES limits all stages. */
 static const scalar WORSE_IN_LONG_STEPS = 2.5, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 50.0;
 
-/* Derivatives are needed from here on, forward or by the adjoint; `best` is the smallest condition number at the start of a step so far.
- * */
+/* Sets limits for derivatives, forward or by the adjoint; `best` is the smallest condition number at the start of a step so far. */
 void ordernm_take_derivatives(ordernm_motion *m, scalar best)
 {
     const scalar worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;

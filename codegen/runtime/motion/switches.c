@@ -193,12 +193,12 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
             m->modes[k] = mode;
             if ((status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES))) return status;
             if ((status = ordernm_switch_speed(m, t, z, rate, k, way + 1 + mode))) return status;
-            if (n == 0 && fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) break; /* it is not zero */
+            if (n == 0 && fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) break; /* the switching function is not zero */
         }
         if (fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) m->modes[k] = side;
         else if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
         else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
-        else if (way[1] == 0.0) m->modes[k] = 0.0; /* it rests there */
+        else if (way[1] == 0.0) m->modes[k] = 0.0; /* the motion rests at the switch */
         else if (way[2] < 0.0) {
             m->results->component = k;
             return SLIDES;
@@ -221,7 +221,7 @@ void ordernm_touch(ordernm_motion *m, scalar t, int k)
 }
 
 /* Held rates may be undefined after a switch, such as the root of a negative number. If smaller steps have not helped, a step is made
- * without held modes, in the actual branches of its states. Returns whether this is to be done. */
+ * without held modes, in the actual branches of its states. Returns whether to make such a step. */
 int ordernm_let_go(ordernm_motion *m)
 {
     int held = 0;
