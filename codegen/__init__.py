@@ -54,5 +54,5 @@ __getattr__ = deferred(__name__, _PLACES)
 
 
 def __dir__() -> list[str]:
-    # completion shows them before they are imported
+    # completion shows the names before they are imported
     return sorted({*globals(), *__all__})

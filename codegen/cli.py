@@ -202,7 +202,7 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
     lines = list_model(model, options.verbose)
     try:
         lines += [f"  {line}" for line in _choice(model, options.model, status, regions=True)]
-    finally:  # also if loops cannot be closed
+    finally:  # write the lines even if loops cannot be closed
         status.close()
         write_lines(lines, sys.stdout)
     return OK

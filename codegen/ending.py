@@ -74,7 +74,7 @@ class Ending:
             signal.SIGINT: signal.default_int_handler,
         }
         before = {}
-        with contextlib.suppress(ValueError):  # not in the main thread, where the application has its own handlers
+        with contextlib.suppress(ValueError):  # outside the main thread, the application has its own handlers
             for number, handler in usual.items():
                 if signal.getsignal(number) == handler:  # a signal ignored by nohup stays ignored
                     before[number] = signal.signal(number, self.handle)

@@ -70,7 +70,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
         listed = manifest.get("files", ()) if isinstance(manifest, dict) else ()
         listed = {str(n) for n in listed} if isinstance(listed, list) else set()
         found = list(_names(folder, {str(above) for n in listed for above in PurePath(n).parents}))
-    except (OSError, RuntimeError) as error:  # a link to itself
+    except (OSError, RuntimeError) as error:  # a symbolic link to itself
         raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
     if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
         if force or not found:
@@ -155,7 +155,7 @@ def _keep_libraries(old: Path, new: Path) -> None:
     """Copies compiled libraries if the C code has not changed."""
     not_compiled = {
         f"{source.stem}_model.h" for source in new.glob("*.c")
-    }  # defaults and the initial state, for callers only
+    }  # headers with defaults and the initial state, for callers only
     for source in new.glob("*.[ch]"):
         if source.name in not_compiled:
             continue
@@ -187,7 +187,7 @@ def put_right(folder: Path) -> None:
     """
     try:
         folder = folder.resolve()
-    except (OSError, RuntimeError):  # a link to itself, which `refuse_foreign` reports
+    except (OSError, RuntimeError):  # a symbolic link to itself, which `refuse_foreign` reports
         return
     hidden = re.compile(rf"\.{re.escape(folder.name)}-(new|old)-\d+-[0-9a-f]+")
     with contextlib.suppress(OSError), os.scandir(folder.parent) as entries:

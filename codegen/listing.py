@@ -168,7 +168,7 @@ class _Listing:
         for key, value in zip(e.keys, e.coefficients, strict=True):
             stem, listed, _ = key.partition("[")
             keyed.setdefault(stem + listed, []).append(self.long(value))
-        if len(keyed) > 1:  # among several lists, those with zeros only are omitted
+        if len(keyed) > 1:  # of several lists, lists of zeros are omitted
             keyed = {key: values for key, values in keyed.items() if not key.endswith("[") or set(values) != {"0"}}
         parts = [self._keyed(key, values) for key, values in keyed.items()]
         return f"{e.name}: {where}{about}; {', '.join([*parts, *e.remarks])}"

@@ -183,7 +183,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         for path, write in writers if len(trajectory) else ():
             status(f"writing {path}", 0, 0)
             try:  # an error here affects neither other files nor the table
-                refuse_foreign_file(path, options.force)  # tested again, because a motion may take hours
+                refuse_foreign_file(path, options.force)  # the path is tested again, because a motion may take hours
                 write(trajectory)
                 done.written.append(path)
             except (OSError, ValueError) as error:  # a model without coordinates cannot be plotted

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 Timed = Callable[[], float]
-"""Does some work and returns its time in seconds; or returns the time."""
+"""A contestant does some work and returns its duration, s; a clock returns the present time, s."""
 
 
 @dataclass(frozen=True)

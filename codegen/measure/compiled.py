@@ -128,7 +128,7 @@ class Workshop:
 
     @cached_property
     def all_flags(self) -> list[str]:
-        """The flags, with those that exclude instructions."""
+        """Compiler flags, including the flags that exclude instructions."""
         return [*self.flags, *INSTRUCTIONS[self.instructions]]
 
     @property
@@ -227,7 +227,8 @@ class Timing(Rounds):
         return f"{self.median / per * 1e9:.{0 if per == 1 else 1}f} ({self.level})"
 
     def beside(self, other: Timing) -> list[str]:
-        """Cells of a table: the median, the other's name and median, the ratio, and the range of ratios in single rounds."""
+        """Cells of a table: the median, name and median of the other contestant, the ratio, and the range of ratios in
+        single rounds."""
         ratios = self.ratios(other)
         spread = f"{min(ratios):.3f} to {max(ratios):.3f}"
         return [self.nanoseconds(), other.name, other.nanoseconds(), f"**{self.ratio(other):.3f}**", spread]
@@ -250,7 +251,7 @@ def add_options(parser: argparse.ArgumentParser, rounds: int = 9, batches: int =
 
 
 def workshop(options: argparse.Namespace) -> Workshop:
-    """The workshop for these options."""
+    """The workshop for the options of a script."""
     return Workshop(options.cache, options.instructions)
 
 

@@ -150,7 +150,7 @@ PAGE = 512
 """Doubles in a page of memory, within which addresses differ in the bits that a core compares first."""
 
 IN_CACHE, IN_MEMORY = 1536, 8_000_000
-"""Lengths of the two arrays whose sums are measured: in the first cache, and far beyond the last one."""
+"""Lengths of the two arrays whose sums are measured: in the first cache, and far beyond the last cache."""
 
 
 @dataclass(frozen=True)

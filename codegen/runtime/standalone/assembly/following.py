@@ -224,7 +224,7 @@ class Follower:
         """Rates (n, nq), per line, that bring the shared coordinates to their values at the end of the line."""
         aim = np.zeros_like(q)
         aim[:, self.shared] = (line.shared - q)[:, self.shared] / (1.0 - s)[:, None]
-        for i in self.newton.quaternions:  # tangential to the unit sphere
+        for i in self.newton.quaternions:  # rates of a quaternion are tangential to the unit sphere
             e = q[:, i : i + 4]
             aim[:, i : i + 4] -= e * (e * aim[:, i : i + 4]).sum(axis=1, keepdims=True)
         return aim

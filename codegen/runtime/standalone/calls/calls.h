@@ -81,7 +81,7 @@ static long kept(int seed)
     return (long)KEPT << (seed - FIRST_SEED);
 }
 
-/* m rows of a seed, from row `start` on, with the direction as the last index; zeros if it is missing. */
+/* m rows of a seed, from row `start` on, with the direction as the last index; zeros if the seed is missing. */
 static void spread(number *lanes, number *const *x, long given, int seed, long start, long m, int width)
 {
     const long n = size[seed], step = step_of(x, seed, n);
@@ -98,7 +98,7 @@ static void gather(number *rows, long step, const number *lanes, long n, long m,
         for (int l = 0; l < m; ++l) rows[l*step + i] = lanes[i*width + l];
 }
 
-/* Calls a function along k directions, several at a time, or once if it has none. */
+/* Calls a function along k directions, several at a time, or once if the function has no directions. */
 static int run(const function *f, number *const *x, long given, double t, long k)
 {
     if (unfit(x, given, t, k)) return UNFIT;

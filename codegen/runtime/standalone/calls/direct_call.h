@@ -207,7 +207,7 @@ static long take_seed(const Call *c, const taken *a, PyObject *x, long k, long s
     return rows;
 }
 
-/* Numbers of states and directions; 0 states for a single one without an axis. */
+/* Numbers of states and directions; 0 states for a single state without an axis. */
 static int count(const Call *c, PyObject *given, PyObject *seeds, long *states, long *k)
 {
     *states = *k = 0;

@@ -53,7 +53,7 @@ BESIDE = {
 """Functions of selected points, and the functions whose libraries contain them."""
 
 SELECTIVE = ("jacobians",)
-"""Functions that skip results which are not requested, except the first one."""
+"""Functions that skip results which are not requested, except the first result."""
 
 MEMBERS = {
     "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",

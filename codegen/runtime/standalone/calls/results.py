@@ -74,7 +74,7 @@ def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
 
 
 def put(results: Sequence[Array], out: Sequence[Array]) -> list[Array]:
-    """Copies results into the arrays of ``out``, if there are any, and returns those."""
+    """Copies results into the arrays of ``out``, if there are any, and returns these arrays."""
     for place, result in zip(out, results, strict=False):
         if place is not result:
             place[...] = result

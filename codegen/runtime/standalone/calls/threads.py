@@ -70,7 +70,7 @@ def processors() -> int:
 
 
 def _in_pool_of_processes() -> bool:
-    """Whether `multiprocessing` started this process. In such a process it has already been imported."""
+    """Whether `multiprocessing` started this process. Such a process has already imported `multiprocessing`."""
     module = sys.modules.get("multiprocessing.process")
     return module is not None and module.parent_process() is not None
 

@@ -178,7 +178,7 @@ class Viewer:
     def __init__(self, title: str, scene: Scene, poses: Poses, folder: Path, port: int = 0):
         viser = need()
         self.title, self.poses, self.meshes = title, poses, Meshes(folder)
-        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner
+        with contextlib.redirect_stdout(io.StringIO()):  # hides the banner that viser prints
             self.server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), label=f"ordernm: {title}")
         self.url = f"http://127.0.0.1:{self.server.get_port()}"
         self.server.scene.set_up_direction("+z")

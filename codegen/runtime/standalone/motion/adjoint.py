@@ -52,7 +52,7 @@ def segment_backwards(
     """
     library, ffi, system = motion
     problem, m = segment.problem, len(weights)
-    # repeated steps must use the same functions as the original ones
+    # repeated steps must use the same functions as the original steps
     system.precise = ffi.cast("const ordernm_precise *", segment.precise)
     c = problem.in_c(ffi, system)
     shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, *problem.inputs.values.shape)]

@@ -225,7 +225,7 @@ class Simulation(Reasons):
             gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
                 closed = self.states.assemble(*at)
-                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # redundant conditions change less
+                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # not only redundant conditions are open
                     warn(
                         f"the initial state does not close the loops (scaled residual {gap:.3g}); "
                         f"dependent coordinates have been changed"

@@ -59,7 +59,7 @@ def _scaled(values: Array, finite: NDArray[np.bool_], low: float, high: float) -
     """Maps values to the range from low to high; to its middle if all values are equal."""
     least, most = float(np.min(values[finite])), float(np.max(values[finite]))
     with np.errstate(all="ignore"):
-        # halved, since the difference may overflow
+        # values are halved, since their difference may overflow
         span = most / 2 - least / 2
         share = (values / 2 - least / 2) / span if span > 0 else np.full(len(values), 0.5)
     return low + (high - low) * share

@@ -28,7 +28,8 @@ MODES = {
     **dict.fromkeys(("ppc64le", "ppc64", "s390x"), (2, 3)),
     "riscv64": (3, 2), "loongarch64": (0x200, 0x300),
 }  # fmt: skip
-"""Arguments of ``fesetround`` for `DIRECTED`, by processor: a field of its control register. Rounding to nearest is 0 on all."""
+"""Arguments of ``fesetround`` for `DIRECTED`, by processor: a field of its control register. Rounding to nearest is 0
+on all processors."""
 
 NEAREST = 0
 
