@@ -20,7 +20,7 @@ MAX_STRETCHES = 24
 
 
 IDLE = -1
-"""Placeholder for a kind without a block in a sweep."""
+"""Entry of the pattern for a kind that has no block in a sweep."""
 
 
 class SweepWriter(Language):

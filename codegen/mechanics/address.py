@@ -155,7 +155,7 @@ class SystemAddresses(Addresses):
         return self.of_links(kind, sweep, store, "NUMBER")
 
     def _coupling(self, kind: UnitKind, store: Store) -> Row:
-        """Memory of a coupling that ends with the unit, or to which the unit contributes."""
+        """Memory slot of a coupling that ends with the unit, or to which the unit contributes."""
         elimination, place = self.system.regions.elimination, store.place
         assert place is not None
         units = [elimination.partners[i] for i in kind.units]
@@ -274,7 +274,7 @@ class SystemAddresses(Addresses):
         return self.layout.constant_offsets[index] if self.numbered else index
 
     def stopped_at(self, kind: Kind, sweep: str, name: str) -> Row:
-        """The link that an error names if the j-th pivot is zero; after the links come loops, then force elements."""
+        """Number to report if the j-th pivot is zero: of a link, loop or force element, counted in this order."""
         assert isinstance(kind, UnitKind)
         regions, links = self.system.regions, len(self.system.links)
         if isinstance(kind, RegionKind):

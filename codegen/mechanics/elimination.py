@@ -149,7 +149,7 @@ class SymmetricSystem:
         for i in others:
             p[i] = let(f"{kept.force}{self.labels[i]}", p[i] + G[i] * r, "Eq. 45")
         if s.lead in left:
-            # without a rotor the leading row is minus the sum of the others times s; it is zero if s has no other components
+            # without a rotor the leading row is minus the sum of other rows times s: zero if s has one component
             for k in (*others, s.lead):
                 name = f"{kept.entry}{self.labels[s.lead]}{self.labels[k]}"
                 along = rotor * (U[k] * inverse if k == s.lead else G[k]) if geared else 0

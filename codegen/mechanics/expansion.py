@@ -175,7 +175,7 @@ def _written(patterns: Patterns, field_use: FieldUse, sweep: Sweep, kind: UnitKi
 def _timed(
     program: Program, sweeps: list[Sweep], stage: str, progress: Progress, done: int = 0, rounds: int = 1
 ) -> Iterator[Sweep]:
-    """The sweeps of one of several rounds, one by one; reports progress and measures the time spent on each."""
+    """The sweeps of one of several rounds, one by one; reports progress and measures each sweep's time."""
     for step, sweep in enumerate(sweeps, 1 + done * len(sweeps)):
         progress(stage, step, rounds * len(sweeps))
         clock = time.perf_counter()
@@ -185,7 +185,7 @@ def _timed(
 
 
 def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Block) -> None:
-    """Check that stored values agree with the pattern, from which other blocks take zeros and known numbers."""
+    """Check that stored values agree with the pattern: other blocks read zeros and known numbers from the pattern."""
     for store, name, value in block.stores:
         if patterns.reach.of(kind, sweep, store) is None:
             continue

@@ -188,7 +188,7 @@ def slopes_of(tree: Tree, optional: bool = False) -> list[tuple[Tree, Tree]] | N
 
 
 def force_formulas(system: System) -> list[Formula]:
-    """Joint forces, summed for each degree of freedom; the target index is that of the speed."""
+    """Joint forces, summed for each degree of freedom; the target index is the index of its speed."""
     trees: dict[int, Tree] = {}
     hold = system.model.switches.hold
     for forces in system.force_of.values():

@@ -30,10 +30,10 @@ LONGEST, LONGEST_ALONG = 1000, 300
 directions: in short loops only, values common to all directions stay in registers."""
 
 OF_LINKS = RECORD, KEPT[RECORD], SLOT
-"""Memory of links that the ground has, too."""
+"""Memory that the ground has as well as links."""
 
 GRAVITY = argument("gravity")
-"""Minus the acceleration of gravity. In functions of single links it is in the record of the ground."""
+"""Minus the acceleration of gravity; functions of single links read this from the record of the ground."""
 
 
 def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
@@ -79,7 +79,7 @@ class _Merging:
     Attributes
     ----------
     first : dict of address to (Store, str)
-        The component that represents all those with this address.
+        The component that represents all components with this address.
     of : dict of Store to (kind, Store)
         See `Merged`.
     shared : set of (Store, str)

@@ -25,7 +25,7 @@ def accumulate(x: Scope, store: Store, field: Field[V], value: V, first: bool, t
 def accumulate_force(
     x: Scope, store: Store, field: Field[Vector], value: Vector, first: bool, tag: str, lanes: bool = False
 ) -> None:
-    """Add a moment and a force to those of another object, component by component, moments and forces in turn."""
+    """Add a moment and a force to a field of another object, component by component, moments and forces in turn."""
     parts = field.scalars()
     for i in (0, 3, 1, 4, 2, 5):
         accumulate(x, store, parts[i], value[i], first, tag, lanes)

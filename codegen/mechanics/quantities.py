@@ -65,7 +65,7 @@ GRAVITY = Quantity(
 """Potential energy of gravity."""
 COEFFICIENTS = Formulas("element_coefficients", ("coefficient",))
 DRIVES = Formulas("drives", ("drive",))
-"""Coefficients of force elements: of those with an energy, and of the others."""
+"""Coefficients of force elements with an energy, and of force elements without."""
 ELEMENTS = Quantity(
     "elements",
     (COEFFICIENTS, *run("element_energy")),

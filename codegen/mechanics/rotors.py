@@ -42,7 +42,7 @@ def rotor_force_change(x: Scope, kind: LinkKind, j: int) -> Value:
 
 
 def transmitted_along(x: Scope, kind: LinkKind, j: int) -> Value:
-    """Force that a joint transmits along a degree of freedom: its own force minus that of its rotor."""
+    """Force that a joint transmits along a degree of freedom: its own force minus the force of its rotor."""
     tau: Value = x.entry(TAU, j) if kind.forced[j] else 0
     a = rotor(x, kind, j)
     return tau if is_zero(a) else x.let("tau", tau - a * x.entry(UDOT, j), "Eq. 47")

@@ -141,7 +141,7 @@ COEFFICIENT, DCOEFFICIENT = (
 )
 """Coefficients of force elements with an energy; they depend on time and inputs only if the energy does."""
 DRIVE, DDRIVE = Store("drive", ELEMENT, COEFFICIENTS), Store("ddrive", ELEMENT, COEFFICIENTS_LANE)
-"""Coefficients of other force elements."""
+"""Coefficients of force elements without an energy."""
 
 TANGENT_OF = {
     SPEEDS: DU,

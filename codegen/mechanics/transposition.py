@@ -39,7 +39,7 @@ def kept(store: Store) -> Store:
 
 
 def _names(blocks: Iterable[Block], stored: bool) -> set[Name]:
-    """Components that blocks store, or load."""
+    """Components that blocks store (`stored`) or load."""
     if stored:
         return {(a.memory, n) for b in blocks for a, n, _ in b.stores}
     return {(a.memory, n) for b in blocks for a, n in b.loads.values()}
@@ -65,7 +65,7 @@ def transpose_sweeps(
     wanted = set[Name]().union(*read.values(), _names(formulas, False))
     before = set[Name]()
     for sweep in chosen:
-        before = before | written[sweep]  # stored by this sweep or an earlier one
+        before = before | written[sweep]  # scalars that this sweep or an earlier one has stored
         several = set[Name]().union(*(w for s, w in written.items() if s != sweep))
 
         def holds(store: Store, name: str, before: set[Name] = before) -> bool:

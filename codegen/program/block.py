@@ -157,7 +157,7 @@ class Scope(ABC):
 
     @abstractmethod
     def name(self, name: str, value: Value, tag: str = "") -> Value:
-        """Name a value even if this is only a copy; copy propagation removes it again."""
+        """Name a value even if the name is only a copy; copy propagation removes the copy."""
 
     def either(self, name: str, value: Value, otherwise: Value, tag: str = "") -> Value:
         """Name a value, or the alternative `otherwise` where that is cheaper or the value reads something that nothing else
@@ -416,7 +416,7 @@ class StructuralExpansion(Scope):
         self._nonzero = nonzero
         self._known = known
         self.stored: dict[Component, int | None] = {}
-        """The constant value 0, 1 or -1 of each component, or None if it varies."""
+        """The constant value 0, 1 or -1 of each component; None for a component that varies."""
 
     def component(self, store: Store, name: str) -> Value:
         if not self._nonzero(store, name):
@@ -427,7 +427,7 @@ class StructuralExpansion(Scope):
     def set_component(self, store: Store, name: str, value: Value) -> None:
         value = self.let(name, value)
         if store.adds:
-            # another block may add to it, too, so its value is unknown
+            # another block may also add to this component, so its value is unknown
             value = ANY if value else 0
         number = value if isinstance(value, int) else None
         key = store, name

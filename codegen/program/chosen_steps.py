@@ -1,4 +1,4 @@
-"""Procedures with the steps that a target takes, without those that have nothing to do, and their routines."""
+"""Procedures with the steps that a target takes, without steps that have no effect; and their routines."""
 
 from __future__ import annotations
 

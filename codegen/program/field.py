@@ -86,7 +86,7 @@ class Readable(ABC, Generic[V_co]):
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """Readable name."""
+        """Readable name of the field."""
         return (self.name,)
 
     @cached_property
@@ -96,7 +96,7 @@ class Readable(ABC, Generic[V_co]):
 
     @property
     def identifiers(self) -> tuple[str, ...]:
-        """Names of the components in generated code, in order; those of families contain ``{}`` for numbers."""
+        """Names of the components in generated code, in order; in families, numbers are ``{}``."""
         rest = (c.removeprefix(self.name) for c in self.components)
         return tuple(f"{self.called}{end}".replace(".", "_") for end in rest)
 

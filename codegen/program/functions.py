@@ -29,7 +29,7 @@ from .algebra import (
 from .digits import are_long, number, value_of
 
 MULTIPLIED = 16
-"""Powers up to this one are written as products."""
+"""Integer powers up to this exponent are written as products."""
 
 
 def computed(compute: Callable[[], float]) -> Expr:
@@ -204,7 +204,7 @@ def slope(e: Function, place: int) -> Expr:
         return expression(BY_SYMBOL[e.name].slopes[place](_FUNCTIONS, e, *e.args))
     x = e.args[0]
     match e.name:
-        case "HeldAngle":  # steps end where y is zero, and x may be zero there
+        case "HeldAngle":  # integration steps end where y is zero, and x may be zero at that state
             y, x, _ = e.args
             inverse = 1 / (x**2 + y**2)
             return (Vanishing(x, inverse), -Vanishing(y, inverse), ZERO)[place]

@@ -174,7 +174,7 @@ def share_factors(block: Block) -> Block:
 
 
 def _named_part(term: Expr, named: Mapping[Expr, Statement], s: Statement) -> Statement | None:
-    """The statement that names some factors of a product: the one that saves most, quotients first."""
+    """Among statements that name some factors of a product, the statement that saves most, quotients first."""
     if not term.is_Mul or len(term.args) < 3 or len(term.args) > MOST_FACTORS:
         return None
     found = []

@@ -125,7 +125,7 @@ class Zero:
 
 @dataclass(frozen=True, slots=True)
 class Copy:
-    """Copy all entries; if one of them is a result, its only memory is the caller's."""
+    """Copy all entries of an array; if one of the arrays is a result, its only memory is the caller's."""
 
     to: Array
     of: Array
@@ -133,7 +133,7 @@ class Copy:
 
 @dataclass(frozen=True, slots=True)
 class CopyEntry:
-    """Copy one entry."""
+    """Copy one entry of an array."""
 
     to: Array
     index: int
@@ -143,7 +143,7 @@ class CopyEntry:
 
 @dataclass(frozen=True, slots=True)
 class AddEntry:
-    """Add one entry to another."""
+    """Add one entry of an array to an entry of another."""
 
     to: Array
     index: int
@@ -170,7 +170,7 @@ class Combine:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Return here if a pivot was zero."""
+    """Return from the function at this step if a pivot was zero."""
 
     lanes: bool = False
 

@@ -96,7 +96,7 @@ def read_apart(procedure: Procedure, array: Array) -> bool:
 
 
 def _place(found: Memory, together: dict[Array, set[Array]]) -> None:
-    """Place each array of a call at the first offset where no array lies that is used at the same time."""
+    """Place each array of a call at the first offset that overlaps no array used at the same time."""
     for array, others in together.items():
         at = 0
         for other in sorted((o for o in others if o in found.own), key=lambda o: found.own[o]):

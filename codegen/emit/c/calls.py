@@ -22,7 +22,7 @@ INTERNAL = ("closure", "conditions", "newton_step")
 """Functions whose results may be infinite; their callers check them."""
 
 _WITH_DEFAULT = ("p", "inputs")
-"""Optional arguments."""
+"""Arguments that callers may omit."""
 
 
 def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:

@@ -86,7 +86,7 @@ def batch_lines(procedures: Iterable[tuple[Procedure, int | None]]) -> dict[str,
 
 
 def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]:
-    """Arrays of the struct of a batch, in order: those that are only read, then those that some function writes."""
+    """Arrays of the struct of a batch, in order: arrays that are only read, then arrays that some function writes."""
     procedures = list(procedures)
     written = dict.fromkeys(r.name for p in procedures for r in p.results)
     given = dict.fromkeys(a.name for p in procedures for a in (*p.arguments, *p.seeds) if a.name not in written)

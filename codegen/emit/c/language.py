@@ -120,7 +120,7 @@ class CLanguage(Writer):
     def in_row(self, variable: str, region: str, row: str, sweep: str, name: str) -> Located:
         """Place of a component in a row whose memory is laid out."""
         if region == "near":
-            # numbers, not a struct: if compilers can distinguish these from records, they move loads until registers run out
+            # a plain array, since compilers that can tell it from records move loads until registers run out
             place = f"[{near_name(self.layout.near_forms[sweep], name)}]"
             return Located(
                 variable,
@@ -131,7 +131,7 @@ class CLanguage(Writer):
         start, type_ = f"&a->{region}[{row}]", TYPES[region]
         if region in LANE_REGIONS:
             type_ = f"DIRECTIONS({type_})"
-        # through the union, so that compilers know that sweeps share this memory
+        # access goes through the union, so that compilers know that sweeps share this memory
         of = f"{self.layout.slot_forms[sweep]}." if region == "slots" else ""
         return Located(variable, start, f"->{of}{identifier(name)}", type_)
 

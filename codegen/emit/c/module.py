@@ -84,7 +84,7 @@ class CWriter(CPrepared):
         _ = self.swept
         of_sweeps = self.regions()
         own = [("own", False, memory.size)] if memory.size else []
-        # the call's own arrays come before the lanes: after them, some functions would be a tenth slower
+        # the call's own arrays precede the lanes; behind the lanes, some functions would be a tenth slower
         regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
         values: dict[str, int] = {}
         lanes: dict[str, int] = {}

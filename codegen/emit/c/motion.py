@@ -34,7 +34,7 @@ COUNTERS = {
     "kept": ("nkept", 1, True), "dropped": ("ndropped", 1, True), "moving": ("nmoving", 1, False),
     "switch_of_output": ("nswitch_outputs", 2, False),
 }  # fmt: skip
-"""Tables: the member with their length, the size of an entry, and whether an empty table is written."""
+"""For each table: the member with its length, the size of an entry, and whether an empty table is written."""
 
 MEMBERS = (
     "nq", "nu", "np", "ninputs", "noutputs", "nclosure", "nloops", "plain_rates", "workspace", "nfree_q", "nfree_u", "free_q",

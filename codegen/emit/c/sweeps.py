@@ -36,7 +36,7 @@ class CSweeps(CLanguage):
             stack(places, real),
             notes(block),
         )
-        shared = "" if lanes else self.shared_by_units(sweep)  # functions over directions are in one unit each
+        shared = "" if lanes else self.shared_by_units(sweep)  # over directions: in one unit only
         culprit, each = self.addresses.culprit(kinds, sweep), self.each(kinds, sweep)
         functions = []
         for i, part in enumerate(parts, 1):

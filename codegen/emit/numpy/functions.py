@@ -84,7 +84,7 @@ def count(a: Array) -> str:
 
 
 class _Lines:
-    """Writes the lines of one function; `zero` are the arrays that are still zero."""
+    """Writes the lines of one function; `zero` names the arrays that are still zero."""
 
     def __init__(self, of: NumpyFunctions, zero: frozenset[str], procedure: Procedure | None = None):
         self.functions = of

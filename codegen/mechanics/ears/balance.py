@@ -59,7 +59,7 @@ def motion_tangents(motion: Motion, tangent: Motion) -> dict[Symbol, Value]:
 
 
 def own_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
-    """Motion of a link along its own axes from that of its parent, with the joint's udot. Eqs. 18-21."""
+    """Motion of a link along its own axes, from its parent's motion and the joint's udot. Eqs. 18-21."""
     view, joint = member.view, member.joint
     carried = joint.to_child(before.w, "wp", "Eq. 18")
     w = joint.turning(carried)
@@ -211,7 +211,7 @@ def add_closing_wrenches(
 ) -> tuple[list[RootForce], CouplingForces]:  # fmt: skip
     """Add the closing wrenches to the forces at the links, and propagate these and their tangents inward.
 
-    Returns the forces on the roots, and those of couplings. Changes phi and d_phi. Eqs. 9, 45.
+    Returns the forces on the roots, and the coupling forces. Changes phi and d_phi. Eqs. 9, 45.
     """
     on_roots: list[RootForce] = []
     coupling_forces = CouplingForces()
@@ -305,7 +305,7 @@ def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int, found: bool = Fal
 
 
 def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
-    """The model's own force along a degree of freedom minus that of its rotor."""
+    """The model's own force along a degree of freedom minus the force of its rotor."""
     return transmitted_along(MemberView(x, k), kind.links[k], j)
 
 

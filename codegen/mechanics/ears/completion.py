@@ -242,7 +242,7 @@ def dependent_displacements(
 def cut_displacements(
     x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector], complete: bool
 ) -> list[Twist]:
-    """Displacements of the end faces relative to the start faces, with those of the dependent joints for complete seeds."""
+    """Displacements of end faces relative to start faces; for complete seeds including those by dependent joints."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:

@@ -140,7 +140,7 @@ class EarGeometry:
         return [self._levers(c) for c in range(len(self.kind.closures))]
 
     def _levers(self, c: int) -> tuple[dict[int, Vector], dict[int, Vector]]:
-        """Vectors from the origins of the links on both sides of a loop to the cut. That of the root has the key -1."""
+        """Vectors to a loop's cut from the origins of the links on both sides; the root's vector has the key -1."""
         result: tuple[dict[int, Vector], dict[int, Vector]] = ({}, {})
         if self.kind.closures[c].is_coupling:
             return result

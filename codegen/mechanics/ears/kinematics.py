@@ -128,7 +128,7 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
 
 
 def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool) -> None:
-    """Motions of an ear's links with the sources at rest, or their `total` motions, and the forces that these require. Eq. 24."""
+    """Store the motions of an ear's links, with the sources at rest or `total`, and the forces that they require. Eq. 24."""
     motion, needed = (fields.ear_total, fields.ear_total_needed) if total else (fields.ear_remainder, fields.ear_needed)
     for k, m in enumerate(motions):
         me, constants = ME[k], link_constants(x, ear, k)

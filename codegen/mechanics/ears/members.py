@@ -81,7 +81,7 @@ class Freedom:
 
 
 def joint_motion(freedoms: Sequence[Freedom], values: Sequence[Value]) -> tuple[Vector | None, Vector | None]:
-    """Angular and linear part of a joint's motion with given rates; None where there is none."""
+    """Angular and linear part of a joint's motion with given rates; None for a part that is zero."""
     angular: Vector | None = None
     linear: Vector | None = None
     for f, value in zip(freedoms, values, strict=True):

@@ -20,7 +20,7 @@ from ..stores import EAR, RANK
 from ..structure.factor_form import FactorForm, Step
 
 SMALLEST = 1e-28
-"""Smallest square of a column after projection, relative to its square before; below it the closure matrix has lost rank."""
+"""Smallest ratio of a column's square after projection to its square before; at smaller ratios rank is lost."""
 
 
 class RankLossError(ValueError):
@@ -155,7 +155,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
         wide = [i for i, q in enumerate(f.q) if not any(e == 1 for e in q) and any(q[k] != 0 for k in left)]
         spans = sorted({k for i in wide for k in range(rows) if f.q[i][k] != 0})
         if wide and len(wide) == len(spans) - 1 <= 3 and set(left) <= set(spans):
-            # only one direction remains: it follows from the others
+            # only one direction remains, which is normal to the other columns
             last = _complement(x, [[f.q[i][k] for k in spans] for i in wide], tag)
             f.q.append([last[spans.index(k)] if k in spans else 0 for k in range(rows)])
             for i in wide:
@@ -186,7 +186,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        # this also reports a column that is nearly zero, of a joint that moves nothing in this state
+        # this check also reports a nearly zero column, of a joint that moves no face in this state
         margin = let(
             "margin", square - x.number(limits().rounding(SMALLEST, 2)) * (x.number(size * size) + above), "rank"
         )

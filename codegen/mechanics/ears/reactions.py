@@ -92,7 +92,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
     held = inward(x, ear, phi)
     on_roots: list[tuple[int, Vector]] = []
     if rows:
-        gamma: Vector = []  # residual along dependent degrees of freedom: minus the joint's own force and that of its rotor
+        gamma: Vector = []  # residual along dependent degrees of freedom: minus the joint's own force, plus the rotor's
         for k, freedom in ear.dependents():
             tau = transmitted_along(MemberView(x, k), kind.links[k], freedom.index)
             gamma.append(x.let("gamma", freedom.along(held[k][:3], held[k][3:]) - tau, "Eq. 53"))

@@ -179,7 +179,7 @@ class Ground(Root):
         return self.x.let_vector("o", [-e for e in rotate(self.attitude(), o)], "Eq. 22")
 
     def rotation(self, kept: bool) -> Vector:
-        # while seeds are completed the displacement is needed as well
+        # the completion of seeds reads the displacement too, so load all six
         load = self.x.load
         theta = load(LANE_BASE, fields.closing_shift.angular) if kept else load(LBASE, fields.closing_shift)[:3]
         return [-v for v in theta]

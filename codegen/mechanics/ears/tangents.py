@@ -82,13 +82,13 @@ class EarTangents:
         """
 
     def give(self, v: Vector, tangents: Vector) -> None:
-        """Tangents of named values."""
+        """Set the tangents of named values."""
 
     def turn_joints(self) -> None:
         """Treat rotations from link to link as functions of the joints' sines, cosines and matrices."""
 
     def hold(self, v: Vector) -> None:
-        """Give values these tangents, or zero ones until more is known, instead of differentiating them."""
+        """Do not differentiate these values: other code sets their tangents, which are zero until then."""
 
 
 class WrittenTangents(EarTangents):
@@ -120,7 +120,7 @@ class WrittenTangents(EarTangents):
             self._attitude(place)
 
     def _scan(self) -> None:
-        """Seeds of the values that have been loaded since the last call."""
+        """Find the seeds of values that have been loaded since the last call."""
         loads = list(self.x.block.loads.items())
         for symbol, (store, name) in loads[self.scanned :]:
             place = store.place
@@ -183,7 +183,7 @@ class WrittenTangents(EarTangents):
             turned: Vector = [0, 0, 0] if theta is None else cross(theta, v.found)
             changed = [self._of_local(e) for e in v.local]
             self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
-            # where W is known to be the unit matrix, it maps names to themselves
+            # a known unit matrix W maps names to themselves
             self.turned.difference_update(e for e in v.local if isinstance(e, Symbol))
 
     def _set(self, found: Vector, moved: Vector) -> None:
@@ -224,7 +224,7 @@ class WrittenTangents(EarTangents):
                 self.d.statement(statement)
 
     def _as_values(self, symbols: Iterable[Symbol]) -> None:
-        """Differentiate primitives that are values too: the slope of a sine is the cosine in a gradient."""
+        """Differentiate primitives that other statements read as values, such as the cosine in a gradient."""
         for symbol in sorted(symbols, key=str):
             statement = self.primitives.pop(symbol, None)
             if statement is not None:

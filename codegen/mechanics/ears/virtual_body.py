@@ -168,7 +168,7 @@ def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
 
 
 def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, force: Vector) -> None:
-    """Add a link's inertia and force, about the base's origin, to those of the base."""
+    """Add a link's inertia and force, about the base's origin, to the inertia and force that the base carries."""
     J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
     carried = fields.region_inertia
     for field, block in ((carried.J, J), (carried.M, M), (carried.H, H)):

@@ -133,7 +133,7 @@ class BushingLaw(Law):
 
 
 def _along(e: Element, name: str, v: Vector, used: Sequence[bool]) -> Vector:
-    """Components of a vector along the axes of the start; zero for those that are not used."""
+    """Components of a vector along the axes of the start; zero for axes that are not used."""
     if not any(used):
         return [0, 0, 0]
     base = transpose(e.ends[0].axes)

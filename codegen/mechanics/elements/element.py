@@ -154,7 +154,7 @@ class Element:
         return self.x.let(name, value, self._tag)
 
     def vector(self, name: str, v: Sequence[Value]) -> Vector:
-        """Named intermediate values, one for each component."""
+        """Named intermediate values, one for each component of a vector."""
         return [self.let(name, c) for c in v]
 
     def coefficient(self, key: str) -> Value:

@@ -15,7 +15,7 @@ from .records import Records, expressions_of, grounded
 
 
 def mass_properties(output: Output, system: System) -> Sequence[Expression]:
-    """Masses and mass centres of the output's bodies; if it has none, of the bodies fixed to the ground."""
+    """Masses and mass centres of the output's bodies; of the bodies fixed to the ground if the output has no bodies."""
     bodies = output.bodies or grounded(system)
     found = [] if output.bodies else expressions_of(system, bodies)
     for k in bodies:

@@ -96,7 +96,7 @@ class Records:
         return ME if len(self.links) == 1 else ME[self.links.index(link)]
 
     def carried(self, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
-        """The link that carries a body, the placements from the link's body to it, and the link's frame in its body."""
+        """The link that carries a body, the placements from the link's body to this body, and the frame of the link."""
         return carrier(self.system, body)
 
     def in_link(self, body: int, r: Vector) -> Vector:

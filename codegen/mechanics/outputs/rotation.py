@@ -20,7 +20,7 @@ COMPONENTS = ("qw", "qx", "qy", "qz")
 
 
 def rotation(records: Records, output: Output) -> Value:
-    """``R = W_other^T W_body``, or the quaternion of it."""
+    """The rotation matrix ``R = W_other^T W_body``, or its quaternion."""
     body, other = output.bodies
     (entry,) = output.choice
     W, V = records.attitude(body), records.attitude(other)

@@ -97,7 +97,7 @@ def without_motions(found: tuple[Procedure, ...], functions: Collection[str] | N
 
 
 def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """The functions, with switching functions added if motions need them; those that depend on modes take them."""
+    """The functions, and switching functions if motions need them; functions that depend on modes take modes."""
     names = {p.name for p in found}
     if not w.system.model.switches.found or "state_rates" not in names:
         return found

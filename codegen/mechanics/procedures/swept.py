@@ -16,7 +16,7 @@ from .transposed import ALONE
 
 
 def checked_backwards(found: tuple[Procedure, ...]) -> set[str]:
-    """Sweeps over directions with pivots of their own, which sweeps over values do not check."""
+    """Sweeps over directions of the procedures that check pivots over directions."""
     checking = [p for p in found if any(isinstance(s, Check) and s.lanes for s in p.steps)]
     return {s.sweep for p in checking for s in walk(p.steps) if isinstance(s, Run) and s.lanes}
 

@@ -44,7 +44,7 @@ TRANSPOSED = {
 """Functions with a transpose: the function of their derivatives, and the solver's name for the transpose."""
 
 ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
-"""The sweeps of the balance's transpose. If no others follow, the memory that they leave need not be cleared."""
+"""The sweeps of the balance's transpose. If no other sweep follows, their memory need not be cleared."""
 
 
 def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:

@@ -82,7 +82,7 @@ class Neighbours:
                 passed.append(i)
                 e = regions.ear_of[i]
                 parent = self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base
-                # an earlier walk has passed here: continue from its end, since this walk goes at least that far
+                # an earlier walk has passed here: continue from the end of that walk, since this one goes at least as far
                 front.add(top.get(i, parent))
             top.update(dict.fromkeys(passed, *front))
             origins |= front - {GROUND}

@@ -146,7 +146,7 @@ def _components(
                     a = links[a].parent
                     continue
                 known = groups.find(owner[a])
-                if known == e:  # this ear has been here already: continue from the end of that walk
+                if known == e:  # an earlier walk of this ear has passed here: continue from the end of that walk
                     a = reached[0] if owner[a] != e and len(reached) == 1 else links[a].parent
                     continue
                 groups.join(known, e)

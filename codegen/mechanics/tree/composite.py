@@ -39,7 +39,7 @@ def composite(x: Scope, kind: LinkKind) -> None:
 
 
 def shifted(x: Scope, J: Matrix, h: Vector, moved: Vector, r: Vector) -> Matrix:
-    """An inertia about a point at -r, from the first moments about both: ``(r . (h + h')) 1 - r h^T - h' r^T``."""
+    """An inertia about a point at -r, from the first moments h, h' about both points: ``(r . (h + h')) 1 - r h^T - h' r^T``."""
     both = [x.let("rh", r[i] * (h[i] + moved[i]), "Eq. 23") for i in range(3)]
     found = [list(row) for row in J]
     for i in range(3):

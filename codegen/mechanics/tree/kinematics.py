@@ -46,7 +46,7 @@ def body_force(x: Scope, w: Vector, al: Vector, a: Vector, B: Matrix, inertia: t
 
 
 def less_external(x: Scope, kind: LinkKind, needed: Vector, lanes: bool = False) -> Vector:
-    """The moment and force of a link minus those of force elements (R of Eq. 24)."""
+    """The moment and force that a link requires minus the wrench of force elements on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
     acting = x.load(MY_LANE if lanes else ME, fields.external)

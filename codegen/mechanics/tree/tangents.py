@@ -38,7 +38,7 @@ def tangent(d: Tangents | None, value: Value) -> Value:
 
 
 def pattern(value: Value) -> Value:
-    """Pattern of the tangent of a structural value: zero for a number, otherwise that of the value."""
+    """Zero pattern of a value's tangent: zero for a number, otherwise the pattern of the value."""
     return 0 if isinstance(value, int) else value
 
 

@@ -95,7 +95,7 @@ def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
 
 
 def labels_of(kind: LinkKind) -> list[str]:
-    """Labels of the unknowns of a link: numbers for its own components, letters for those of partners."""
+    """Labels of the unknowns of a link: numbers for its own components, letters for components of partners."""
     return [*map(str, SIX), *("p" for _ in kind.partners.links for _ in SIX)]
 
 
