@@ -38,7 +38,7 @@ class Program:
     ----------
     blocks : dict of str to dict of int to Block
         By sweep and kind.
-    Components of each sort of memory.
+    fields : dict of Memory to list of str
         Components that are kept, by sort of memory.
     slots : dict of str to list of str
         Components of slots, by sweep.

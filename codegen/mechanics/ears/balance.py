@@ -186,7 +186,7 @@ def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> Non
 def ear_balance_in(x: Scope, kind: EarKind) -> None:
     """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents.
 
-    Their residuals along the joints are projected onto the sources. Eqs. 9, 45, 50.
+    Residuals of the forces along the joints are projected onto the sources. Eqs. 9, 45, 50.
     """
     ear, rows, d = begin_inward(x, kind)
     phi, d_phi = forces_at_links(x, kind, fields.needed)

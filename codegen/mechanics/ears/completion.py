@@ -278,7 +278,7 @@ def with_parameters(x: Scope, row: Condition, value: Value) -> Value:
 def seed_residuals(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: residuals that complete seeds leave in all conditions of the loops' joints.
 
-    Only redundant conditions can have one, with a parameter, for example, that bends a planar loop out of its plane.
+    Only redundant conditions can have a residual, for example if a parameter bends a planar loop out of its plane.
     """
     ear = EarGeometry(x, kind)
     angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}

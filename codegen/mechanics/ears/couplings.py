@@ -55,7 +55,7 @@ def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
 class CouplingForces:
     """Forces of couplings along coordinates, with opposite sign, by link and degree of freedom; and their tangents.
 
-    The tangents are those with the multipliers held, as for the loops' wrenches.
+    The tangents hold the multipliers fixed, as for the loops' wrenches.
     """
 
     forces: dict[tuple[int, int], Value] = field(default_factory=dict)

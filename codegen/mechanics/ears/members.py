@@ -64,7 +64,7 @@ class Freedom:
     angular, linear : Vector or None
         None without rotation, or without translation.
     index : int
-        Among the joint's degrees of freedom.
+        Index among the joint's degrees of freedom.
     """
 
     angular: Vector | None

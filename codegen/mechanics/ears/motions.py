@@ -1,6 +1,6 @@
 """Motion of a link: its twist, and its accelerations.
 
-Angular parts come first; linear ones are those of the link's origin. The code that uses a motion states its axes.
+Angular parts come first; linear parts are those of the link's origin. The code that uses a motion states its axes.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class Root(ABC):
         The block that reads the root.
     kind : EarKind
     place : int
-        Among the ear's roots.
+        Index among the ear's roots.
     positions : VectorField
         Positions of links of the region.
     """

@@ -35,8 +35,8 @@ class Jointed(Protocol):
     Attributes
     ----------
     axis : int
-        The coordinate axis of the link's frame that the joint turns about or slides along.
-    The coordinate axis of the link's frame that the joint rotates about or slides along.
+        The coordinate axis of the link's frame that the joint rotates about or slides along.
+    aligned : bool
         The link's axes coincide with its parent's at q = 0.
     moves : tuple of bool
         For a prescribed coordinate: whether the coordinate, its rate and its acceleration can differ from zero.
@@ -64,7 +64,7 @@ class LinkJoint(ABC):
     Attributes
     ----------
     motion : tuple of Motion
-        Its chain of elementary motions (`structure.links`). Axes are counted from the link's own axis.
+        The joint's chain of elementary motions (`structure.links`). Axes are counted from the link's own axis.
     freedoms, coordinates : int
         The number of degrees of freedom and of coordinates.
     angle : int or None
@@ -74,7 +74,7 @@ class LinkJoint(ABC):
     swings : bool
         Whether the rotation of the joint changes the direction in which it slides.
     driven : bool
-        Its coordinate is prescribed.
+        The joint's coordinate is prescribed.
     """
 
     motion: ClassVar[tuple[Motion, ...]]
