@@ -163,7 +163,7 @@ class CTarget(Target):
         with self._lock:
             for i, symbol in reversed(
                 [*enumerate(self._of_few, 1)]
-            ):  # the first address is set last, because the C code tests only the first
+            ):  # the first address is set last, because the C code tests only this address
                 self.ffi.cdef(f"int {symbol}(void);", override=True)
                 self._few[i] = self.ffi.cast("void *", getattr(few, symbol))
 

@@ -178,7 +178,7 @@ def common_knots(splines: list[tuple[int, Array]]) -> tuple[int, Array]:
         start, end = t[k], t[-1 - k]
         places, often = np.unique(t[(t > start) & (t < end)], return_counts=True)
         several = [(x, degree - k + n) for x, n in zip(places.tolist(), often.tolist(), strict=True)]
-        several += [(float(x), degree) for x in (start, end)]  # only continuous at its ends
+        several += [(float(x), degree) for x in (start, end)]  # at its ends a spline is only continuous
         for x, n in several:
             needed[x] = max(needed.get(x, 0), n)
     inner = [x for x in sorted(needed) if first < x < last for _ in range(needed[x])]
